@@ -1,0 +1,1 @@
+"""The command-line suite: one file per verb, thin - parse, one library call, print."""

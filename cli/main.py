@@ -1,0 +1,85 @@
+"""Entry point: a lazy command group, so that ``specan --help`` loads no verb."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Any
+
+import click
+
+from specan import __version__
+from specan.errors import SpecanError
+
+# verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
+VERBS: dict[str, tuple[str, str]] = {}
+
+
+class LazyGroup(click.Group):
+    """Loads a verb's module only when that verb is called."""
+
+    verbs = VERBS
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Verbs in the order in which a user meets them."""
+        return list(self.verbs)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the module of one verb."""
+        if cmd_name not in self.verbs:
+            return None
+        module = importlib.import_module(f"specan_cli.{self.verbs[cmd_name][0]}")
+        return module.command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the verbs without importing them."""
+        if not self.verbs:
+            return
+        with formatter.section("Commands"):
+            formatter.write_dl([(verb, text) for verb, (_, text) in self.verbs.items()])
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Name the nearest verb when one is mistyped."""
+        from specan.errors import nearest
+
+        if args and args[0] not in self.verbs and not args[0].startswith("-"):
+            ctx.fail(f"no such command {args[0]!r}; {nearest(args[0], self.verbs)}")
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="specan")
+@click.option("--debug", is_flag=True, help="Show a traceback with an error.")
+@click.pass_context
+def main(ctx: click.Context, debug: bool) -> None:
+    """Spectral analysis of TDMS recordings, and models held against them."""
+    ctx.obj = {"debug": debug}
+
+
+def run() -> None:
+    """Run the suite and turn errors into messages and exit codes."""
+    debug = "--debug" in sys.argv
+    try:
+        sys.exit(main(standalone_mode=False) or 0)
+    except click.exceptions.Exit as done:
+        sys.exit(done.exit_code)
+    except click.ClickException as fault:
+        fault.show()
+        sys.exit(2)
+    except SpecanError as fault:
+        if debug:
+            raise
+        click.echo(f"Error: {fault}", err=True)
+        sys.exit(fault.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("Interrupted.", err=True)
+        sys.exit(130)
+    except Exception as fault:
+        if debug:
+            raise
+        click.echo(
+            f"Error: specan met something it does not know: {type(fault).__name__}: {fault}; "
+            "run again with --debug before the verb and report the traceback.",
+            err=True,
+        )
+        sys.exit(4)

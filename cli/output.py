@@ -1,0 +1,51 @@
+"""What every verb prints: a readable table, or JSON and nothing else on standard output."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import click
+
+
+def finite(value: Any) -> Any:
+    """Plain JSON values; numpy becomes Python, what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [finite(item) for item in value]
+    if hasattr(value, "tolist"):
+        return finite(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def emit_json(content: Any) -> None:
+    """Print `content` as JSON on standard output."""
+    click.echo(json.dumps(finite(content), indent=2, ensure_ascii=False))
+
+
+def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Print a table that fits the terminal; numbers to the right, NO_COLOR respected."""
+    from rich.console import Console
+    from rich.table import Table
+
+    sheet = Table(title=title or None, title_justify="left", box=None, pad_edge=False, header_style="bold")
+    rows = [["" if cell is None else cell for cell in row] for row in rows]
+    for index, name in enumerate(header):
+        numeric = bool(rows) and all(isinstance(row[index], (int, float)) or row[index] == "" for row in rows)
+        sheet.add_column(name, justify="right" if numeric else "left", overflow="fold")
+    from rich.text import Text
+
+    for row in rows:
+        # Text, not markup: a channel may be called "[bold]".
+        sheet.add_row(*(Text(str(cell)) for cell in row))
+    Console(soft_wrap=False).print(sheet)
+
+
+def say(text: str) -> None:
+    """A line of progress or warning, on standard error."""
+    click.echo(text, err=True)

@@ -1,0 +1,1 @@
+"""Settings as frozen values that turn a recording into a result."""

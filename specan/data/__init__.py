@@ -1,0 +1,1 @@
+"""What was measured or predicted: values with units, coordinates and history."""

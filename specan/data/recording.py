@@ -1,0 +1,228 @@
+"""A recording: channels that know their unit, role and calibration, and samples that are read on demand."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError, nearest
+
+Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "other"]
+ROLES: tuple[Role, ...] = (
+    "microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "other",
+)  # fmt: skip
+
+
+class SampleSource(Protocol):
+    """Where samples come from; a file format implements this."""
+
+    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
+        """Samples `start` to `stop` of the channels `indices`, after the file's own scaling.
+
+        Returns an array (len(indices), stop - start). All channels of one call have the same rate.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class ArraySource:
+    """Samples held in memory, one array a channel."""
+
+    samples: Sequence[NDArray[np.float64]]
+
+    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
+        """Samples of the chosen channels; see SampleSource."""
+        return np.stack([np.asarray(self.samples[i][start:stop], dtype=np.float64) for i in indices])
+
+
+@dataclass(frozen=True)
+class PhaseCalibration:
+    """Phase of a channel relative to the reference microphone, known at some tones.
+
+    Positive means that the channel leads; the correction is subtracted. Between tones the phase is
+    interpolated; beyond them it goes on as `model` says: ``delay`` (degrees proportional to frequency)
+    or ``constant``.
+    """
+
+    frequency_hz: tuple[float, ...]
+    phase_deg: tuple[float, ...]
+    u_phase_deg: tuple[float, ...]
+    model: Literal["delay", "constant"] = "delay"
+    group: str = ""  # phases are comparable within one group only
+
+    def at(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Phase in degrees at the given frequencies."""
+        f = np.asarray(frequency_hz, dtype=float)
+        tones, phases = np.asarray(self.frequency_hz), np.asarray(self.phase_deg)
+        if self.model == "constant":
+            return np.interp(f, tones, phases)
+        # phase / frequency is the delay in degrees per hertz: interpolated, and held beyond the tones.
+        return f * np.interp(f, tones, phases / tones)
+
+    def u_at(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Standard uncertainty in degrees; it grows with the distance from the nearest tone.
+
+        Under the delay model the stated uncertainty scales with frequency above the tone. In both
+        models the phase itself may follow the other law: half the difference between the two laws,
+        as a rectangular bound, is added in quadrature.
+        """
+        f = np.asarray(frequency_hz, dtype=float)
+        tones, u = np.asarray(self.frequency_hz), np.asarray(self.u_phase_deg)
+        stated = np.interp(f, tones, u) * np.maximum(1.0, f / tones[-1])
+        other = replace(self, model="constant" if self.model == "delay" else "delay")
+        return np.hypot(stated, np.abs(self.at(f) - other.at(f)) / (2 * np.sqrt(3)))
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel of a recording.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit of the samples that `Recording.read` returns ("Pa", "m/s", "V", "1").
+    gain : float
+        Factor from the file's scaled samples to `unit` (1 / sensitivity).
+    derivatives : int
+        How many times the quantity has to be differentiated to become the one that the role stands
+        for: a vibrometer that gives displacement has 1, one that gives acceleration -1.
+    delay_s, u_delay_s : float
+        By how much the channel is late, and the standard uncertainty of that.
+    full_scale : float or None
+        Largest magnitude in `unit` that the converter can give; samples there are clipped.
+    decisions : mapping
+        How role, unit, sensitivity, sampling rate ... were decided, in words.
+    """
+
+    name: str
+    group: str = ""
+    unit: str = "1"
+    role: Role = "other"
+    sampling_rate: float = 0.0
+    n_samples: int = 0
+    gain: float = 1.0
+    derivatives: int = 0
+    delay_s: float = 0.0
+    u_delay_s: float = 0.0
+    phase: PhaseCalibration | None = None
+    u_gain_percent: float = 0.0
+    full_scale: float | None = None
+    start_offset_s: float = 0.0
+    properties: Mapping[str, Any] = field(default_factory=dict)
+    decisions: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds."""
+        return self.n_samples / self.sampling_rate if self.sampling_rate else 0.0
+
+    @property
+    def target_unit(self) -> str:
+        """Unit after the differentiations that `correction` carries out."""
+        return "m/s" if self.derivatives else self.unit
+
+    def correction(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Factor on the channel's spectrum (exp(+j w t)) that removes its phase error and delay.
+
+        A displacement or acceleration of a vibrometer becomes a velocity: (j w) ** derivatives.
+        """
+        f = np.asarray(frequency_hz, dtype=float)
+        factor = np.exp(2j * np.pi * f * self.delay_s)
+        if self.phase is not None:
+            factor = factor * np.exp(-1j * np.radians(self.phase.at(f)))
+        if self.derivatives:
+            omega = 2 * np.pi * f
+            with np.errstate(divide="ignore", invalid="ignore"):
+                factor = factor * np.where(omega > 0, (1j * omega) ** self.derivatives, 0.0)
+        return factor
+
+    def u_phase_deg(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Standard uncertainty of the phase that calibration and delay leave, in degrees."""
+        f = np.asarray(frequency_hz, dtype=float)
+        late = 360.0 * f * self.u_delay_s
+        return np.hypot(late, self.phase.u_at(f)) if self.phase is not None else late
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Channels, properties and a source of samples.
+
+    Attributes
+    ----------
+    label : str
+        Path relative to the directory that was named, with forward slashes; goes into results.
+    flags : tuple of str
+        Words such as ``truncated`` that concern the whole file.
+    """
+
+    label: str
+    channels: tuple[Channel, ...]
+    source: SampleSource
+    properties: Mapping[str, Any] = field(default_factory=dict)
+    group_properties: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def channel(self, name: str) -> Channel:
+        """The channel of this name, or of this ``group/name``."""
+        found = [c for c in self.channels if name in (c.name, f"{c.group}/{c.name}")]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            places = ", ".join(f"{c.group}/{c.name}" for c in found)
+            raise RequestError(
+                f"{self.label}: {name!r} stands in several groups", remedy=f"say one of {places}"
+            )
+        raise RequestError(
+            f"{self.label} has no channel {name!r}", remedy=nearest(name, [c.name for c in self.channels])
+        )
+
+    def by_role(self, role: Role) -> tuple[Channel, ...]:
+        """Channels of one role, in the order of the file."""
+        return tuple(c for c in self.channels if c.role == role)
+
+    def select(self, patterns: Sequence[str]) -> tuple[Channel, ...]:
+        """Channels that match any of the shell-style patterns (``Mic *``); all for none."""
+        if not patterns:
+            return self.channels
+        chosen = tuple(
+            c
+            for c in self.channels
+            if any(
+                p in (c.name, f"{c.group}/{c.name}")
+                or fnmatch.fnmatchcase(c.name, p)
+                or fnmatch.fnmatchcase(f"{c.group}/{c.name}", p)
+                for p in patterns
+            )
+        )
+        if not chosen:
+            self.channel(patterns[0])  # raises, with the nearest name
+        return chosen
+
+    def read(
+        self, channels: Sequence[Channel], start: int = 0, stop: int | None = None
+    ) -> NDArray[np.float64]:
+        """Samples in the channels' units, shape (channels, samples); all of one rate.
+
+        Delay and phase are not touched in the time domain; see `Channel.correction`.
+        """
+        stop = min(c.n_samples for c in channels) if stop is None else stop
+        position = {id(c): i for i, c in enumerate(self.channels)}
+        names = {(c.group, c.name): i for i, c in enumerate(self.channels)}
+        indices = [position.get(id(c), names.get((c.group, c.name), -1)) for c in channels]
+        samples = self.source.read(indices, start, stop)
+        samples *= np.array([[c.gain] for c in channels])
+        return samples
+
+    def blocks(
+        self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None
+    ) -> Iterator[NDArray[np.float64]]:
+        """The same in consecutive blocks of `size` samples; the last one may be shorter."""
+        stop = min(c.n_samples for c in channels) if stop is None else stop
+        for first in range(start, stop, size):
+            yield self.read(channels, first, min(first + size, stop))

@@ -1,0 +1,68 @@
+"""The errors that a user can act on, and the exit code that each one becomes on the command line."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class SpecanError(Exception):
+    """Something that specan can explain.
+
+    Parameters
+    ----------
+    found : str
+        What was found, as a sentence without its full stop.
+    expected : str, optional
+        What was expected instead.
+    remedy : str, optional
+        What the user can do.
+    """
+
+    exit_code = 4
+
+    def __init__(self, found: str, *, expected: str = "", remedy: str = "") -> None:
+        self.found, self.expected, self.remedy = found, expected, remedy
+        parts = [found, f"expected {expected}" if expected else "", remedy]
+        super().__init__("; ".join(part.strip().rstrip(".") for part in parts if part) + ".")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Keyword-only arguments do not survive the default pickling, and workers send errors home.
+        return (_rebuild, (type(self), self.found, self.expected, self.remedy))
+
+
+def _rebuild(kind: type[SpecanError], found: str, expected: str, remedy: str) -> SpecanError:
+    return kind(found, expected=expected, remedy=remedy)
+
+
+class RequestError(SpecanError):
+    """The request cannot be carried out as asked: an option, a configuration, a rig, an output place."""
+
+    exit_code = 2
+
+
+class InputError(SpecanError):
+    """An input file or channel cannot be used; other inputs are not concerned."""
+
+    exit_code = 3
+
+
+class ComputationError(SpecanError):
+    """A computation did not converge or gave something that is not finite."""
+
+    exit_code = 4
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return "did you mean 'x'?" for the known name closest to `name`, or the known names.
+
+    Examples
+    --------
+    >>> nearest("torqe", ["torque", "speed"])
+    "did you mean 'torque'?"
+    """
+    known = sorted(known)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return "known are " + ", ".join(known) if known else "none is known here"

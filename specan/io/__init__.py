@@ -1,0 +1,1 @@
+"""Files to data and back, one file per format; headers first, samples on demand."""

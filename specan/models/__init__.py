@@ -1,0 +1,1 @@
+"""Physics: quantities, parameters, effects and the models made of them."""

@@ -1,0 +1,1 @@
+"""Truth simulators that share no formula with the models."""

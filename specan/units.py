@@ -1,0 +1,101 @@
+"""Units at the edges of the program, and the references of levels (ISO 1683)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from specan.errors import RequestError
+
+# Spellings found in recordings that the unit library does not know or reads as something else
+# ("g" is the gram there; a vibration engineer means standard gravity).
+_SPELLINGS = {
+    "volt": "V", "volts": "V", "pascal": "Pa", "pascals": "Pa", "newton": "N", "newtons": "N",
+    "g": "g_n", "gn": "g_n", "g_n": "g_n", "n·m": "N*m", "n*m": "N*m", "n m": "N*m",
+    "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "m/s^2": "m/s^2",
+    "°c": "degC", "c": "degC", "degc": "degC", "deg c": "degC", "°": "degree", "deg": "degree",
+    "µm": "micrometer", "mm2/s": "mm^2/s", "mm²/s": "mm^2/s", "cst": "cSt", "rpm": "revolutions_per_minute",
+    "1/min": "revolutions_per_minute", "-": "dimensionless", "": "dimensionless", "1": "dimensionless",
+    "%": "percent", "hz": "Hz", "s": "s",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LevelReference:
+    """The value that is 0 dB, and how it is printed: ``20 uPa``."""
+
+    value: float
+    unit: str
+    text: str
+
+
+# ISO 1683:2015, table 1; the 50 nm/s of building acoustics is selectable.
+LEVEL_REFERENCES = {
+    "Pa": LevelReference(20e-6, "Pa", "20 uPa"),
+    "m/s^2": LevelReference(1e-6, "m/s^2", "1 um/s^2"),
+    "m/s": LevelReference(1e-9, "m/s", "1 nm/s"),
+    "m": LevelReference(1e-12, "m", "1 pm"),
+    "N": LevelReference(1e-6, "N", "1 uN"),
+    "V": LevelReference(1.0, "V", "1 V"),
+}
+VELOCITY_50_NM_S = LevelReference(50e-9, "m/s", "50 nm/s")
+
+
+def level_reference(unit: str) -> LevelReference:
+    """Level reference of an SI unit (ISO 1683); 1 of that unit where the standard has none."""
+    return LEVEL_REFERENCES.get(unit, LevelReference(1.0, unit, f"1 {unit}"))
+
+
+@cache
+def _registry() -> Any:
+    import pint  # takes longer to load than most commands need
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+
+
+def _expression(unit: str) -> str:
+    text = unit.strip()
+    plain = _SPELLINGS.get(text.lower())
+    if plain is not None:
+        return plain
+    return text.replace("²", "^2").replace("³", "^3").replace("µ", "u").replace("·", "*").replace("Nm", "N*m")
+
+
+@cache
+def scale_to(unit: str, target: str) -> float:
+    """Factor that turns a value in `unit` into one in `target`; for units without an offset.
+
+    Examples
+    --------
+    >>> scale_to("mV/Pa", "V/Pa")
+    0.001
+    """
+    return float(convert(1.0, unit, target) - convert(0.0, unit, target))
+
+
+def convert(value: Any, unit: str, target: str) -> Any:
+    """Convert a number or an array from `unit` to `target`, offsets (degC) included.
+
+    Examples
+    --------
+    >>> convert(20.0, "degC", "K")
+    293.15
+    """
+    registry = _registry()
+    try:
+        return registry.Quantity(value, _expression(unit)).to(_expression(target)).magnitude
+    except Exception as fault:  # the unit library raises many kinds, some of them not its own
+        raise RequestError(
+            f"the unit {unit!r} cannot be read as {target!r} ({fault})",
+            expected=f"a unit convertible to {target}",
+        ) from None
+
+
+def is_compatible(unit: str, target: str) -> bool:
+    """Whether `unit` can be read and converted to `target`."""
+    try:
+        convert(1.0, unit, target)
+    except RequestError:
+        return False
+    return True

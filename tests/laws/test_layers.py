@@ -1,0 +1,72 @@
+"""Who may import whom; a model that cannot see a measurement cannot be tuned to it in secret."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import specan
+
+ROOT = Path(specan.__file__).parent
+BASE = {"errors", "units", "schema", "__init__"}
+ALLOWED = {
+    "errors": set(),
+    "units": {"errors"},
+    "schema": {"errors"},
+    "data": BASE | {"data"},
+    "dsp": BASE | {"dsp"},
+    "io": BASE | {"io", "data", "dsp"},
+    "analysis": BASE | {"analysis", "data", "dsp", "io"},
+    "models": BASE | {"models"},
+    "testing": BASE | {"testing", "data", "io", "dsp"},
+    "challenge": BASE | {"challenge", "testing", "data", "io", "dsp"},
+    "study": BASE | {"study", "models", "analysis", "data", "dsp", "io"},
+    "report": BASE | {"report", "study", "models", "analysis", "data", "dsp", "io"},
+    "inspect": BASE | {"inspect", "report", "study", "models", "analysis", "data", "dsp", "io"},
+}
+
+
+def imported(path: Path) -> set[str]:
+    """First-level parts of specan that a file imports, anywhere in it."""
+    parts = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            parts |= {n.name.split(".")[1] for n in node.names if n.name.startswith("specan.")}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            if node.module == "specan":
+                parts |= {n.name for n in node.names if not n.name.startswith("__")}
+            elif node.module and node.module.startswith("specan."):
+                parts.add(node.module.split(".")[1])
+    return parts
+
+
+def sources() -> list[Path]:
+    return sorted(ROOT.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", sources(), ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_imports_respect_the_layers(path: Path) -> None:
+    layer = path.relative_to(ROOT).parts[0].removesuffix(".py")
+    if layer == "__init__":
+        allowed: set[str] = set()
+    else:
+        assert layer in ALLOWED, f"{path} belongs to no layer"
+        allowed = ALLOWED[layer]
+    assert imported(path) <= allowed
+
+
+def test_every_layer_is_walked() -> None:
+    assert {p.relative_to(ROOT).parts[0] for p in sources()} >= {
+        "data",
+        "dsp",
+        "io",
+        "analysis",
+        "models",
+        "study",
+    }
+
+
+def test_dsp_knows_no_class_of_ours() -> None:
+    for path in (ROOT / "dsp").rglob("*.py"):
+        assert "data" not in imported(path)
