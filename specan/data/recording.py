@@ -86,6 +86,10 @@ class Channel:
     ----------
     unit : str
         SI unit of the samples that `Recording.read` returns ("Pa", "m/s", "V", "1").
+    raw_unit : str
+        SI unit of the samples before `gain`, after the file's own scaling ("V"); empty where nothing says.
+    raw_scale : float
+        Factor from the samples to `raw_unit`: 1e-3 for samples in mV.
     gain : float
         Factor from the file's scaled samples to `unit` (1 / sensitivity).
     derivatives : int
@@ -105,6 +109,8 @@ class Channel:
     role: Role = "other"
     sampling_rate: float = 0.0
     n_samples: int = 0
+    raw_unit: str = ""
+    raw_scale: float = 1.0
     gain: float = 1.0
     derivatives: int = 0
     delay_s: float = 0.0
@@ -148,6 +154,12 @@ class Channel:
         return np.hypot(late, self.phase.u_at(f)) if self.phase is not None else late
 
 
+def matches(pattern: str, channel: Channel) -> bool:
+    """Whether a shell-style pattern (``Mic *``) is or fits the channel's name or ``group/name``."""
+    names = (channel.name, f"{channel.group}/{channel.name}")
+    return pattern in names or any(fnmatch.fnmatchcase(name, pattern) for name in names)
+
+
 @dataclass(frozen=True)
 class Recording:
     """Channels, properties and a source of samples.
@@ -158,6 +170,10 @@ class Recording:
         Path relative to the directory that was named, with forward slashes; goes into results.
     flags : tuple of str
         Words such as ``truncated`` that concern the whole file.
+    notes : tuple of str
+        Sentences for the reader about what was found and decided.
+    set_aside : mapping
+        ``group/name`` of channels that are no time signals, and why.
     """
 
     label: str
@@ -167,6 +183,7 @@ class Recording:
     group_properties: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     flags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    set_aside: Mapping[str, str] = field(default_factory=dict)
 
     def channel(self, name: str) -> Channel:
         """The channel of this name, or of this ``group/name``."""
@@ -190,16 +207,7 @@ class Recording:
         """Channels that match any of the shell-style patterns (``Mic *``); all for none."""
         if not patterns:
             return self.channels
-        chosen = tuple(
-            c
-            for c in self.channels
-            if any(
-                p in (c.name, f"{c.group}/{c.name}")
-                or fnmatch.fnmatchcase(c.name, p)
-                or fnmatch.fnmatchcase(f"{c.group}/{c.name}", p)
-                for p in patterns
-            )
-        )
+        chosen = tuple(c for c in self.channels if any(matches(p, c) for p in patterns))
         if not chosen:
             self.channel(patterns[0])  # raises, with the nearest name
         return chosen

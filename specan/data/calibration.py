@@ -1,0 +1,159 @@
+"""A calibration: sensitivity and phase of channels, and what becomes of a recording under it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from specan.data.recording import Channel, PhaseCalibration, Recording, matches
+from specan.data.sensor import gain_of
+from specan.errors import InputError, RequestError
+
+Verdict = Literal["good", "doubtful", "failed"]
+VERDICTS: tuple[Verdict, ...] = ("good", "doubtful", "failed")
+
+
+@dataclass(frozen=True)
+class ChannelCalibration:
+    """What a calibration found out about one channel.
+
+    Attributes
+    ----------
+    channel : str
+        Name, ``group/name`` or a shell-style pattern of either.
+    sensitivity : float
+        Output per quantity, in `unit`.
+    unit : str
+        Unit of the sensitivity: "mV/Pa", "(m/s)/V" (then it is quantity per output), "mV/(m/s^2)".
+    u_sensitivity_percent : float
+        Relative standard uncertainty of the sensitivity.
+    phase : PhaseCalibration or None
+        Phase relative to the first channel of its group; positive means that this channel leads.
+    scatter_percent, drift_percent : float or None
+        Scatter of the windows, and change from the first to the last.
+    verdict : {"good", "doubtful", "failed"}
+        A failed calibration is kept in the file and never applied.
+    reasons : tuple of str
+        Why the verdict is not "good".
+    """
+
+    channel: str
+    sensitivity: float
+    unit: str = "mV/Pa"
+    u_sensitivity_percent: float = 0.0
+    phase: PhaseCalibration | None = None
+    scatter_percent: float | None = None
+    drift_percent: float | None = None
+    verdict: Verdict = "good"
+    reasons: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.sensitivity > 0.0:
+            raise RequestError(
+                f"the calibration of {self.channel!r} has the sensitivity {self.sensitivity}",
+                expected="a number above zero",
+            )
+        if self.verdict not in VERDICTS:
+            raise RequestError(
+                f"the calibration of {self.channel!r} has the verdict {self.verdict!r}",
+                expected="one of " + ", ".join(VERDICTS),
+            )
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Calibrations of several channels, and where they come from.
+
+    Attributes
+    ----------
+    channels : tuple of ChannelCalibration
+        A channel of a recording takes the first that matches it.
+    made_from : tuple of str
+        Labels of the calibrator recordings.
+    calibrator_frequency_hz, calibrator_level_dB : float or None
+        Tone and level (re 20 uPa, or of the quantity) of the calibrator.
+    notes : tuple of str
+        Sentences for the reader, such as that two phase groups share no microphone.
+    """
+
+    channels: tuple[ChannelCalibration, ...] = ()
+    made_from: tuple[str, ...] = ()
+    calibrator_frequency_hz: float | None = None
+    calibrator_level_dB: float | None = None
+    notes: tuple[str, ...] = ()
+    source: str = field(default="calibration", compare=False)  # the file's name, for messages
+
+    def find(self, channel: Channel) -> ChannelCalibration | None:
+        """The calibration of a channel, None where there is none."""
+        exact = (c for c in self.channels if c.channel in (channel.name, f"{channel.group}/{channel.name}"))
+        wild = (c for c in self.channels if matches(c.channel, channel))
+        return next(exact, None) or next(wild, None)
+
+
+def apply(calibration: Calibration, recording: Recording) -> Recording:
+    """The recording with the sensitivities and phases of a calibration.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Channels that it does not name stay as they are.
+    recording : Recording
+        Its samples are not touched; `gain`, `phase`, `u_gain_percent` and `full_scale` change.
+
+    Returns
+    -------
+    Recording
+        Each calibrated channel says so in ``decisions["sensitivity"]``.
+
+    Raises
+    ------
+    InputError
+        A channel's samples are no voltage, so that a sensitivity cannot be applied to them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from specan.data.recording import ArraySource, Channel, Recording
+    >>> microphone = Channel("Mic 1", unit="V", raw_unit="V", sampling_rate=8e3, n_samples=1)
+    >>> recording = Recording("a.tdms", (microphone,), ArraySource([np.array([0.05])]))
+    >>> calibrated = apply(Calibration((ChannelCalibration("Mic 1", 50.0),)), recording)
+    >>> float(calibrated.read(calibrated.channels)[0, 0].round(9)), calibrated.channels[0].unit
+    (1.0, 'Pa')
+    """
+    channels = tuple(
+        _apply_to(calibration.find(c), c, recording, calibration.source) for c in recording.channels
+    )
+    return replace(recording, channels=channels)
+
+
+def _apply_to(
+    found: ChannelCalibration | None, channel: Channel, recording: Recording, source: str
+) -> Channel:
+    if found is None:
+        return channel
+    decisions = dict(channel.decisions)
+    if found.verdict == "failed":
+        why = "; ".join(found.reasons) or "no reason given"
+        decisions["calibration"] = f"{source}: failed ({why}), not applied"
+        return replace(channel, decisions=decisions)
+    if channel.raw_unit and channel.raw_unit != "V":
+        raise InputError(
+            f"{recording.label}: the samples of {channel.name!r} are in {channel.raw_unit}, "
+            f"and {source} gives {found.sensitivity:g} {found.unit}",
+            expected="samples in V for a sensitivity",
+            remedy="take the channel out of the calibration, or correct the unit in the channel table",
+        )
+    gain, unit = gain_of(found.sensitivity, found.unit, channel.raw_scale)
+    decisions["sensitivity"] = f"{source}: {found.sensitivity:.6g} {found.unit}"
+    decisions["calibration"] = f"{source}: {found.verdict}" + "".join(f"; {r}" for r in found.reasons)
+    if found.phase is not None:
+        decisions["phase"] = f"{source}: known at {', '.join(f'{f:g}' for f in found.phase.frequency_hz)} Hz"
+    return replace(
+        channel,
+        unit=unit,
+        gain=gain,
+        full_scale=None if channel.full_scale is None else channel.full_scale * abs(gain / channel.gain),
+        u_gain_percent=found.u_sensitivity_percent,
+        phase=found.phase if found.phase is not None else channel.phase,
+        decisions=decisions,
+    )
