@@ -99,3 +99,21 @@ def is_compatible(unit: str, target: str) -> bool:
     except RequestError:
         return False
     return True
+
+
+@cache
+def base_unit(unit: str) -> str:
+    """SI base unit that `unit` reduces to, as text.
+
+    Examples
+    --------
+    >>> base_unit("mm^2/s") == base_unit("m^2/s")
+    True
+    """
+    registry = _registry()
+    try:
+        return str(registry.Quantity(1.0, _expression(unit)).to_base_units().units)
+    except Exception as fault:  # as in `convert`
+        raise RequestError(
+            f"the unit {unit!r} is not known ({fault})", expected="an SI unit or a multiple"
+        ) from None

@@ -1,1 +1,16 @@
-"""Physics: quantities, parameters, effects and the models made of them."""
+"""Physics: quantities, parameters, effects and the models made of them.
+
+A model is an acyclic graph of named quantities; an effect is a small pure function that adds to,
+scales or joins some of them. See `specan.models.effect.effect` for how to write one.
+"""
+
+from specan.models.check import check_effect
+from specan.models.effect import Effect, Use, effect
+from specan.models.model import Assembly, Evaluation, Model, Nuisance, Observable
+from specan.models.parameter import Parameter
+from specan.models.quantity import Condition, Quantity, constant, quantity
+
+__all__ = [
+    "Assembly", "Condition", "Effect", "Evaluation", "Model", "Nuisance", "Observable", "Parameter",
+    "Quantity", "Use", "check_effect", "constant", "effect", "quantity",
+]  # fmt: skip

@@ -1,0 +1,424 @@
+"""A model: quantities, conditions, the effects it knows - and an assembly with some of them switched on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from specan.errors import ComputationError, RequestError, nearest
+from specan.models.effect import Effect, Use
+from specan.models.graph import components
+from specan.models.parameter import Parameter
+from specan.models.quantity import Condition, Quantity
+from specan.units import convert
+
+BASE = "base"  # the name of the part of a quantity that is no effect's
+
+
+@dataclass(frozen=True)
+class Observable:
+    """What is measured: a quantity of the model and the column or channel that holds it."""
+
+    name: str
+    quantity: str
+    unit: str
+    doc: str
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """An instrument error that every fit of a study carries, held by its certificate.
+
+    `effect` names the effect whose parameter follows a normal law about its neutral value with the
+    standard deviation `prior_sd`, in the parameter's unit.
+    """
+
+    effect: str
+    parameter: str
+    prior_sd: float
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A graph of quantities with the effects that may change it.
+
+    Attributes
+    ----------
+    axes : mapping
+        Elements of each axis: ``{"wall": ("x0", "x1", ...), "microphone": ("Mic 1", ...)}``.
+    base_effects : tuple of str
+        Effects that a new study starts with.
+    nuisances : tuple of Nuisance
+        Instrument errors with a certificate.
+    settings : mapping
+        What the rig file says and a study needs (limits, uncertainties), untouched.
+    """
+
+    name: str
+    title: str
+    conditions: Mapping[str, Condition]
+    quantities: Mapping[str, Quantity]
+    effects: Mapping[str, Effect]
+    observables: Mapping[str, Observable]
+    base_effects: tuple[str, ...] = ()
+    nuisances: tuple[Nuisance, ...] = ()
+    axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        known = {*self.quantities, *self.conditions}
+        for node in self.quantities.values():
+            _require_known(node.name, node.reads, known)
+        for effect in self.effects.values():
+            _require_known(effect.name, effect.reads, known)
+            _require_known(effect.name, effect.changes, set(self.quantities))
+            if effect.at and effect.at not in self.axes:
+                raise RequestError(
+                    f"the effect {effect.name!r} acts at one {effect.at}, an axis that {self.name} lacks",
+                    remedy=nearest(effect.at, self.axes),
+                )
+        loop = next(
+            (c for c in components({q.name: q.reads for q in self.quantities.values()}) if len(c) > 1), None
+        )
+        if loop:
+            raise RequestError(f"the quantities {', '.join(loop)} of {self.name} read each other in a circle")
+
+    def with_effect(self, *more: Effect) -> Model:
+        """The same model with further effects in its catalogue (a user's own)."""
+        from dataclasses import replace
+
+        return replace(self, effects={**self.effects, **{e.name: e for e in more}})
+
+    def assemble(self, uses: Iterable[Use | str] = ()) -> Assembly:
+        """Switch effects on."""
+        parsed = {Use.parse(u) if isinstance(u, str) else u for u in uses}
+        for use in parsed:
+            effect = self.effects.get(use.name)
+            if effect is None:
+                raise RequestError(
+                    f"{self.name} knows no effect {use.name!r}", remedy=nearest(use.name, self.effects)
+                )
+            if effect.at and use.at not in self.axes[effect.at]:
+                raise RequestError(
+                    f"{use} names no {effect.at} of this rig",
+                    expected=f"one of {', '.join(self.axes[effect.at])}",
+                )
+            if use.at and not effect.at:
+                raise RequestError(
+                    f"{use.name} acts everywhere, not at {use.at!r}", remedy=f"use {use.name!r}"
+                )
+        return Assembly(self, tuple(sorted(parsed)))
+
+    def candidates(self, assembly: Assembly) -> tuple[Use, ...]:
+        """Uses of effects that the assembly lacks, one for each element of the axis they act at."""
+        uses = []
+        for effect in self.effects.values():
+            elements = self.axes[effect.at] if effect.at else ("",)
+            uses += [Use(effect.name, element) for element in elements]
+        return tuple(use for use in sorted(uses) if use not in assembly.uses)
+
+    def not_testable(self, available: Iterable[str]) -> dict[str, str]:
+        """Effects whose conditions the data lack: ``{"running-in": "needs elapsed_time"}``."""
+        have = set(available) | {n for n, c in self.conditions.items() if c.default is not None}
+        missing = {}
+        for effect in self.effects.values():
+            wants = [*effect.needs, *(r for r in effect.reads if r in self.conditions)]
+            lacking = sorted({w for w in wants if w not in have and w not in self.quantities})
+            if lacking:
+                missing[effect.name] = "needs " + ", ".join(lacking)
+        return missing
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A model with a set of effects switched on; evaluated for conditions and parameter values."""
+
+    model: Model
+    uses: tuple[Use, ...]
+
+    @cached_property
+    def parameters(self) -> dict[str, Parameter]:
+        """Every parameter by its full name (``churning.exponent``, ``wall-impedance@z1.mass``)."""
+        found = {
+            f"{node.name}.{name}": parameter
+            for node in self.model.quantities.values()
+            for name, parameter in node.parameters.items()
+        }
+        for use in self.uses:
+            effect = self.model.effects[use.name]
+            found |= {f"{use}.{name}": parameter for name, parameter in effect.parameters.items()}
+        return found
+
+    @cached_property
+    def neutral(self) -> dict[str, float]:
+        """SI values at which every effect of the assembly vanishes."""
+        return {
+            f"{use}.{name}": value
+            for use in self.uses
+            for name, value in self.model.effects[use.name].neutral_si.items()
+        }
+
+    @cached_property
+    def validity(self) -> dict[str, tuple[float, float]]:
+        """SI range of each quantity within which all effects hold: the intersection of theirs."""
+        ranges: dict[str, tuple[float, float]] = {}
+        for use in self.uses:
+            for name, (low, high, unit) in self.model.effects[use.name].valid.items():
+                node = self.model.quantities.get(name) or self.model.conditions.get(name)
+                si = node.unit if node else unit
+                old = ranges.get(name, (float("-inf"), float("inf")))
+                ranges[name] = (max(old[0], convert(low, unit, si)), min(old[1], convert(high, unit, si)))
+        return ranges
+
+    def defaults(self) -> dict[str, float]:
+        """SI default of every parameter."""
+        return {name: parameter.si.default for name, parameter in self.parameters.items()}
+
+    def evaluate(
+        self,
+        conditions: Mapping[str, Any],
+        values: Mapping[str, Any] | None = None,
+        wanted: Sequence[str] | None = None,
+    ) -> Evaluation:
+        """Evaluate for SI conditions (arrays) and SI parameter values (defaults where none is given).
+
+        Parameters
+        ----------
+        conditions : mapping
+            ``{name: array}``; a missing condition takes its default.
+        values : mapping, optional
+            ``{"effect.parameter": value}``; a vector for a parameter with an axis.
+        wanted : sequence of str, optional
+            Quantities to evaluate, with what they read; all by default.
+
+        Raises
+        ------
+        ComputationError
+            A loop that an effect closes does not settle.
+        """
+        parameters = {**self._defaults, **(values or {})}
+        known: dict[str, Any] = dict(self._condition_defaults)
+        known.update(conditions)
+        parts: dict[str, dict[str, Any]] = {}
+        needed = self._needed(tuple(wanted)) if wanted is not None else None
+        for loop in self._plan:
+            if needed is not None and not needed.intersection(loop):
+                continue
+            if len(loop) == 1 and loop[0] not in self._reads[loop[0]]:
+                self._value(loop[0], known, parameters, parts)
+            else:
+                self._settle(loop, known, parameters, parts)
+        return Evaluation(known, parts)
+
+    # --- how it is done -----------------------------------------------------------------------
+
+    @cached_property
+    def _defaults(self) -> dict[str, float]:
+        return self.defaults()
+
+    @cached_property
+    def _condition_defaults(self) -> dict[str, float]:
+        return {
+            name: float(convert(c.default, c.column_unit or c.unit, c.unit))
+            for name, c in self.model.conditions.items()
+            if c.default is not None
+        }
+
+    @cached_property
+    def _acting(self) -> dict[str, list[Use]]:
+        """Uses that change each quantity, in identifier order."""
+        acting: dict[str, list[Use]] = {name: [] for name in self.model.quantities}
+        for use in self.uses:
+            for name in self.model.effects[use.name].changes:
+                acting[name].append(use)
+        return acting
+
+    @cached_property
+    def _reads(self) -> dict[str, tuple[str, ...]]:
+        """Quantities that each quantity depends on, effects included."""
+        quantities = self.model.quantities
+        return {
+            name: tuple(
+                r
+                for r in dict.fromkeys(
+                    (
+                        *node.reads,
+                        *(r for use in self._acting[name] for r in self.model.effects[use.name].reads),
+                    )
+                )
+                if r in quantities
+            )
+            for name, node in quantities.items()
+        }
+
+    @cached_property
+    def _plan(self) -> list[list[str]]:
+        """Quantities in the order of evaluation; those of one loop together, in the base's order."""
+        base_order = {
+            name: i
+            for i, part in enumerate(components({n: q.reads for n, q in self.model.quantities.items()}))
+            for name in part
+        }
+        return [sorted(part, key=base_order.__getitem__) for part in components(self._reads)]
+
+    @cached_property
+    def _needed_cache(self) -> dict[tuple[str, ...], set[str]]:
+        return {}
+
+    def _needed(self, wanted: tuple[str, ...]) -> set[str]:
+        if wanted not in self._needed_cache:
+            seen: set[str] = set()
+            stack = list(wanted)
+            while stack:
+                name = stack.pop()
+                if name not in seen and name in self.model.quantities:
+                    seen.add(name)
+                    stack.extend(self._reads[name])
+            self._needed_cache[wanted] = seen
+        return self._needed_cache[wanted]
+
+    def _value(
+        self,
+        name: str,
+        known: dict[str, Any],
+        parameters: Mapping[str, Any],
+        parts: dict[str, dict[str, Any]],
+    ) -> None:
+        """(base + what is added) x what scales it; or the base collection and what joins it."""
+        node = self.model.quantities[name]
+        base = node(
+            *(_read(known, r, name) for r in node.reads),
+            **{p: parameters[f"{name}.{p}"] for p in node.parameters},
+        )
+        contributions: dict[str, Any] = {BASE: base}
+        total, factor = base, None
+        for use in self._acting[name]:
+            effect = self.model.effects[use.name]
+            given = self._contribution(use, effect, name, known, parameters)
+            contributions[str(use)] = given
+            if name in effect.joins:
+                total = (*total, given)
+            elif name in effect.adds_to:
+                total = total + given
+            else:
+                factor = given if factor is None else factor * given
+        known[name] = total if factor is None else total * factor
+        parts[name] = contributions
+
+    def _contribution(
+        self, use: Use, effect: Effect, name: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
+    ) -> Any:
+        given = effect.function(
+            *(_read(known, r, effect.name) for r in effect.reads),
+            **{p: parameters[f"{use}.{p}"] for p in effect.parameters},
+        )
+        if len(effect.changes) > 1:
+            given = given[name]
+        if effect.at and name not in effect.joins:
+            return self._spread(use, effect, name, given)
+        return given if name not in effect.joins or not effect.at else (use.at, given)
+
+    def _spread(self, use: Use, effect: Effect, name: str, given: Any) -> Any:
+        """Put one element's contribution into an array over the axis; neutral elsewhere."""
+        import numpy as np
+
+        axis = self.model.axes[effect.at]
+        given = np.asarray(given)
+        rest = np.zeros if name in effect.adds_to else np.ones
+        whole = rest((len(axis), *given.shape), dtype=np.result_type(given, float))
+        whole[axis.index(use.at)] = given
+        return whole
+
+    def _settle(
+        self,
+        loop: list[str],
+        known: dict[str, Any],
+        parameters: Mapping[str, Any],
+        parts: dict[str, dict[str, Any]],
+    ) -> None:
+        """Solve a loop by iteration from the values without effects; halve the step where it swings."""
+        import numpy as np
+
+        with np.errstate(all="ignore"):  # a loop that runs away is told below, once
+            if self._iterate(loop, known, parameters, parts):
+                return
+        raise ComputationError(
+            f"the loop through {', '.join(loop)} does not settle",
+            expected="a fixed point within 400 iterations",
+            remedy="reduce the effect that closes it (" + ", ".join(map(str, self.uses)) + ")",
+        )
+
+    def _iterate(
+        self,
+        loop: list[str],
+        known: dict[str, Any],
+        parameters: Mapping[str, Any],
+        parts: dict[str, dict[str, Any]],
+    ) -> bool:
+        """Whether the iteration has settled."""
+        import numpy as np
+
+        for name in loop:
+            node = self.model.quantities[name]
+            known[name] = node(
+                *(_read(known, r, name) for r in node.reads),
+                **{p: parameters[f"{name}.{p}"] for p in node.parameters},
+            )
+        step, worst = 1.0, np.inf
+        for _ in range(400):
+            before = {name: known[name] for name in loop}
+            for name in loop:
+                self._value(name, known, parameters, parts)
+            change = max(
+                float(np.max(np.abs(known[n] - before[n]) / (np.abs(known[n]) + np.abs(before[n]) + 1e-300)))
+                for n in loop
+            )
+            if not np.isfinite(change):
+                return False
+            if change < 1e-13:
+                return True
+            if change > 0.9 * worst and step > 0.05:
+                step /= 2
+            worst = change
+            if step < 1.0:
+                for name in loop:
+                    known[name] = before[name] + step * (known[name] - before[name])
+        return False
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Values of all quantities, and what each effect contributed to them."""
+
+    values: Mapping[str, Any]
+    parts: Mapping[str, Mapping[str, Any]]
+
+    def __getitem__(self, name: str) -> Any:
+        try:
+            return self.values[name]
+        except KeyError:
+            raise RequestError(f"no quantity {name!r}", remedy=nearest(name, self.values)) from None
+
+    def contributions(self, name: str) -> Mapping[str, Any]:
+        """Contribution of the base and of every effect to a quantity (terms, and factors as factors)."""
+        return self.parts[name]
+
+
+def _read(known: Mapping[str, Any], name: str, reader: str) -> Any:
+    try:
+        return known[name]
+    except KeyError:
+        raise RequestError(
+            f"{reader!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
+        ) from None
+
+
+def _require_known(owner: str, names: Iterable[str], known: set[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise RequestError(
+                f"{owner!r} names the quantity {name!r}, which is not one", remedy=nearest(name, known)
+            )

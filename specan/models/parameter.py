@@ -1,0 +1,108 @@
+"""A number that a measurement may determine, with its plausible range and its domain."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+from specan.errors import RequestError
+from specan.units import convert
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect or a quantity, declared in its own unit and passed on in SI.
+
+    Attributes
+    ----------
+    default : float
+        Where a fit starts.
+    unit : str
+        Unit of every number given here; the function that owns the parameter receives SI.
+    min, max : float
+        Plausible range: outside it a fitted value is not believed.
+    lower, upper : float
+        Domain: a fit never leaves it. It contains the neutral value; without it the plausible range
+        is the domain.
+    doc : str
+        What it is, in a few words.
+    fixed : bool
+        Held at its default unless a study sets it free.
+    per : str
+        A model axis (``microphone``, ``card``, ``wall``, ``third_octave``, ``recording``, ``harmonic``)
+        over which the parameter is a vector; empty for a scalar.
+
+    Examples
+    --------
+    >>> drag = Parameter(100.0, "mN*m", min=20.0, max=500.0, lower=0.0, doc="seal torque")
+    >>> drag.si.default, drag.si.lower
+    (0.1, 0.0)
+    """
+
+    default: float
+    unit: str = "1"
+    min: float = -math.inf
+    max: float = math.inf
+    lower: float | None = None
+    upper: float | None = None
+    doc: str = ""
+    fixed: bool = False
+    per: str = ""
+
+    def __post_init__(self) -> None:
+        low, high = self.domain
+        if not low <= self.default <= high:
+            raise RequestError(
+                f"a parameter ({self.doc or 'undocumented'}) starts at {self.default} {self.unit}",
+                expected=f"a value between {low} and {high}",
+            )
+        if self.min > self.max:
+            raise RequestError(f"a parameter ({self.doc}) has min {self.min} above max {self.max}")
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """Lower and upper end of the domain, in `unit`."""
+        return (
+            self.min if self.lower is None else self.lower,
+            self.max if self.upper is None else self.upper,
+        )
+
+    @cached_property
+    def si(self) -> SiRange:
+        """The same numbers in SI."""
+        low, high = self.domain
+        return SiRange(*(self.to_si(value) for value in (self.default, self.min, self.max, low, high)))
+
+    def to_si(self, value: float) -> float:
+        """A value in `unit` as SI."""
+        return (
+            value
+            if self.unit == "1" or math.isinf(value)
+            else float(convert(value, self.unit, _si(self.unit)))
+        )
+
+    def from_si(self, value: float) -> float:
+        """An SI value in `unit`."""
+        return (
+            value
+            if self.unit == "1" or math.isinf(value)
+            else float(convert(value, _si(self.unit), self.unit))
+        )
+
+
+@dataclass(frozen=True)
+class SiRange:
+    """Default, plausible range and domain of a parameter, in SI."""
+
+    default: float
+    min: float
+    max: float
+    lower: float
+    upper: float
+
+
+def _si(unit: str) -> str:
+    from specan.units import base_unit
+
+    return base_unit(unit)

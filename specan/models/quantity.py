@@ -1,0 +1,110 @@
+"""Named physical quantities: the nodes of a model."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from specan.errors import RequestError
+from specan.models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class Condition:
+    """An operating condition: what the experimenter sets or reads, one value a row (or line).
+
+    Attributes
+    ----------
+    column, column_unit : str
+        How a table names it and in which unit; inside, values are SI.
+    default : float or None
+        Used where the data have no such column, in `column_unit`; None makes the column necessary
+        for whatever reads it.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    column: str = ""
+    column_unit: str = ""
+    default: float | None = None
+    varies: bool = True  # False: never an axis along which a failure is looked for
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity and the function that gives its base value from others.
+
+    The names of the function's positional arguments are the quantities and conditions that it reads,
+    in SI; its keyword-only arguments are Parameters. A constant is a function without arguments.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    function: Callable[..., Any]
+    reads: tuple[str, ...]
+    parameters: dict[str, Parameter]
+    axes: tuple[str, ...] = ()
+    reference: str = ""
+    collection: bool = False
+
+    def __call__(self, *args: Any, **parameters: Any) -> Any:
+        """The base value."""
+        return self.function(*args, **parameters)
+
+
+def signature_of(function: Callable[..., Any], owner: str) -> tuple[tuple[str, ...], dict[str, Parameter]]:
+    """Names that a function reads (positional) and its Parameters (keyword-only)."""
+    reads: list[str] = []
+    parameters: dict[str, Parameter] = {}
+    for name, argument in inspect.signature(function).parameters.items():
+        if argument.kind in (argument.POSITIONAL_ONLY, argument.POSITIONAL_OR_KEYWORD):
+            reads.append(name)
+        elif argument.kind is argument.KEYWORD_ONLY:
+            if not isinstance(argument.default, Parameter):
+                raise RequestError(
+                    f"{owner}: the keyword argument {name!r} has no Parameter",
+                    expected=f"{name}=Parameter(default, unit, ...)",
+                )
+            parameters[name] = argument.default
+        else:
+            raise RequestError(
+                f"{owner}: *args and **kwargs hide what it reads",
+                expected="named arguments",
+                remedy="name them",
+            )
+    return tuple(reads), parameters
+
+
+def quantity(
+    *, unit: str, axes: tuple[str, ...] = (), reference: str = "", collection: bool = False
+) -> Callable[[Callable[..., Any]], Quantity]:
+    """Make a function a Quantity of its own name; its docstring's first line says what it is.
+
+    Examples
+    --------
+    >>> @quantity(unit="m/s")
+    ... def sliding_speed(worm_speed, pitch_radius, cos_lead):
+    ...     "Sliding speed in the mesh."
+    ...     return worm_speed * pitch_radius / cos_lead
+    >>> sliding_speed.reads
+    ('worm_speed', 'pitch_radius', 'cos_lead')
+    """
+
+    def make(function: Callable[..., Any]) -> Quantity:
+        name = function.__name__
+        reads, parameters = signature_of(function, name)
+        doc = inspect.getdoc(function) or ""
+        return Quantity(
+            name, unit, doc.split("\n")[0], function, reads, parameters, axes, reference, collection
+        )
+
+    return make
+
+
+def constant(name: str, value: Any, unit: str, doc: str, axes: tuple[str, ...] = ()) -> Quantity:
+    """A Quantity that a rig file fixes; an effect may still add to it or scale it."""
+    return Quantity(name, unit, doc, lambda: value, (), {}, axes)
