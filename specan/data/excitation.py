@@ -1,0 +1,26 @@
+"""What drove a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+ExcitationKind = Literal["sine", "noise", "calibrator", "unknown"]
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Kind of excitation and how it was decided.
+
+    Attributes
+    ----------
+    kind : {"sine", "noise", "calibrator", "unknown"}
+    frequency_hz : float or None
+        Frequency of the sine or of the calibrator, where it is known.
+    reason : str
+        Who said so (user, property, channel), and what contradicts it.
+    """
+
+    kind: ExcitationKind
+    frequency_hz: float | None
+    reason: str
