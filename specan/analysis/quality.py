@@ -1,0 +1,163 @@
+"""Dead, clipped and missing samples, found while the samples pass by for another purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.levels import Quality
+from specan.data.recording import Channel, Recording
+from specan.dsp.block_grid import BlockGrid
+
+# Converters are not symmetric: the largest positive code of 16 bits is 3.05e-5 short of full scale.
+_FULL_SCALE_TOLERANCE = 4e-5
+_RUN = 3  # samples at exactly the extreme value that a moving signal does not show by chance
+_HEAD = 2 * _RUN  # samples on either side of a block border that are looked at together
+_GRID = 1 << 15
+BLOCK = 1 << 17
+
+
+@dataclass
+class _Rail:
+    """One side of a channel; the lower side is looked at with its sign turned."""
+
+    extreme: float = -np.inf
+    clipped: bool = False
+
+
+@dataclass
+class QualityAccumulator:
+    """Finds dead, clipped and non-finite channels in one pass over consecutive blocks.
+
+    A channel is *clipped* where two or more consecutive samples stand at the converter's full scale.
+    If that is not known: where `_RUN` or more consecutive samples have exactly the channel's extreme
+    value and the signal jumps into or out of that run by more than three times its smallest step in
+    the block, so that the rounded top of a slow, quantised sine and a square wave are not taken for it.
+
+    Parameters
+    ----------
+    channels : sequence of Channel
+        The channels, in the order of the rows that `add` will be given.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> quality = QualityAccumulator((Channel("Mic 1", unit="Pa", full_scale=1.0),))
+    >>> quality.add(np.clip(1.5 * np.sin(np.arange(1000) / 50.0), -1.0, 1.0)[None])
+    >>> quality.result()[0].flags
+    ('clipped',)
+    """
+
+    channels: Sequence[Channel]
+    _count: int = 0
+    _grid: BlockGrid = field(init=False)
+    _not_finite: NDArray[np.int64] = field(init=False)
+    _rails: list[tuple[_Rail, _Rail]] = field(init=False)
+    _tail: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._grid = BlockGrid(len(self.channels), _GRID)
+        self._not_finite = np.zeros(len(self.channels), dtype=np.int64)
+        self._rails = [(_Rail(), _Rail()) for _ in self.channels]
+        self._tail = np.empty((len(self.channels), 0))
+
+    def add(self, block: NDArray[np.float64]) -> None:
+        """Take the next block, shape (channels, samples) of any length."""
+        for part in self._grid.add(block):
+            self._take(part)
+
+    def _take(self, block: NDArray[np.float64]) -> None:
+        if not block.shape[1]:
+            return
+        highest, lowest = block.max(axis=1), block.min(axis=1)
+        for row, channel in enumerate(self.channels):
+            samples, border = block[row], np.concatenate([self._tail[row], block[row, :_HEAD]])
+            if not (np.isfinite(highest[row]) and np.isfinite(lowest[row])):
+                missing = ~np.isfinite(samples)
+                self._not_finite[row] += int(missing.sum())
+                samples, border = samples[~missing], border[np.isfinite(border)]
+            for sign, rail in zip((-1.0, 1.0), self._rails[row]):
+                self._look(rail, samples, border, sign, channel.full_scale)
+        self._count += block.shape[1]
+        self._tail = np.concatenate([self._tail, block[:, -_HEAD:]], axis=1)[:, -_HEAD:]
+
+    @staticmethod
+    def _look(
+        rail: _Rail,
+        samples: NDArray[np.float64],
+        border: NDArray[np.float64],
+        sign: float,
+        full_scale: float | None,
+    ) -> None:
+        if not samples.size:
+            return
+        top = float(samples.max() if sign > 0 else -samples.min())
+        if top > rail.extreme:
+            rail.extreme = top
+            # A rail is the extreme of the whole record: an earlier, lower one was no rail.
+            rail.clipped = rail.clipped and full_scale is not None
+        if rail.clipped or top < rail.extreme:
+            return
+        if full_scale is not None:
+            limit = full_scale * (1.0 - _FULL_SCALE_TOLERANCE)
+            if top >= limit:
+                rail.clipped = any(_longest_run(sign * part >= limit) >= 2 for part in (samples, border))
+        else:
+            rail.clipped = any(_flat_top(sign * part, top) for part in (samples, border))
+
+    def result(self) -> tuple[Quality, ...]:
+        """What was found, one entry a channel; call it once, after the last block."""
+        self._take(self._grid.rest())
+        return tuple(
+            Quality(
+                channel=channel.name,
+                unit=channel.unit,
+                n_samples=self._count,
+                n_not_finite=int(missing),
+                minimum=-low.extreme if np.isfinite(low.extreme) else float("nan"),
+                maximum=high.extreme if np.isfinite(high.extreme) else float("nan"),
+                clipped_low=low.clipped,
+                clipped_high=high.clipped,
+            )
+            for channel, missing, (low, high) in zip(self.channels, self._not_finite, self._rails)
+        )
+
+
+def _longest_run(holds: NDArray[np.bool_]) -> int:
+    """Length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False]))))
+    return int((edges[1::2] - edges[::2]).max()) if edges.size else 0
+
+
+def _flat_top(samples: NDArray[np.float64], top: float) -> bool:
+    """Whether a run of samples at `top` is entered or left by a jump."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], samples == top, [False]))))
+    starts, ends = edges[::2], edges[1::2]
+    long = ends - starts >= _RUN
+    if not long.any():
+        return False
+    steps = np.abs(np.diff(samples))
+    moving = steps[steps > 0]
+    if not moving.size:
+        return False  # constant: dead, not clipped
+    entered, left = starts[long] - 1, ends[long] - 1
+    jumps = np.concatenate([steps[entered[entered >= 0]], steps[left[left < steps.size]]])
+    return bool(jumps.size and jumps.max() > 3.0 * moving.min())
+
+
+def signal_quality(
+    recording: Recording,
+    channels: Sequence[Channel] | None = None,
+    *,
+    start: int = 0,
+    stop: int | None = None,
+) -> tuple[Quality, ...]:
+    """Quality of the channels of a recording (all of one rate), read once in blocks."""
+    channels = recording.channels if channels is None else tuple(channels)
+    accumulator = QualityAccumulator(channels)
+    for block in recording.blocks(channels, BLOCK, start, stop):
+        accumulator.add(block)
+    return accumulator.result()

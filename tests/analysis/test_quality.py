@@ -1,0 +1,75 @@
+"""Clipped, dead and missing samples; and the signals that only look like it."""
+
+import numpy as np
+import pytest
+
+from specan.analysis.quality import QualityAccumulator, signal_quality
+from specan.data.recording import ArraySource, Channel, Recording
+
+TIME = np.arange(20000) / 5000.0
+SINE = np.sin(2 * np.pi * 37.0 * TIME)
+NOISE = np.random.default_rng(3).standard_normal(20000)
+
+
+def flags(samples: np.ndarray, size: int = 20000, **known: float) -> tuple[str, ...]:
+    accumulator = QualityAccumulator((Channel("x", unit="Pa", **known),))
+    for first in range(0, samples.size, size):
+        accumulator.add(samples[None, first : first + size])
+    return accumulator.result()[0].flags
+
+
+@pytest.mark.parametrize("size", [20000, 4096, 7, 1])
+@pytest.mark.parametrize(
+    ("samples", "expected"),
+    [
+        (np.zeros(200), ("dead",)),
+        (np.full(200, -0.25), ("dead",)),
+        (np.clip(1.4 * SINE, -1, 1)[:2000], ("clipped",)),
+        (np.clip(1.4 * SINE, -1, 9)[:2000], ("clipped",)),
+        (SINE[:2000], ()),
+        (NOISE[:2000], ()),
+        (np.where(np.arange(500) == 77, np.nan, NOISE[:500]), ("nan",)),
+        (np.where(np.arange(500) == 77, np.inf, NOISE[:500]), ("nan",)),
+    ],
+)
+def test_flags_do_not_depend_on_the_blocks(samples: np.ndarray, expected: tuple[str, ...], size: int) -> None:
+    assert flags(samples, size) == expected
+
+
+def test_a_lower_flat_top_is_no_rail() -> None:
+    samples = np.concatenate([np.clip(SINE, -0.5, 0.5), SINE])
+    assert flags(samples, 1000) == ()
+    assert flags(samples[::-1].copy(), 1000) == ()
+
+
+def test_the_rounded_top_of_a_slow_quantised_sine_is_not_clipping() -> None:
+    slow = np.round(900 * np.sin(2 * np.pi * 0.7 * TIME)) / 1000
+    assert np.count_nonzero(slow == slow.max()) > 10
+    assert flags(slow) == ()
+
+
+def test_a_square_wave_is_not_clipping() -> None:
+    assert flags(np.sign(SINE + 1e-9)) == ()
+
+
+def test_a_full_scale_that_is_known_decides() -> None:
+    assert flags(SINE, full_scale=1.5) == ()
+    assert flags(np.clip(1.6 * SINE, -1.5, 1.5), full_scale=1.5) == ("clipped",)
+    # the largest positive code of a 16-bit converter
+    top = 1.5 * 32767 / 32768
+    assert flags(np.clip(1.6 * SINE, -1.4, top), full_scale=1.5) == ("clipped",)
+    # one sample that touches the rail is a peak, not a run
+    assert flags(np.concatenate([SINE, [1.5], SINE]), full_scale=1.5) == ()
+    assert flags(np.clip(1.4 * SINE, -1, 1), full_scale=1.5) == ()
+
+
+def test_a_recording_is_read_once_and_the_extremes_are_told() -> None:
+    channels = (
+        Channel("a", unit="Pa", sampling_rate=5000.0, n_samples=20000, gain=2.0),
+        Channel("b", unit="V", sampling_rate=5000.0, n_samples=20000),
+    )
+    recording = Recording("r", channels, ArraySource([SINE, np.zeros(20000)]))
+    first, second = signal_quality(recording)
+    assert (first.maximum, first.minimum) == (2 * SINE.max(), 2 * SINE.min())
+    assert (first.flags, second.flags) == ((), ("dead",))
+    assert first.n_samples == 20000
