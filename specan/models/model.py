@@ -182,6 +182,8 @@ class Assembly:
         conditions: Mapping[str, Any],
         values: Mapping[str, Any] | None = None,
         wanted: Sequence[str] | None = None,
+        after: Evaluation | None = None,
+        changed: Iterable[str] = (),
     ) -> Evaluation:
         """Evaluate for SI conditions (arrays) and SI parameter values (defaults where none is given).
 
@@ -193,6 +195,12 @@ class Assembly:
             ``{"effect.parameter": value}``; a vector for a parameter with an axis.
         wanted : sequence of str, optional
             Quantities to evaluate, with what they read; all by default.
+        after : Evaluation, optional
+            An evaluation at the same conditions from which only the parameters named in `changed`
+            differ: what does not depend on them is taken over. A derivative by a microphone's gain
+            then costs no sound field.
+        changed : iterable of str
+            Full names of those parameters.
 
         Raises
         ------
@@ -204,7 +212,12 @@ class Assembly:
         known.update(conditions)
         parts: dict[str, dict[str, Any]] = {}
         needed = self._needed(tuple(wanted)) if wanted is not None else None
+        touched = self._downstream(tuple(changed)) if after is not None else None
         for loop in self._plan:
+            if after is not None and touched is not None and not touched.intersection(loop):
+                known.update((name, after.values[name]) for name in loop if name in after.values)
+                parts.update((name, dict(after.parts[name])) for name in loop if name in after.parts)
+                continue
             if needed is not None and not needed.intersection(loop):
                 continue
             if len(loop) == 1 and loop[0] not in self._reads[loop[0]]:

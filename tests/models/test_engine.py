@@ -220,3 +220,31 @@ def test_validity_ranges_intersect():
     two = effect("two", adds_to="loss", neutral={"by": 0.0}, valid={"speed": (1, 99, "rad/s")})(_bad)
     low, high = build(one, two).assemble(["one", "two"]).validity["speed"]
     assert (low, high) == (1.0, pytest.approx(2 * np.pi))
+
+
+def test_an_evaluation_goes_on_from_another_one():
+    calls = []
+
+    @quantity(unit="W")
+    def dear(speed):
+        "Costs much."
+        calls.append(1)
+        return 3.0 * speed
+
+    @quantity(unit="W")
+    def shown(dear, loss):
+        "What is read off."
+        return dear + loss
+
+    plain = build(*ALL)
+    quantities = {**plain.quantities, "dear": dear, "shown": shown}
+    model = Model("toy", "", plain.conditions, quantities, plain.effects, plain.observables, axes=plain.axes)
+    assembly = model.assemble(["seal", "heating"])
+    first = assembly.evaluate(SPEED)
+    step = {"seal.torque": 0.9}
+    again = assembly.evaluate(SPEED, step, after=first, changed=["seal.torque"])
+    assert len(calls) == 1
+    whole = assembly.evaluate(SPEED, step)
+    for name in ("shown", "temperature", "loss"):
+        np.testing.assert_array_equal(again[name], whole[name])
+    assert not np.array_equal(again["shown"], first["shown"])
