@@ -293,6 +293,26 @@ class Assembly:
             self._needed_cache[wanted] = seen
         return self._needed_cache[wanted]
 
+    @cached_property
+    def _downstream_cache(self) -> dict[tuple[str, ...], set[str]]:
+        return {}
+
+    def _downstream(self, changed: tuple[str, ...]) -> set[str]:
+        """Quantities that depend on any of the parameters."""
+        if changed not in self._downstream_cache:
+            touched: set[str] = set()
+            for parameter in changed:
+                owner = parameter.rpartition(".")[0]
+                if owner in self.model.quantities:
+                    touched.add(owner)
+                else:
+                    touched.update(self.model.effects[Use.parse(owner).name].changes)
+            for part in self._plan:  # what is read comes first, so one pass suffices
+                if any(not touched.isdisjoint(self._reads[name]) or name in touched for name in part):
+                    touched.update(part)
+            self._downstream_cache[changed] = touched
+        return self._downstream_cache[changed]
+
     def _value(
         self,
         name: str,
