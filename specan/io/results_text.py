@@ -1,0 +1,142 @@
+"""Result tables as text: tab-separated, the same bytes on every machine, never half written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from specan.errors import RequestError
+
+COLUMNS = {
+    "sine.txt": (
+        "file", "channel", "role", "unit", "frequency_hz", "rms", "level_dB", "tone_rms", "phase_deg",
+        "u_phase_deg", "magnitude_re_reference", "reference", "reference_rms", "flags",
+    ),
+    "noise.txt": (
+        "file", "channel", "frequency_hz", "magnitude", "phase_deg", "coherence", "u_magnitude_percent",
+        "flags",
+    ),
+    "bands.txt": ("file", "channel", "band_hz", "level_dB", "u_dB", "flags"),
+    "other.txt": ("file", "channel", "role", "unit", "band_hz", "rms", "level_dB", "u_dB", "flags"),
+    "skipped.txt": ("file", "channel", "kind", "reason"),
+}  # fmt: skip
+
+
+def word(text: object) -> str:
+    """A cell of text: whatever would break the table becomes a blank.
+
+    Examples
+    --------
+    >>> word("Mic\\t1\\n")
+    'Mic 1'
+    """
+    return " ".join(str(text).split())
+
+
+def fixed(values: ArrayLike, decimals: int) -> list[str]:
+    """Numbers with a fixed number of decimals; empty where not finite, no negative zero.
+
+    Examples
+    --------
+    >>> fixed([1.23456, -0.0001, float("nan")], 3)
+    ['1.235', '0.000', '']
+    """
+    rounded = np.round(np.atleast_1d(np.asarray(values, dtype=float)), decimals) + 0.0
+    return [f"{x:.{decimals}f}" if np.isfinite(x) else "" for x in rounded.tolist()]
+
+
+def levels(values: ArrayLike) -> list[str]:
+    """Levels and their uncertainties in decibels, to 0.001 dB."""
+    return fixed(values, 3)
+
+
+def phases(values: ArrayLike) -> list[str]:
+    """Angles in degrees, to 0.01 degree, in (-180, 180] after rounding.
+
+    Examples
+    --------
+    >>> phases([-180.0, 179.999, 180.004, 359.999, -0.001, float("nan")])
+    ['180.00', '180.00', '180.00', '0.00', '0.00', '']
+    """
+    given = np.atleast_1d(np.asarray(values, dtype=float))
+    usable = np.isfinite(given)
+    hundredths = np.rint(np.where(usable, given, 0.0) * 100.0) % 36000.0
+    hundredths = np.where(hundredths > 18000.0, hundredths - 36000.0, hundredths)
+    return [f"{h / 100.0:.2f}" if ok else "" for h, ok in zip(hundredths.tolist(), usable.tolist())]
+
+
+def significant(values: ArrayLike, digits: int = 6) -> list[str]:
+    """Numbers to some significant digits; empty where not finite.
+
+    Examples
+    --------
+    >>> significant([0.123456789, 1e-9, 0.0, -0.0, float("inf")])
+    ['0.123457', '1e-09', '0', '0', '']
+    """
+    given = np.atleast_1d(np.asarray(values, dtype=float)) + 0.0
+    return [f"{x:.{digits}g}" if np.isfinite(x) else "" for x in given.tolist()]
+
+
+def frequencies(values: ArrayLike) -> list[str]:
+    """Frequencies to 0.1 mHz, without trailing zeros.
+
+    Examples
+    --------
+    >>> frequencies([1000.0, 0.9765625, 203.70001])
+    ['1000', '0.9766', '203.7']
+    """
+    return [text.rstrip("0").rstrip(".") if "." in text else text for text in fixed(values, 4)]
+
+
+def rows(columns: Sequence[Sequence[str]]) -> str:
+    """Columns of equal length as lines of a table, each ended by a line feed."""
+    return "".join("\t".join(cells) + "\n" for cells in zip(*columns, strict=True))
+
+
+def write_table(path: Path, header: Iterable[str], columns: Sequence[str], blocks: Iterable[str]) -> None:
+    """Write one result table; a reader sees the old file or the whole new one.
+
+    Parameters
+    ----------
+    path : Path
+        Target.
+    header : iterable of str
+        Lines that are written with a leading ``# ``.
+    columns : sequence of str
+        Names of the columns.
+    blocks : iterable of str
+        Lines of the table as `rows` makes them, in order; may come from a generator.
+    """
+    with replacing(path) as file:
+        for line in header:
+            file.write(f"# {word(line)}\n")
+        file.write("\t".join(columns) + "\n")
+        for block in blocks:
+            file.write(block)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[TextIO]:
+    """Open a neighbour of `path` for text, and put it in place of `path` when all went well."""
+    half = path.with_name(f".{path.name}.part")
+    try:
+        with half.open("w", encoding="utf-8", newline="\n") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        half.replace(path)
+    except OSError as fault:
+        half.unlink(missing_ok=True)
+        raise RequestError(
+            f"{path.name} cannot be written ({fault.strerror or fault})",
+            expected="a place with room that may be written to",
+        ) from None
+    except BaseException:
+        half.unlink(missing_ok=True)
+        raise
