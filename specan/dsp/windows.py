@@ -107,3 +107,18 @@ def window_correlation(name: WindowName, shift: float) -> float:
     common = (1 - abs(shift)) * np.mean(at(overlap) * at(overlap + abs(shift)))
     power = a[0] ** 2 + sum(c**2 for c in a[1:]) / 2
     return float(common / power)
+
+
+def line_correlation(name: WindowName) -> float:
+    """Correlation of the random errors of neighbouring lines of a transfer function or an auto spectrum.
+
+    |sum(w^2 exp(j 2 pi i / n))|^2 / sum(w^2)^2: both signals' lines are correlated, so it is squared.
+
+    Examples
+    --------
+    >>> round(line_correlation("hann"), 4)
+    0.4444
+    """
+    shape = window(name, 256) ** 2
+    turned = np.sum(shape * np.exp(2j * np.pi * np.arange(256) / 256))
+    return float(np.abs(turned) ** 2 / np.sum(shape) ** 2)

@@ -1,0 +1,82 @@
+"""Which channels and which samples an analysis looks at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from specan.data.recording import Channel, Recording
+from specan.errors import InputError, RequestError
+
+
+def section(
+    recording: Recording, channels: Sequence[Channel], start_s: float = 0.0, stop_s: float | None = None
+) -> tuple[int, int]:
+    """First and last-plus-one sample of a time section; the end is that of the shortest channel.
+
+    Raises
+    ------
+    RequestError
+        The section is empty or begins after the end of the recording.
+    """
+    rate, length = channels[0].sampling_rate, min(c.n_samples for c in channels)
+    start = round(start_s * rate)
+    stop = length if stop_s is None else min(length, round(stop_s * rate))
+    if start < 0 or start >= stop:
+        wanted = f"{start_s:g} s to " + ("its end" if stop_s is None else f"{stop_s:g} s")
+        raise RequestError(
+            f"{recording.label}: the section from {wanted} holds no sample",
+            expected=f"a section of its {length / rate:g} s",
+        )
+    return start, stop
+
+
+def of_one_rate(
+    recording: Recording, patterns: Sequence[str], like: Channel | None = None
+) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+    """Channels of the patterns that share the sampling rate of `like`, or of the first; and notes on those left out.
+
+    Raises
+    ------
+    InputError
+        The recording has no channel with samples and a sampling rate.
+    """
+    chosen = recording.select(patterns)
+    usable = [c for c in chosen if c.sampling_rate > 0 and c.n_samples > 0]
+    if not usable:
+        raise InputError(
+            f"{recording.label}: no chosen channel has samples and a sampling rate",
+            remedy="name other channels, or state the sampling rate",
+        )
+    rate = (like or usable[0]).sampling_rate
+    kept = tuple(c for c in usable if c.sampling_rate == rate)
+    notes = tuple(
+        f"{c.name} is left out: "
+        + (
+            f"it is sampled at {c.sampling_rate:g} Hz, not at {rate:g} Hz"
+            if c in usable
+            else "it has no samples"
+        )
+        for c in chosen
+        if c not in kept
+    )
+    return kept, notes
+
+
+def reference_channel(recording: Recording, name: str | None, purpose: str = "a reference") -> Channel:
+    """The named channel, or the vibrometer.
+
+    Raises
+    ------
+    InputError
+        There is no vibrometer and no name was given.
+    """
+    if name is not None:
+        return recording.channel(name)
+    found = recording.by_role("vibrometer")
+    if not found:
+        raise InputError(
+            f"{recording.label} has no vibrometer channel",
+            expected=purpose,
+            remedy="name a channel as the reference",
+        )
+    return found[0]

@@ -1,0 +1,119 @@
+"""Transfer functions of several channels over one reference, with what each line is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# A line whose magnitude is known to no better than 10 % (0.9 dB), and one of which less than half is
+# linearly related to the reference.
+LOW_SNR_PERCENT, LOW_COHERENCE = 10.0, 0.5
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Transfer functions (channels, lines): response over reference, exp(+j w t).
+
+    A response that is delayed by tau has the phase -360 f tau degrees.
+
+    Attributes
+    ----------
+    label : str
+        Which recording, or which directory of stepped sines.
+    frequency_hz : array (n,)
+        Without the line at 0 Hz.
+    channels, units : tuple of str
+        Responses and the units of their transfer functions ("Pa/(m/s)").
+    reference : str
+    response : complex array (channels, n)
+        Corrected for calibrated phase, delay, and differentiations.
+    coherence : array (channels, n)
+        NaN for stepped sines.
+    u_magnitude_percent, u_phase_deg : arrays (channels, n)
+        Random standard uncertainties, per real component.
+    u_common_percent, u_common_phase_deg : arrays (channels, n)
+        Standard uncertainties of calibration and delay, which are common to all lines or
+        vary slowly with frequency: no averaging over lines makes them smaller.
+    estimator : str
+        "H1", "H2", "Hv", "H3c" or "stepped sine".
+    n_blocks : int
+    n_effective : float
+        Number of independent averages behind each line.
+    line_correlation : float
+        Correlation of the random errors of neighbouring lines, that of the window (Hann: 4/9).
+    delay_s : array (channels,)
+        Delay by which each channel was shifted before the analysis (and turned back).
+    reference_rms : float
+        RMS of the reference, in its unit after correction where it is within the lines.
+    reference_unit : str
+    flags : tuple of tuples of str
+        Words for each channel.
+    notes : tuple of str
+        Sentences about the whole.
+    settings : mapping
+        Settings of the analysis.
+    """
+
+    label: str
+    frequency_hz: Real
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    reference: str
+    response: Complex
+    coherence: Real
+    u_magnitude_percent: Real
+    u_phase_deg: Real
+    u_common_percent: Real
+    u_common_phase_deg: Real
+    estimator: str
+    n_blocks: int
+    n_effective: float
+    line_correlation: float
+    delay_s: Real
+    reference_rms: float
+    reference_unit: str
+    flags: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def magnitude(self) -> Real:
+        """|H| in `units`."""
+        return np.abs(self.response)
+
+    @property
+    def level_db(self) -> Real:
+        """20 log10 |H|, re 1 of its unit."""
+        with np.errstate(divide="ignore"):
+            return 20 * np.log10(self.magnitude)
+
+    @property
+    def phase_deg(self) -> Real:
+        """Phase in degrees, in (-180, 180]."""
+        phase = np.degrees(np.angle(self.response))
+        return np.where(phase <= -180.0, 180.0, phase)
+
+    @property
+    def unwrapped_phase_deg(self) -> Real:
+        """Phase without jumps of 360 degrees; NaN lines are passed over."""
+        phase = self.phase_deg.copy()
+        for row in phase:
+            known = np.isfinite(row)
+            row[known] = np.unwrap(row[known], period=360.0)
+        return phase
+
+    @property
+    def line_flags(self) -> dict[str, NDArray[np.bool_]]:
+        """Lines (channels, n) that are worth little: ``low-snr`` and ``low-coherence``."""
+        with np.errstate(invalid="ignore"):
+            return {
+                "low-snr": ~(self.u_magnitude_percent <= LOW_SNR_PERCENT),
+                "low-coherence": self.coherence < LOW_COHERENCE,
+            }

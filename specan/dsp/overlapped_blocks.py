@@ -1,0 +1,71 @@
+"""Overlapping blocks on a fixed grid of samples, whatever the pieces in which the samples arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class OverlappedBlocks:
+    """Cuts consecutive pieces (channels, m) into blocks that begin at 0, hop, 2 hop, ...
+
+    Parameters
+    ----------
+    block, hop : int
+        Length of a block and distance of their beginnings, in samples.
+    shifts : sequence of int, optional
+        Samples by which each channel is read later than the grid says (to align delayed channels).
+
+    Examples
+    --------
+    >>> grid = OverlappedBlocks(4, 2)
+    >>> [b[0].tolist() for piece in ([0, 1, 2], [3, 4, 5, 6]) for b in grid.feed(np.array([piece], float))]
+    [[0.0, 1.0, 2.0, 3.0], [2.0, 3.0, 4.0, 5.0]]
+    """
+
+    def __init__(self, block: int, hop: int, shifts: Sequence[int] | None = None) -> None:
+        if not 0 < hop <= block:
+            raise ValueError(f"a hop of {hop} samples for blocks of {block}")
+        self.block, self.hop = block, hop
+        earliest = min(shifts, default=0) if shifts is not None else 0
+        # Only differences matter: a shift below zero delays all the others instead.
+        self._shifts = [] if shifts is None or len(set(shifts)) < 2 else [s - earliest for s in shifts]
+        self._span = block + max(self._shifts, default=0)
+        self._held: NDArray[np.float64] | None = None
+
+    def feed(self, samples: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+        """Take the next piece; yield every block (channels, block) that is complete by now.
+
+        A block is a view wherever possible: use it before the next one is asked for.
+        """
+        held = 0 if self._held is None else self._held.shape[1]
+        if held == 0:
+            yield from self._whole(samples)
+            return
+        # Blocks that begin in what was held need at most span - 1 samples of the new piece.
+        assert self._held is not None
+        joint = np.concatenate([self._held, samples[:, : self._span - 1]], axis=1)
+        start = 0
+        while start < held and start + self._span <= joint.shape[1]:
+            yield self._cut(joint, start)
+            start += self.hop
+        if start < held:
+            self._held = joint[:, start:]
+        else:
+            yield from self._whole(samples[:, start - held :])
+
+    def _whole(self, samples: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+        start = 0
+        while start + self._span <= samples.shape[1]:
+            yield self._cut(samples, start)
+            start += self.hop
+        self._held = samples[:, start:].copy()
+
+    def _cut(self, samples: NDArray[np.float64], start: int) -> NDArray[np.float64]:
+        if not self._shifts:
+            return samples[:, start : start + self.block]
+        return np.stack(
+            [row[start + s : start + s + self.block] for row, s in zip(samples, self._shifts, strict=True)]
+        )

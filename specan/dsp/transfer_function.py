@@ -1,0 +1,171 @@
+"""Transfer functions from averaged spectra: H1, H2, Hv, the three-channel estimator, and what each line is worth."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Estimator = Literal["H1", "H2", "Hv", "H3c"]
+ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
+
+SMOOTHED_LINES = 15
+# Standard deviation of a phase that may be anything, 360 / sqrt(12) degrees.
+U_PHASE_UNKNOWN_DEG = 360.0 / np.sqrt(12.0)
+
+
+class Estimate(NamedTuple):
+    """Transfer functions (..., n) of responses over one reference.
+
+    Attributes
+    ----------
+    response : complex array
+        Response over reference, exp(+j w t): a delayed response has a falling phase.
+    coherence : array
+        Ordinary coherence of response and reference, 0 to 1.
+    u_relative : array
+        Relative standard uncertainty per real component: of the magnitude, and of the phase in radians.
+    """
+
+    response: Complex
+    coherence: Real
+    u_relative: Real
+
+
+def estimate(
+    estimator: Estimator,
+    auto_reference: Real,
+    auto_response: Real,
+    cross: Complex,
+    n_effective: float,
+    *,
+    auto_instrument: Real | None = None,
+    instrument_reference: Complex | None = None,
+    instrument_response: Complex | None = None,
+) -> Estimate:
+    """Transfer function, coherence and random uncertainty from averaged spectra.
+
+    With x the reference, y the response, e the instrument, S_xy = mean of conj(X) Y:
+
+    - H1 = S_xy / S_xx: unbiased by noise in the response, low by 1 / (1 + noise/signal) in the reference;
+    - H2 = S_yy / S_yx: unbiased by noise in the reference;
+    - Hv = sqrt(S_yy / S_xx) exp(j arg S_xy): geometric mean of H1 and H2, the total least squares solution for
+      signals scaled to equal power (Rocklin, Crowley and Vold, IMAC III (1985) 272-278);
+    - H3c = S_ey / S_ex: unbiased by noise in both, given an instrument e that drives the system and
+      shares no noise with them (instrumental variable; Goyder, IMAC II (1984) 437-446).
+
+    The uncertainty rests on the spectrum of what the estimate leaves, r = y - H x, smoothed over 15 lines:
+
+    - H1, H2, Hv: u^2 = S_rr / (2 n |H1|^2 S_xx) with S_rr = (1 - coherence) S_yy: (1 - g^2) / (2 n g^2) per
+      real component (Bendat and Piersol, Random Data, ch. 9). The magnitude of Hv scatters less, by the
+      square root of the coherence; its phase does not;
+    - H3c: the error is S_er / S_ex, hence u^2 = S_rr S_ee / (2 n |S_ey|^2) with the residual
+      S_rr = S_yy + |H|^2 S_xx - 2 Re(conj(H) S_xy), which holds the noise of both channels.
+
+    One complex parameter is fitted, so S_rr is raised by n / (n - 1). What calibration and
+    delay add is not in it.
+
+    Parameters
+    ----------
+    auto_reference : array (n,)
+    auto_response, cross : arrays (..., n)
+        S_yy and S_xy.
+    n_effective : float
+        Number of independent averages (`specan.dsp.welch.effective_averages`).
+    auto_instrument : array (n,), optional
+        S_ee, needed for H3c along with S_ex (n,) and S_ey (..., n).
+
+    Examples
+    --------
+    >>> x, y, xy = np.array([1.0]), np.array([5.0]), np.array([2.0 + 0j])
+    >>> found = estimate("H1", x, y, xy, 100)
+    >>> complex(found.response[0]), float(found.coherence[0]), round(float(found.u_relative[0]), 4)
+    ((2+0j), 0.8, 0.0355)
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        strength = np.abs(cross) ** 2
+        coherence = strength / (auto_reference * auto_response)
+        # 0/0 where a channel is dead: nothing is known, NaN. Rounding may pass 1 by an ulp.
+        coherence = np.minimum(coherence, 1.0)
+        if estimator == "H3c":
+            if auto_instrument is None or instrument_reference is None or instrument_response is None:
+                raise ValueError("H3c needs the spectra of an instrument")
+            response = instrument_response / instrument_reference
+            left = auto_response + np.abs(response) ** 2 * auto_reference
+            left = left - 2 * np.real(np.conj(response) * cross)
+            gain = auto_instrument / np.abs(instrument_response) ** 2
+        else:
+            response = _two_channel(estimator, auto_reference, auto_response, cross)
+            left = (1 - coherence) * auto_response
+            # 1 / (|H1|^2 S_xx)
+            gain = auto_reference / strength
+        left = np.maximum(left, 0.0)
+        smooth = smoothed(left)
+        relative = np.sqrt(smooth * gain / (2 * max(n_effective - 1, 1e-300)))
+    if n_effective <= 1:
+        relative = np.full(relative.shape, np.nan)  # one block says nothing about its own scatter
+    return Estimate(response, coherence, relative)
+
+
+def _two_channel(estimator: Estimator, auto_reference: Real, auto_response: Real, cross: Complex) -> Complex:
+    if estimator == "H1":
+        return np.asarray(cross / auto_reference)
+    if estimator == "H2":
+        return np.asarray(auto_response / np.conj(cross))
+    if estimator == "Hv":
+        return np.asarray(np.sqrt(auto_response / auto_reference) * (cross / np.abs(cross)))
+    raise ValueError(f"unknown estimator {estimator!r}; known are {', '.join(ESTIMATORS)}")
+
+
+def smoothed(spectrum: Real, width: int = SMOOTHED_LINES) -> Real:
+    """Moving average over `width` lines, narrower towards the ends but never under five.
+
+    A line's own estimate of its noise has heavy tails and goes with its own error; that of its
+    neighbourhood has neither.
+    """
+    n = spectrum.shape[-1]
+    half = width // 2
+    reach = np.minimum(half, np.minimum(np.arange(n), np.arange(n)[::-1]))
+    low = np.maximum(np.arange(n) - np.maximum(reach, 2), 0)
+    high = np.minimum(np.arange(n) + np.maximum(reach, 2), n - 1)
+    total, count = np.zeros(spectrum.shape), np.zeros(n)
+    for offset in range(-half, half + 1):
+        source = np.arange(n) + offset
+        inside = (source >= low) & (source <= high)
+        total += np.where(inside, spectrum[..., np.clip(source, 0, n - 1)], 0.0)
+        count += inside
+    return total / count
+
+
+def u_phase_deg(u_relative: Real) -> Real:
+    """Standard uncertainty of a phase, in degrees, never more than that of a phase that may be anything."""
+    return np.minimum(np.degrees(u_relative), U_PHASE_UNKNOWN_DEG)
+
+
+def phase_deg(response: Complex) -> Real:
+    """Phase in degrees in (-180, 180].
+
+    Examples
+    --------
+    >>> phase_deg(np.array([-1.0 + 0j, complex(-1.0, -0.0)])).tolist()
+    [180.0, 180.0]
+    """
+    phase = np.degrees(np.angle(response))
+    return np.where(phase <= -180.0, 180.0, phase)
+
+
+def delays_of(response: Complex, block: int, rate: float) -> Real:
+    """Delay in seconds of each response: the peak of its impulse response, to a sample.
+
+    Parameters
+    ----------
+    response : complex array (..., block // 2 + 1)
+        Transfer functions on all lines of the DFT; lines that are not finite count as zero.
+    """
+    clean = np.where(np.isfinite(response), response, 0.0)
+    impulse = np.abs(np.fft.irfft(clean, block, axis=-1))
+    peak = np.argmax(impulse, axis=-1)
+    return np.where(peak > block // 2, peak - block, peak) / rate

@@ -1,0 +1,203 @@
+"""Welch's averaged auto and cross spectra of many channels, in one pass and bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.dsp.overlapped_blocks import OverlappedBlocks
+from specan.dsp.windows import WindowName, window, window_correlation
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Averaging = Literal["linear", "exponential", "max", "min"]
+
+
+class SpectralMatrix(NamedTuple):
+    """Averaged one-sided spectral densities of n lines.
+
+    Attributes
+    ----------
+    frequency_hz : array (n,)
+    auto : array (channels, n)
+        Auto spectral density of every channel, unit^2/Hz.
+    cross : complex array (references, channels, n)
+        Cross spectral density, mean of conj(reference) * channel: its phase is that of the channel
+        over the reference, and a delayed channel has a falling phase.
+    n_blocks : int
+        Number of blocks in the average.
+    n_effective : float
+        Number of independent blocks that would give the same variance (`effective_averages`).
+    """
+
+    frequency_hz: Real
+    auto: Real
+    cross: Complex
+    n_blocks: int
+    n_effective: float
+
+
+def hop_of(block: int, overlap: float) -> int:
+    """Distance between block starts for an overlap of 0 to below 1."""
+    if not 0.0 <= overlap < 1.0:
+        raise ValueError(f"overlap {overlap} is not in [0, 1)")
+    return max(1, round(block * (1 - overlap)))
+
+
+def effective_averages(n_blocks: int, name: WindowName, overlap_hop: float) -> float:
+    """Independent blocks that give the variance of `n_blocks` overlapped ones.
+
+    n / (1 + 2 sum_m (1 - m/n) rho(m hop)^2), rho the normalised correlation of the window with itself
+    (Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73), `overlap_hop` the hop in block lengths.
+
+    Examples
+    --------
+    >>> round(effective_averages(100, "hann", 0.5), 2), effective_averages(100, "hann", 1.0)
+    (94.79, 100.0)
+    """
+    if n_blocks < 1:
+        return 0.0
+    alike = 0.0
+    for m in range(1, min(n_blocks, int(np.ceil(1 / overlap_hop)))):
+        alike += (1 - m / n_blocks) * window_correlation(name, m * overlap_hop) ** 2
+    return n_blocks / (1 + 2 * alike)
+
+
+class CrossSpectra:
+    """Accumulates auto spectra of all channels and cross spectra against some, piece by piece.
+
+    Blocks lie on a fixed grid of samples and are added one after the other, elementwise: the bits of the result
+    depend neither on the pieces in which samples arrive nor on how many channels are analysed together.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate in Hz.
+    block : int
+        Samples per block; lines are rate / block apart.
+    window_name : str
+        See `specan.dsp.windows.WINDOWS`; periodic.
+    overlap : float
+        0 to below 1.
+    n_channels : int
+    references : sequence of int
+        Channels against which cross spectra are formed; none by default.
+    lines : int, optional
+        Keep lines 0 to `lines`; default all up to half the rate.
+    detrend : bool
+        Take the mean out of each block.
+    shifts : sequence of int, optional
+        Samples by which each channel is read later; its phase is turned back, so that the
+        result is that of the unshifted channel without the loss that a delay puts on H1.
+    averaging : {"linear", "exponential", "max", "min"}
+        Exponential: each new block has the weight 1/n_exponential once there are that many.
+        Max and min hold keep the largest and smallest density of each line, and have no cross spectra.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> x = rng.standard_normal(20000)
+    >>> spectra = CrossSpectra(1000.0, 256, "hann", 0.5, n_channels=2, references=[0])
+    >>> spectra.add(np.stack([x[:9000], 3 * x[:9000]]))
+    >>> spectra.add(np.stack([x[9000:], 3 * x[9000:]]))
+    >>> found = spectra.result()
+    >>> bool(np.allclose(found.cross[0, 1] / found.auto[0], 3)), found.n_blocks
+    (True, 155)
+    """
+
+    def __init__(
+        self,
+        rate: float,
+        block: int,
+        window_name: WindowName = "hann",
+        overlap: float = 0.5,
+        *,
+        n_channels: int,
+        references: Sequence[int] = (),
+        lines: int | None = None,
+        detrend: bool = True,
+        shifts: Sequence[int] | None = None,
+        averaging: Averaging = "linear",
+        n_exponential: int = 10,
+    ) -> None:
+        if averaging in ("max", "min") and references:
+            raise ValueError("a hold has no cross spectra")
+        self.rate, self.block, self.window_name = rate, block, window_name
+        self.hop = hop_of(block, overlap)
+        self.references = tuple(references)
+        self.averaging, self.n_exponential, self.detrend = averaging, n_exponential, detrend
+        self.shifts = [0] * n_channels if shifts is None else list(shifts)
+        self.n_blocks = 0
+        self._lines = block // 2 if lines is None else min(lines, block // 2)
+        self._window = window(window_name, block)
+        self._grid = OverlappedBlocks(block, self.hop, shifts)
+        self._windowed = np.empty((n_channels, block))
+        kept = (n_channels, self._lines + 1)
+        self._power, self._square = np.empty(kept), np.empty(kept)
+        self._auto = np.zeros(kept)
+        self._product = np.empty(kept, dtype=complex)
+        self._cross = np.zeros((len(self.references), *kept), dtype=complex)
+
+    def add(self, samples: Real) -> None:
+        """Take the next samples (channels, m), m of any length."""
+        for block in self._grid.feed(samples):
+            self._add_block(block)
+
+    def _add_block(self, block: Real) -> None:
+        if self.detrend:
+            mean = np.add.reduce(block, axis=-1, keepdims=True) / self.block
+            np.subtract(block, mean, out=self._windowed)
+            self._windowed *= self._window
+        else:
+            np.multiply(block, self._window, out=self._windowed)
+        spectra = np.fft.rfft(self._windowed, axis=-1)[:, : self._lines + 1]
+        self.n_blocks += 1
+        np.multiply(spectra.real, spectra.real, out=self._power)
+        np.multiply(spectra.imag, spectra.imag, out=self._square)
+        self._power += self._square
+        self._take(self._auto, self._power)
+        for reference, total in zip(self.references, self._cross, strict=True):
+            np.multiply(spectra, np.conj(spectra[reference]), out=self._product)
+            self._take(total, self._product)
+
+    def _take(self, total: NDArray[Any], new: NDArray[Any]) -> None:
+        if self.averaging == "linear":
+            total += new
+        elif self.n_blocks == 1:
+            total[...] = new
+        elif self.averaging == "exponential":
+            new -= total
+            new /= min(self.n_blocks, self.n_exponential)
+            total += new
+        elif self.averaging == "max":
+            np.maximum(total, new, out=total)
+        else:
+            np.minimum(total, new, out=total)
+
+    def result(self) -> SpectralMatrix:
+        """The average so far; NaN if no block was complete."""
+        lines = np.arange(self._lines + 1)
+        frequency = lines * (self.rate / self.block)
+        scale = np.full(len(lines), 2.0 / (self.rate * np.sum(self._window**2)))
+        scale[(lines == 0) | (2 * lines == self.block)] /= 2  # have no mirror line
+        if self.n_blocks == 0:
+            scale *= np.nan
+        elif self.averaging == "linear":
+            scale /= self.n_blocks
+        turn = np.exp(-2j * np.pi * np.outer(self.shifts, frequency) / self.rate)
+        back = turn[None, :, :] * np.conj(turn[list(self.references)])[:, None, :]
+        auto: Real = np.asarray(self._auto * scale, dtype=np.float64)
+        cross: Complex = np.multiply(self._cross, back * scale)
+        return SpectralMatrix(frequency, auto, cross, self.n_blocks, self._effective())
+
+    def _effective(self) -> float:
+        if self.averaging in ("max", "min"):
+            return float(min(self.n_blocks, 1))
+        count = self.n_blocks
+        if self.averaging == "exponential":
+            # Weights (1 - a)^k a have the variance of (2 - a) / a equal ones.
+            count = min(count, 2 * self.n_exponential - 1)
+        return effective_averages(count, self.window_name, self.hop / self.block)
