@@ -1,0 +1,75 @@
+"""What was measured, in the form in which a model can be held against it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models import Assembly
+
+Array = NDArray[np.float64]
+
+
+@runtime_checkable
+class Observation(Protocol):
+    """A measured vector, the model's prediction of it, and the covariance of their difference.
+
+    The covariance V holds what is random: reading noise, the scatter of setting a condition again, and
+    the declared, smooth discrepancy of the model. It belongs to the observation and never changes with
+    the model under test, so that chi-squares of different models may be compared. Errors that all rows
+    share (a gain, a zero) are nuisance parameters with a prior in the `Problem`.
+    """
+
+    @property
+    def name(self) -> str:
+        """File or channel, for messages."""
+
+    @property
+    def measured(self) -> Array:
+        """What was measured, SI; complex data as the real parts followed by the imaginary ones."""
+
+    @property
+    def conditions(self) -> Mapping[str, Array]:
+        """Operating conditions in SI, arrays."""
+
+    @property
+    def labels(self) -> Mapping[str, NDArray[Any]]:
+        """Operating variable (``speed_rpm``) to one level a row: values that were meant to be equal are equal."""
+
+    @property
+    def available(self) -> frozenset[str]:
+        """Conditions that the data hold."""
+
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """Recordings of the rows; a parameter with ``per="recording"`` has one element each."""
+
+    @property
+    def n(self) -> int:
+        """Length of `measured`."""
+
+    @property
+    def n_effective(self) -> float:
+        """Number of independent values that the data are worth."""
+
+    @property
+    def noise_dof(self) -> float:
+        """Degrees of freedom of the noise estimate; inf where the noise is known."""
+
+    def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
+        """What the model expects in place of `measured`.
+
+        A parameter with ``per="recording"`` comes as a vector over `recordings`.
+        """
+
+    def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
+        """Predictions for several sets of values, shape (n, len(many))."""
+
+    def whiten(self, array: Array) -> Array:
+        """Apply V^(-1/2) along axis 0 of a vector, or of the columns of a matrix."""
+
+    def take(self, mask: NDArray[np.bool_]) -> Observation:
+        """The same observation with some of its rows only."""

@@ -1,0 +1,239 @@
+"""Problem and fit on a toy model whose answers are known."""
+
+import numpy as np
+import pytest
+
+from specan.errors import ComputationError, RequestError
+from specan.models import Condition, Model, Nuisance, Observable, Parameter, Use, effect, quantity
+from specan.study.fit import fit, profile_interval
+from specan.study.observation import Observation
+from specan.study.observation.table import TableObservation
+from specan.study.problem import base_problem
+
+
+@quantity(unit="W")
+def loss(speed, *, drag=Parameter(2.0, "W", min=0.0, max=10.0, lower=0.0)):
+    "Power loss."
+    return drag * speed**2
+
+
+@quantity(unit="W")
+def indicated(loss):
+    "What the instrument shows."
+    return loss
+
+
+@effect("seal", adds_to="loss", neutral={"torque": 0.0})
+def seal(speed, *, torque=Parameter(0.3, "N*m", min=0.0, max=2.0, lower=0.0)):
+    "A seal."
+    return torque * speed
+
+
+@effect("zero", adds_to="indicated", neutral={"offset": 0.0}, instrument=True)
+def zero(*, offset=Parameter(100.0, "mW", min=-5000.0, max=5000.0)):
+    "A zero error."
+    return offset
+
+
+@effect("power-law", adds_to="loss", neutral={"size": 0.0})
+def power_law(
+    speed, *, size=Parameter(0.2, "W", min=0.0, max=2.0), by=Parameter(1.0, min=0.0, max=4.0, fixed=True)
+):
+    "A power law of the speed that asks about its parameter as a scalar."
+    return size * speed**by if size > 0 else 0.0 * speed
+
+
+@effect("drift", adds_to="loss", neutral={"step": 0.0})
+def drift(speed, *, step=Parameter(0.1, "W", min=-2.0, max=2.0, per="recording")):
+    "Each recording has its own loss."
+    return step * np.ones_like(speed)
+
+
+MODEL = Model(
+    "toy",
+    "a toy",
+    {"speed": Condition("speed", "rad/s", "speed", "speed", "rad/s")},
+    {"loss": loss, "indicated": indicated},
+    {e.name: e for e in (seal, zero, power_law, drift)},
+    {"loss": Observable("loss", "indicated", "W", "loss")},
+    base_effects=("seal",),
+    nuisances=(Nuisance("zero", "offset", 20.0),),
+)
+SPEED = np.linspace(1.0, 5.0, 30)
+SIGMA = 0.1
+
+
+def table(measured, speed=SPEED, covariance=None, **more):
+    covariance = SIGMA**2 * np.eye(speed.size) if covariance is None else covariance
+    return TableObservation(
+        "toy.csv", np.full(speed.size, "loss"), np.asarray(measured), {"speed": speed}, covariance, **more
+    )
+
+
+def noisy(truth, seed=1):
+    return truth + SIGMA * np.random.default_rng(seed).standard_normal(truth.size)
+
+
+def test_a_table_keeps_the_protocol():
+    assert isinstance(table(SPEED), Observation)
+
+
+def test_a_linear_fit_is_generalised_least_squares():
+    truth = 3.0 * SPEED**2 + 0.5 * SPEED
+    gap = np.abs(SPEED[:, None] - SPEED[None, :])
+    covariance = SIGMA**2 * np.eye(30) + 0.2**2 * np.exp(-gap)
+    observed = table(noisy(truth), covariance=covariance)
+    problem = base_problem(MODEL, [observed])
+    found = fit(problem)
+    design = np.stack([SPEED**2, SPEED, np.ones(30)], axis=1)
+    prior = np.diag([0, 0, 1 / 0.02**2])
+    weight = np.linalg.inv(covariance)
+    normal = design.T @ weight @ design + prior
+    expected = np.linalg.solve(normal, design.T @ weight @ observed.measured)
+    got = [found.values[n] for n in ("loss.drag", "seal.torque", "zero.offset")]
+    np.testing.assert_allclose(got, expected, rtol=1e-6)
+    order = [problem.names.index(n) for n in ("loss.drag", "seal.torque", "zero.offset")]
+    np.testing.assert_allclose(found.covariance[np.ix_(order, order)], np.linalg.inv(normal), rtol=1e-6)
+    gap = observed.measured - design @ expected
+    assert found.chi2 == pytest.approx(gap @ weight @ gap + (expected[2] / 0.02) ** 2, rel=1e-8)
+    assert found.dof == 30 + 1 - 3
+
+
+def test_the_jacobian_is_that_of_the_residual_also_at_a_bound():
+    problem = base_problem(MODEL, [table(noisy(3 * SPEED**2))]).with_uses(["power-law"])
+    theta = problem.start({"seal.torque": 0.0, "power-law.size": 0.4})
+    analytic = problem.jacobian(theta)
+    for k in range(theta.size):
+        step = np.zeros(theta.size)
+        step[k] = 1e-6
+        slope = (problem.residual(theta + step) - problem.residual(theta)) / 1e-6
+        np.testing.assert_allclose(analytic[:, k], slope, rtol=1e-4, atol=1e-5)
+
+
+def test_one_pass_over_all_steps_equals_step_by_step():
+    problem = base_problem(MODEL, [table(noisy(3 * SPEED**2))])
+    observed = problem.observations[0]
+    many = [{"loss.drag": 1.0, "seal.torque": t, "zero.offset": 0.0} for t in (0.1, 0.2, 0.7)]
+    together = observed.predict_many(problem.assembly, many)
+    again = observed.predict_many(problem.assembly, many)  # the first time is checked step by step
+    for k, values in enumerate(many):
+        np.testing.assert_allclose(together[:, k], observed.predict(problem.assembly, values), rtol=1e-15)
+        np.testing.assert_allclose(again[:, k], together[:, k], rtol=1e-15)
+
+
+def test_a_fit_that_cannot_move_a_parameter_says_so():
+    found = fit(base_problem(MODEL, [table(noisy(3 * SPEED**2 - 0.4 * SPEED))]))
+    assert found.at_bound == ("seal.torque",)
+    assert found.values["seal.torque"] == 0.0
+
+
+def test_a_candidate_starts_at_its_default_and_keeps_what_is_fixed():
+    problem = base_problem(MODEL, [table(noisy(SPEED**2))]).with_uses([Use("power-law")])
+    assert "power-law.size" in problem.names
+    assert "power-law.by" not in problem.names
+    assert problem.start()[problem.names.index("power-law.size")] == 0.2
+    assert problem.without("power-law").names == base_problem(MODEL, problem.observations).names
+
+
+def test_a_nuisance_named_as_candidate_loses_its_certificate_and_gets_it_back():
+    problem = base_problem(MODEL, [table(noisy(2 * SPEED**2 + 0.5))])
+    assert problem.priors == {"zero.offset": (0.0, pytest.approx(0.02))}
+    assert problem.nuisances == {Use("zero")}
+    free = problem.with_uses([Use("zero")])
+    assert free.priors == {}
+    assert free.n_priors == 0
+    assert fit(free).values["zero.offset"] == pytest.approx(0.5, abs=0.3)
+    assert abs(fit(problem).values["zero.offset"]) < 0.1
+    assert free.without("zero").priors == problem.priors
+
+
+def test_parameters_per_recording_have_one_element_each():
+    which = np.arange(30) // 10
+    truth = 2 * SPEED**2 + np.array([0.0, 1.0, -1.0])[which]
+    observed = table(noisy(truth), recording=which, recordings=("a", "b", "c"))
+    problem = base_problem(MODEL, [observed], []).with_uses(["drift"])
+    assert problem.names[-3:] == ("drift.step[a]", "drift.step[b]", "drift.step[c]") or set(
+        problem.names
+    ) >= {"drift.step[b]"}
+    found = fit(problem)
+    np.testing.assert_allclose(found.values["drift.step"], [0, 1, -1], atol=0.25)
+    parts = [observed.take(which == k) for k in range(3)]
+    named = [TableObservationOf(p, name) for p, name in zip(parts, "abc", strict=True)]
+    apart = fit(problem.over(named))
+    np.testing.assert_allclose(apart.values["drift.step"], found.values["drift.step"], rtol=1e-5)
+
+
+def TableObservationOf(part, name):
+    from dataclasses import replace
+
+    return replace(part, recordings=(name,), recording=None)
+
+
+def test_linked_parameters_move_together():
+    from dataclasses import replace
+
+    problem = base_problem(MODEL, [table(noisy(SPEED**2 + SPEED))])
+    linked = replace(
+        problem,
+        free=tuple(n for n in problem.free if n != "seal.torque"),
+        links={"seal.torque": "loss.drag"},
+    )
+    found = fit(linked)
+    assert found.values["seal.torque"] == found.values["loss.drag"] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_profile_interval_of_a_linear_problem_is_the_symmetric_one():
+    problem = base_problem(MODEL, [table(noisy(3 * SPEED**2 + SPEED))])
+    found = fit(problem)
+    low, high = profile_interval(problem, found, "loss.drag")
+    se = found.standard_error("loss.drag")
+    np.testing.assert_allclose([low, high], found.values["loss.drag"] + np.array([-1, 1]) * 1.95996 * se, rtol=1e-4)
+
+
+def test_a_profile_interval_ends_at_the_domain():
+    problem = base_problem(MODEL, [table(noisy(3 * SPEED**2))])
+    found = fit(problem)
+    low, high = profile_interval(problem, found, "seal.torque")
+    assert low == 0.0
+    assert 0.0 < high < 0.5
+
+
+def test_what_is_not_finite_is_an_error_and_no_verdict():
+    @effect("bad", adds_to="loss", neutral={"by": 0.0})
+    def bad(speed, *, by=Parameter(0.5, min=0.0, max=1.0)):
+        "Not a number."
+        return by * np.log(-speed)
+
+    problem = base_problem(MODEL.with_effect(bad), [table(SPEED)]).with_uses(["bad"])
+    with pytest.raises(ComputationError, match="not finite"):
+        fit(problem)
+
+
+def test_a_fit_that_does_not_converge_is_an_error():
+    with pytest.raises(ComputationError, match="did not converge"):
+        fit(base_problem(MODEL, [table(noisy(SPEED**2 + SPEED))]), max_evaluations=1)
+
+
+def test_more_parameters_than_values_are_refused():
+    few = table(SPEED[:2] ** 2, SPEED[:2])
+    with pytest.raises(RequestError, match="cannot determine"):
+        fit(base_problem(MODEL, [few]).with_uses(["zero", "power-law"]))
+
+
+def test_several_starts_are_the_same_every_time():
+    problem = base_problem(MODEL, [table(noisy(3 * SPEED**2 + SPEED))]).with_uses(["power-law"])
+    one, two = fit(problem, starts=4), fit(problem, starts=4)
+    np.testing.assert_array_equal(one.theta, two.theta)
+    assert one.chi2 <= fit(problem).chi2 * (1 + 1e-9)
+
+
+def test_an_estimated_noise_gives_the_f_distribution():
+    truth = noisy(3 * SPEED**2)
+    known = fit(base_problem(MODEL, [table(truth)]))
+    guessed = fit(base_problem(MODEL, [table(truth, noise_dof=4.0)]))
+    assert known.chi2 == guessed.chi2
+    bad = table(truth + np.sin(5 * SPEED))
+    assert fit(base_problem(MODEL, [bad])).p_value < 1e-6
+    from dataclasses import replace
+
+    assert fit(base_problem(MODEL, [replace(bad, noise_dof=4.0)])).p_value > 1e-4
