@@ -1,0 +1,71 @@
+"""Probability that a fall in chi-square is chance, whatever the noise is known from."""
+
+from __future__ import annotations
+
+import math
+
+
+def improvement_probability(
+    fall: float, amplitudes: int, *, scale: float = 1.0, noise_dof: float = math.inf, sided: int = 2
+) -> float:
+    """Probability under the null that q further amplitudes lower chi-square by `fall` or more.
+
+    F = (fall / q) / max(s^2, 1) with q and `noise_dof` degrees of freedom. `sided` = 1 for one
+    amplitude that cannot change sign: it sits on the boundary of its domain under the null, and the
+    law is the even mixture of chi-square with 0 and 1 degrees (Self & Liang 1987, JASA 82:605).
+
+    Parameters
+    ----------
+    fall : float
+        Chi-square without less chi-square with the amplitudes.
+    amplitudes : int
+        Number q of amplitudes.
+    scale : float
+        max(s^2, 1), where s^2 is the reduced chi-square that is left.
+    noise_dof : float
+        Degrees of freedom from which the noise is known: replicates plus residual. The larger of s^2
+        and 1 is never below their pooled variance, so that pooling the degrees keeps the level.
+    sided : int
+        1 or 2.
+
+    Examples
+    --------
+    >>> round(improvement_probability(3.841, 1), 4)
+    0.05
+    """
+    from scipy.special import chdtrc, fdtrc
+
+    if fall <= 0:
+        return 1.0
+    value = fall / scale
+    if math.isinf(noise_dof):
+        probability = chdtrc(amplitudes, value)
+    else:
+        probability = fdtrc(amplitudes, noise_dof, value / amplitudes)
+    return float(probability) * (0.5 if sided == 1 and amplitudes == 1 else 1.0)
+
+
+def lack_of_fit_probability(chi2: float, dof: float, noise_dof: float = math.inf) -> float:
+    """Probability that a right model leaves a reduced chi-square as large as this.
+
+    Examples
+    --------
+    >>> round(lack_of_fit_probability(124.342, 100), 3)
+    0.05
+    """
+    return improvement_probability(chi2, dof, noise_dof=noise_dof)  # type: ignore[arg-type]
+
+
+def visible_noncentrality(level: float, power: float = 0.8) -> float:
+    """Chi-square without noise that a two-sided test at `level` sees with probability `power`.
+
+    lambda = (z_(1 - level/2) + z_power)^2 (Saris, Satorra & van der Veld 2009).
+
+    Examples
+    --------
+    >>> round(visible_noncentrality(0.05), 2)
+    7.85
+    """
+    from scipy.special import ndtri
+
+    return float((-ndtri(level / 2) + ndtri(power)) ** 2)
