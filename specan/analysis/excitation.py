@@ -65,7 +65,7 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
             remedy=nearest(said, ["sine", "noise"]),
         )
     seen = _from_channels(recording)
-    stated = _from_properties(recording)
+    stated = stated_excitation(recording)
     if said is not None:
         frequency = seen.frequency_hz if seen.kind == "sine" else None
         if stated is not None and stated.kind == "sine":
@@ -116,7 +116,8 @@ def _property(recording: Recording, key: str) -> Iterator[tuple[str, Any]]:
                 yield place, value
 
 
-def _from_properties(recording: Recording) -> Excitation | None:
+def stated_excitation(recording: Recording) -> Excitation | None:
+    """What the properties of the file or of a group say; None where they are silent. Reads no samples."""
     for place, value in _property(recording, "Excitation"):
         text = str(value).strip().lower()
         for kind, words in _WORDS:
