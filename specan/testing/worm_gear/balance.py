@@ -131,11 +131,12 @@ def _bearing_torques(
         total = np.zeros_like(omega)
         for bearing, radial in ((near, at_near), (far, at_far)):
             thrust = (axial if bearing.locating else 0.0 * axial) + gear.bearing_seat
-            loads = bearings.ball_loads(bearing, radial, thrust)
+            angle = bearings.contact_angle(bearing, thrust)
+            loads = bearings.ball_loads(bearing, radial, thrust, angle)
             rolling = bearings.rolling_torque(bearing, loads, shaft_speed, state.viscosity)
             for factor in slots.rolling_factor:
                 rolling = rolling * factor(state)
-            total = total + rolling + bearings.sliding_torque(bearing, loads)
+            total = total + rolling + bearings.spinning_torque(bearing, loads, angle)
         torques.append(gear.bearing_roughness * total)
     return torques[0], torques[1]
 

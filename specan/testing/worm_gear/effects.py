@@ -102,7 +102,7 @@ def _viscosity_dependent_friction(slots: Slots, strength: float, rng: np.random.
 
 def _load_dependent_friction(slots: Slots, strength: float, rng: np.random.Generator) -> None:
     # A power law with an offset force: friction stays finite where the load vanishes.
-    offset = rng.uniform(10.0, 40.0)  # N at a mean point of the contact
+    offset = rng.uniform(2.0, 8.0)  # N at a mean point of the contact
     reference = _REFERENCE_TORQUE / 0.045 / 14.0
 
     def factor(s: State) -> Array:
@@ -199,10 +199,10 @@ def _shear_thinning(slots: Slots, strength: float, rng: np.random.Generator) -> 
     # Eyring: the oil yields where the shear stress passes its characteristic stress; strength is the viscosity lost
     # at 1500 rpm and the reference viscosity.
     grid = np.linspace(1e-4, 30.0, 30001)
-    reference = np.interp(strength, 1.0 - np.arcsinh(grid) / grid, grid)
+    reference = np.interp(strength, np.append(0.0, 1.0 - np.arcsinh(grid) / grid), np.append(0.0, grid))
 
     def factor(s: State) -> Array:
-        stress = reference * s.viscosity / REFERENCE_VISCOSITY * _speed(s)
+        stress = np.maximum(reference * s.viscosity / REFERENCE_VISCOSITY * _speed(s), 1e-9)
         return np.arcsinh(stress) / stress
 
     slots.drag_factor.append(factor)

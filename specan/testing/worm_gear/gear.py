@@ -64,7 +64,7 @@ class Gear:
     bearing_roughness : float
         Factor on the friction of all bearings.
     bearing_seat : float
-        Axial load of the spring washer that seats the locating bearings, N.
+        Axial load of the bearings that the running gear always has, N.
     vogel : float
         Third constant of the oil's viscosity law, degC.
     """
@@ -75,7 +75,7 @@ class Gear:
     drag_torque: float = 0.62
     drag_speed: float = 0.06
     bearing_roughness: float = 1.0
-    bearing_seat: float = 15.0
+    bearing_seat: float = 0.3
     vogel: float = 145.0
     viscosities: tuple[float, float] = field(default=(VISCOSITY_40, VISCOSITY_100))
 
@@ -87,7 +87,7 @@ def draw(rng: np.random.Generator) -> Gear:
         boundary_speed=rng.uniform(0.05, 0.07),
         drag_torque=rng.uniform(0.5, 0.72),
         drag_speed=rng.uniform(0.04, 0.09),
-        bearing_roughness=rng.uniform(0.9, 1.1),
+        bearing_roughness=rng.uniform(0.97, 1.03),
         vogel=rng.uniform(141.0, 149.0),
     )
 
