@@ -122,11 +122,12 @@ class Model:
 
     def not_testable(self, available: Iterable[str]) -> dict[str, str]:
         """Effects whose conditions the data lack: ``{"running-in": "needs elapsed_time"}``."""
-        have = set(available) | {n for n, c in self.conditions.items() if c.default is not None}
+        readable = set(available) | {n for n, c in self.conditions.items() if c.default is not None}
+        known = set(available) | {n for n in readable if n in self.conditions and self.conditions[n].known}
         missing = {}
         for effect in self.effects.values():
-            wants = [*effect.needs, *(r for r in effect.reads if r in self.conditions)]
-            lacking = sorted({w for w in wants if w not in have and w not in self.quantities})
+            reads = {r for r in effect.reads if r in self.conditions and r not in readable}
+            lacking = sorted(reads | {w for w in effect.needs if w not in known and w not in self.quantities})
             if lacking:
                 missing[effect.name] = "needs " + ", ".join(lacking)
         return missing

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +22,8 @@ class Condition:
         How a table names it and in which unit; inside, values are SI.
     default : float or None
         Used where the data have no such column, in `column_unit`; None makes the column necessary
-        for whatever reads it.
+        for whatever reads it. NaN says that it is not known then: what reads it does without, and what
+        `needs` it cannot be tested.
     """
 
     name: str
@@ -31,6 +33,11 @@ class Condition:
     column_unit: str = ""
     default: float | None = None
     varies: bool = True  # False: never an axis along which a failure is looked for
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a value without a column."""
+        return self.default is not None and not math.isnan(self.default)
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,10 @@ class AxisModes:
         """Squared wave numbers, 1/m^2."""
         return self.w / self.length**2
 
+    def lines(self, part: slice) -> AxisModes:
+        """The same at some lines only."""
+        return AxisModes(self.length, self.w[part], self.a0[part], self.norm[part])
+
     def at(self, x: NDArray[np.float64]) -> Complex:
         """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
         part = np.asarray(x, dtype=float) / self.length

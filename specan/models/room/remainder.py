@@ -1,0 +1,176 @@
+"""What a truncated modal sum of a box lacks: nearly static, so a polynomial in the squared wave number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Complex = NDArray[np.complex128]
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Polynomials in ``(k^2 - centre) / radius``, one a receiver.
+
+    Attributes
+    ----------
+    rigid : array (order, receivers)
+        Of the rigid box.
+    soft : array (order, receivers)
+        First-order change by ``j k beta`` (1/m) of the wall that holds the source.
+    """
+
+    centre: float
+    radius: float
+    rigid: Real
+    soft: Real
+
+    def at(self, k2: Complex, source_wall: Complex) -> Complex:
+        """Values (lines, receivers)."""
+        t = ((k2 - self.centre) / self.radius)[:, None]
+        return _horner(self.rigid, t) + source_wall[:, None] * _horner(self.soft, t)
+
+
+def _horner(coefficients: Real, t: Complex) -> Complex:
+    total = np.zeros((len(t), coefficients.shape[1]), dtype=complex)
+    for row in coefficients[::-1]:
+        total = total * t + row
+    return total
+
+
+def remainder(
+    lengths: tuple[float, float, float],
+    counts: tuple[int, ...],
+    k2_max: float,
+    source: tuple[float, float, float],
+    axis: int,
+    radius: float,
+    points: Real,
+    radii: Real,
+    order: int = 4,
+) -> Remainder:
+    """Rigid-box coupling above the truncation `counts`, for ``0 <= k^2 <= k2_max``.
+
+    Along `axis` all modes are summed in closed form,
+    ``cosh(kappa x_<) cosh(kappa (L - x_>)) / (kappa sinh(kappa L))``; along the other two they are added
+    until they have died out between source and receiver. The values at points on a circle in the plane
+    of k^2, where no mode is near, give the Taylor coefficients (Cauchy's formula).
+
+    Parameters
+    ----------
+    lengths, counts : tuples
+        Edges in m and modes kept along each axis.
+    source, axis, radius : position in m, number of the closed axis, radius of the patch (0: a point)
+    points, radii : arrays (receivers, 3), (receivers,)
+    order : int
+        Order of the polynomials.
+    """
+    centre, circle = k2_max / 2, 0.6 * k2_max
+    nodes = 2 * order + 4
+    angles = 2 * np.pi * (np.arange(nodes // 2) + 0.5) / nodes  # the lower half is the conjugate
+    terms = _Terms.prepare(lengths, counts, source, axis, radius)
+    values = np.array(
+        [
+            [terms.sums(centre + circle * np.exp(1j * a), p, r) for p, r in zip(points, radii, strict=True)]
+            for a in angles
+        ]
+    )
+    powers = np.exp(-1j * np.outer(np.arange(order + 1), angles))
+    coefficients = np.einsum("on,nrs->sor", powers, values).real * (2 / nodes)
+    return Remainder(centre, circle, coefficients[0], coefficients[1])
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """In-plane modes in rising order of their wave number."""
+
+    lengths: tuple[float, float, float]
+    counts: tuple[int, ...]
+    source: tuple[float, float, float]
+    axis: int
+    radius: float
+    plane: tuple[int, int]
+    qm: Real
+    qn: Real
+    kt2: Real
+    weight: Real
+    low: NDArray[np.bool_]
+
+    REACH = 30.0  # exp(-30): a mode that has died out
+    PATCH = 120.0  # kappa a at which the means over two patches have fallen to 1e-6
+
+    @classmethod
+    def prepare(
+        cls,
+        lengths: tuple[float, float, float],
+        counts: tuple[int, ...],
+        source: tuple[float, float, float],
+        axis: int,
+        radius: float,
+    ) -> _Terms:
+        i, j = (a for a in range(3) if a != axis)
+        limit = cls.PATCH / radius if radius > 0 else cls.REACH / 0.02
+        limit = max(limit, np.pi * counts[i] / lengths[i], np.pi * counts[j] / lengths[j])
+        m, n = np.arange(int(limit * lengths[i] / np.pi) + 1), np.arange(int(limit * lengths[j] / np.pi) + 1)
+        qm, qn = (
+            np.ravel(q) for q in np.meshgrid(np.pi * m / lengths[i], np.pi * n / lengths[j], indexing="ij")
+        )
+        kt2 = qm**2 + qn**2
+        order = np.argsort(kt2, kind="stable")
+        order = order[kt2[order] <= limit**2]
+        qm, qn, kt2 = qm[order], qn[order], kt2[order]
+        double = np.where(qm == 0, 1.0, 2.0) * np.where(qn == 0, 1.0, 2.0) / (lengths[i] * lengths[j])
+        weight = double * _bessel_mean(kt2, radius) * np.cos(qm * source[i]) * np.cos(qn * source[j])
+        low = (qm < np.pi * (counts[i] - 0.5) / lengths[i]) & (qn < np.pi * (counts[j] - 0.5) / lengths[j])
+        return cls(lengths, counts, source, axis, radius, (i, j), qm, qn, kt2, weight, low)
+
+    def sums(self, k2: complex, point: Real, radius: float) -> tuple[complex, complex]:
+        """Remainder of the rigid box, and its change by a soft source wall."""
+        length, here, there = self.lengths[self.axis], self.source[self.axis], float(point[self.axis])
+        gap = abs(there - here)
+        reach = self.REACH / max(gap, 1e-9)
+        if radius == 0 and self.radius == 0 and gap < 0.02:
+            reach = self.REACH / 0.02
+        last = max(int(np.searchsorted(self.kt2, reach**2)), int(np.flatnonzero(self.low)[-1]) + 1)
+        some = slice(0, last)
+        kt2, low = self.kt2[some], self.low[some]
+        i, j = self.plane
+        weight = self.weight[some] * np.cos(self.qm[some] * point[i]) * np.cos(self.qn[some] * point[j])
+        if radius > 0:
+            weight = weight * _bessel_mean(kt2, radius)
+        kappa = np.sqrt(kt2 - k2 + 0j)
+        along = _closed_form(kappa, length, here, there)
+        wall = 0.0 if here < length / 2 else length
+        softer = -along * _closed_form(kappa, length, wall, wall)
+        along[low] -= _modes_of_axis(length, self.counts[self.axis], kt2[low] - k2, here, there)
+        softer[low] = 0.0
+        return complex((weight * along).sum()), complex((weight * softer).sum())
+
+
+def _bessel_mean(kt2: Real, radius: float) -> Real:
+    from scipy.special import j1
+
+    z = np.sqrt(kt2) * radius
+    flat = z < 1e-8
+    return np.where(flat, 1.0, 2 * j1(z) / np.where(flat, 1.0, z))
+
+
+def _closed_form(kappa: Complex, length: float, x: float, y: float) -> Complex:
+    """Rigid axis summed over all its modes between `x` and `y`."""
+    low, high = min(x, y), max(x, y)
+    spread = (1 + np.exp(-2 * kappa * low)) * (1 + np.exp(-2 * kappa * (length - high)))
+    found: Complex = np.exp(-kappa * (high - low)) * spread / (2 * kappa * (1 - np.exp(-2 * kappa * length)))
+    return found
+
+
+def _modes_of_axis(length: float, count: int, gap: Complex, x: float, y: float) -> Complex:
+    """The first `count` terms of the same sum."""
+    n = np.arange(count)
+    weight = (
+        np.where(n == 0, 1.0, 2.0) / length * np.cos(np.pi * n * x / length) * np.cos(np.pi * n * y / length)
+    )
+    found: Complex = (weight / ((np.pi * n / length) ** 2 + gap[:, None])).sum(axis=1)
+    return found

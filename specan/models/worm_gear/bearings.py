@@ -1,0 +1,167 @@
+"""Friction moments of the four bearings by the SKF model: rolling, sliding, drag, seals.
+
+The factors for inlet shear heating and for starvation are effects of their own (`inlet-shear-heating`,
+`starvation`): they scale the rolling moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from specan.models.quantity import Quantity, constant, quantity
+from specan.models.worm_gear.bearing_table import K_Z
+from specan.models.worm_gear.forces import AXES
+from specan.models.worm_gear.rig import PlacedBearing
+
+SKF = "SKF, The SKF model for calculating the frictional moment (catalogue 10000 EN 2013, 17000 EN 2018)"
+RPM = 30 / np.pi  # r/min in a rad/s
+MU_BOUNDARY = 0.12  # sliding friction of the bare contact in motion
+MU_FULL_FILM = 0.04  # full film, synthetic oils; 0.05 for mineral ones
+
+
+def bearing_quantities(bearings: Sequence[PlacedBearing], ratio: float) -> list[Quantity]:
+    """Speeds and moments of the bearings."""
+    balls = [b.bearing for b in bearings]
+    return [
+        constant("bearing_bore", np.array([1e-3 * b.bore for b in balls]), "m", "Bore.", AXES),
+        constant("bearing_outside", np.array([1e-3 * b.outside for b in balls]), "m", "Outside diameter.", AXES),
+        _speed(ratio),
+        _rolling(bearings),
+        _sliding(bearings),
+        _drag(bearings),
+        _seals(bearings),
+        bearing_moment,
+        worm_bearing_torque,
+        wheel_bearing_torque,
+        bearing_loss,
+    ]  # fmt: skip
+
+
+def _column(values: Sequence[float], like: np.ndarray) -> np.ndarray:
+    """Values of the bearings, shaped to multiply an array whose first axis is theirs."""
+    return np.reshape(values, (len(values),) + (1,) * (np.ndim(like) - 1))
+
+
+def _speed(ratio: float) -> Quantity:
+    speeds = np.array([1.0, 1.0, 1 / ratio, 1 / ratio])
+
+    @quantity(unit="rad/s", axes=AXES)
+    def bearing_speed(worm_speed):
+        """Speed of each bearing."""
+        return np.multiply.outer(speeds, worm_speed)
+
+    return bearing_speed
+
+
+def _contact_angle(axial: np.ndarray, rating: float) -> np.ndarray:
+    """Sine of the angle under which the balls carry an axial load; 24.6 (Fa/C0)^0.24 degrees."""
+    return np.sin(np.deg2rad(24.6 * (np.maximum(axial, 1e-6) / rating) ** 0.24))
+
+
+def _rolling(bearings: Sequence[PlacedBearing]) -> Quantity:
+    factor = [1e-3 * b.bearing.r1 * b.bearing.mean_diameter**1.96 for b in bearings]  # N mm -> N m
+    locating = [(i, b.bearing.r2, b.bearing.static_rating) for i, b in enumerate(bearings) if b.locating]
+
+    @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, rolling frictional moment")
+    def bearing_rolling_moment(bearing_radial_load, bearing_axial_load, bearing_speed, kinematic_viscosity):
+        """Rolling moment of each bearing: G_rr (nu n)^0.6, without the factors for heating and starvation."""
+        load = bearing_radial_load
+        if np.any(bearing_axial_load):
+            load = load.copy()
+            for i, r2, rating in locating:
+                axial = bearing_axial_load[i]
+                load[i] += r2 * axial / _contact_angle(axial, rating)
+        speed = (1e6 * RPM * kinematic_viscosity * bearing_speed) ** 0.6
+        return _column(factor, load) * load**0.54 * speed
+
+    return bearing_rolling_moment
+
+
+def _sliding(bearings: Sequence[PlacedBearing]) -> Quantity:
+    radial = [
+        1e-3 * b.bearing.s1 * b.bearing.mean_diameter ** (-0.145 if b.locating else -0.26) for b in bearings
+    ]
+    diameters = [b.bearing.mean_diameter for b in bearings]
+    locating = [
+        (i, b.bearing.s2 * b.bearing.mean_diameter**1.5, b.bearing.static_rating)
+        for i, b in enumerate(bearings)
+        if b.locating
+    ]
+
+    @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, sliding frictional moment")
+    def bearing_sliding_moment(bearing_radial_load, bearing_axial_load, bearing_speed, kinematic_viscosity):
+        """Sliding moment of each bearing: G_sl times a coefficient between bare and full-film contact."""
+        load = bearing_radial_load**5
+        for i, s2, rating in locating:
+            axial = bearing_axial_load[i]
+            load[i] += s2 * axial**4 / _contact_angle(axial, rating)
+        film = (1e6 * RPM * kinematic_viscosity * bearing_speed) ** 1.4
+        bare = np.exp(-2.6e-8 * _column(diameters, load) * film)
+        coefficient = MU_FULL_FILM + (MU_BOUNDARY - MU_FULL_FILM) * bare
+        return _column(radial, load) * np.cbrt(load) * coefficient
+
+    return bearing_sliding_moment
+
+
+def _drag(bearings: Sequence[PlacedBearing]) -> Quantity:
+    """Drag in the oil bath; nothing for a bearing whose oil height and drag loss factor are not given."""
+    ball, layer = [], []
+    for b in bearings:
+        bore, outside, mean = b.bearing.bore, b.bearing.outside, b.bearing.mean_diameter
+        shape = K_Z * (bore + outside) / (outside - bore)
+        ball.append(1e-3 * 0.4 * b.drag_loss_factor * shape * 1e-12 * mean**5)
+        angle = 2 * np.arccos(np.clip(1 - b.oil_height / (0.6 * mean), -1, 1))
+        reach = np.sin(angle / 2) if angle <= np.pi else 1.0
+        surface = 0.36 * mean**2 * (angle - np.sin(angle)) * 0.05 * shape
+        layer.append(
+            1e-3 * 1.093e-7 * mean**3 * surface * (mean**2 * reach) ** -1.379 if b.oil_height else 0.0
+        )
+    still = not any(ball) and not any(layer)
+
+    @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, drag losses")
+    def bearing_drag_moment(bearing_speed, kinematic_viscosity):
+        """Drag moment of each bearing in the oil bath."""
+        if still:
+            return np.zeros_like(bearing_speed)
+        speed = RPM * bearing_speed
+        moment = _column(ball, speed) * speed**2
+        return moment + _column(layer, speed) * speed**0.621 * (1e6 * kinematic_viscosity) ** 1.379
+
+    return bearing_drag_moment
+
+
+def _seals(bearings: Sequence[PlacedBearing]) -> Quantity:
+    moments = [b.seal_torque for b in bearings]
+
+    @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, frictional moment of seals")
+    def bearing_seal_moment(bearing_speed):
+        """Moment of each bearing's own rubbing seals; open and shielded bearings have none."""
+        return np.broadcast_to(_column(moments, bearing_speed), np.shape(bearing_speed))
+
+    return bearing_seal_moment
+
+
+@quantity(unit="N*m", axes=AXES, reference=SKF)
+def bearing_moment(bearing_rolling_moment, bearing_sliding_moment, bearing_drag_moment, bearing_seal_moment):
+    """Friction moment of each bearing by the catalogue."""
+    return bearing_rolling_moment + bearing_sliding_moment + bearing_drag_moment + bearing_seal_moment
+
+
+@quantity(unit="N*m")
+def worm_bearing_torque():
+    """Torque that the bearings take from the worm shaft; an ideal gear's take none."""
+    return 0.0
+
+
+@quantity(unit="N*m")
+def wheel_bearing_torque():
+    """Torque that the bearings take from the wheel shaft; an ideal gear's take none."""
+    return 0.0
+
+
+@quantity(unit="W")
+def bearing_loss(worm_bearing_torque, wheel_bearing_torque, worm_speed, wheel_speed):
+    """Power lost in the bearings."""
+    return worm_bearing_torque * worm_speed + wheel_bearing_torque * wheel_speed

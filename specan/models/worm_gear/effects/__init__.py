@@ -1,0 +1,1 @@
+"""Effects of the worm gear, one a file."""

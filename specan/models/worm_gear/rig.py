@@ -1,0 +1,238 @@
+"""The worm-gear rig file: what a user knows about the gear, its oil, its bench."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Field, model_validator
+
+from specan.errors import RequestError
+from specan.models.worm_gear.bearing_table import BallBearing, find, has_contact_seal
+from specan.schema import Settings, parse
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Range = tuple[float, float]
+
+
+class Gear(Settings):
+    """Geometry of the worm and its wheel."""
+
+    z_worm: Annotated[int, Field(ge=1)]
+    z_wheel: Annotated[int, Field(ge=2)]
+    worm_pitch_diameter_mm: Positive
+    wheel_pitch_diameter_mm: Positive
+    lead_angle_deg: Annotated[float, Field(gt=0, lt=90)]
+    normal_pressure_angle_deg: Annotated[float, Field(gt=0, lt=45)] = 20.0
+    worm_width_mm: Positive
+    wheel_width_mm: Positive
+    worm_bearing_positions_mm: Range = (-31.0, 31.0)
+    wheel_bearing_positions_mm: Range = (-31.0, 31.0)
+    bearing_dead_load_N: Positive = 10.0
+
+    @model_validator(mode="after")
+    def _geometry_closes(self) -> Gear:
+        # d1 tan(lead) = z1 m and d2 = z2 m for the same module m
+        ratio = self.wheel_pitch_diameter_mm * self.z_worm / (self.z_wheel * self.worm_pitch_diameter_mm)
+        closing = math.degrees(math.atan(ratio))
+        if abs(closing - self.lead_angle_deg) > 0.1 * closing:
+            raise ValueError(
+                f"a lead angle near {closing:.2f} degrees, which the teeth and pitch diameters give "
+                f"(the file says {self.lead_angle_deg})"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _mesh_between_bearings(self) -> Gear:
+        for shaft in ("worm", "wheel"):
+            low, high = getattr(self, f"{shaft}_bearing_positions_mm")
+            if not low < 0 < high:
+                raise ValueError(
+                    f"{shaft}_bearing_positions_mm of one bearing on each side of the mesh plane, "
+                    f"the negative first (the file says [{low}, {high}])"
+                )
+        return self
+
+
+class BearingEntry(Settings):
+    """One or several equal bearings of a shaft, in the order of the positions."""
+
+    designation: str
+    shaft: Literal["worm", "wheel"]
+    count: Annotated[int, Field(ge=1, le=2)] = 1
+    locating: bool | None = None
+    seal_torque_Nm: NotNegative | None = None
+    oil_height_mm: NotNegative = 0.0
+    drag_loss_factor: NotNegative = 0.0
+
+
+class Oil(Settings):
+    """Data sheet of the oil."""
+
+    density_kg_m3: Positive
+    viscosity_40C_mm2_s: Positive
+    viscosity_100C_mm2_s: Positive
+    volume_ml: Positive = 180.0
+
+    @model_validator(mode="after")
+    def _thins_when_warm(self) -> Oil:
+        if self.viscosity_100C_mm2_s >= self.viscosity_40C_mm2_s:
+            raise ValueError(
+                f"a viscosity at 100 degC below that at 40 degC (the file says "
+                f"{self.viscosity_100C_mm2_s} and {self.viscosity_40C_mm2_s} mm^2/s; are they exchanged?)"
+            )
+        return self
+
+
+class Operation(Settings):
+    """Conditions where a table has no column of them."""
+
+    oil_temperature_C: Annotated[float, Field(gt=-50, lt=200)] = 60.0
+    oil_level_percent: Positive = 100.0
+    ambient_temperature_C: Annotated[float, Field(gt=-50, lt=100)] = 22.0
+
+
+class Uncertainty(Settings):
+    """Standard uncertainties of instruments and settings; what is not given is not assumed."""
+
+    torque_setting_percent: NotNegative | None = None
+    speed_setting_percent: NotNegative | None = None
+    oil_temperature_setting_K: NotNegative | None = None
+    input_torque_Nm: NotNegative | None = None
+    input_torque_gain_percent: NotNegative | None = None
+    input_torque_zero_Nm: NotNegative | None = None
+    output_torque_Nm: NotNegative | None = None
+    output_torque_gain_percent: NotNegative | None = None
+    output_torque_zero_Nm: NotNegative | None = None
+    oil_temperature_K: NotNegative | None = None
+    model_discrepancy_percent: NotNegative = 0.5
+
+
+def _ordered(limits: Limits) -> Limits:
+    for name in type(limits).model_fields:
+        span = getattr(limits, name)
+        if span is not None and not span[0] < span[1]:
+            raise ValueError(f"{name} from low to high (the file says {list(span)})")
+    return limits
+
+
+class Limits(Settings):
+    """What the bench can run."""
+
+    speed_rpm: Range = (300.0, 3000.0)
+    output_torque_Nm: Range = (0.0, 100.0)
+    oil_temperature_C: Range = (25.0, 80.0)
+    oil_level_percent: Range | None = None
+
+    _order = model_validator(mode="after")(_ordered)
+
+
+class Choice(Settings):
+    """Which form of the base physics."""
+
+    mesh: Literal["worm", "article"] = "worm"
+    viscosity: Literal["vogel", "exponential"] = "vogel"
+
+
+class Rig(Settings):
+    """A worm-gear rig file."""
+
+    gear: Gear
+    bearing: tuple[BearingEntry, ...]
+    oil: Oil
+    operation: Operation = Operation()
+    uncertainty: Uncertainty = Uncertainty()
+    limits: Limits = Limits()
+    model: Choice = Choice()
+
+
+@dataclass(frozen=True)
+class PlacedBearing:
+    """A bearing at its place on a shaft."""
+
+    bearing: BallBearing
+    shaft: str
+    locating: bool
+    seal_torque: float
+    oil_height: float
+    drag_loss_factor: float
+
+
+def read_rig(content: Mapping[str, Any]) -> Rig:
+    """Check the parsed rig file.
+
+    Raises
+    ------
+    RequestError
+        Unknown key (the nearest is offered), missing key, impossible value, unknown bearing.
+    """
+    rig = parse(Rig, content, "the rig file")
+    placed_bearings(rig)
+    return rig
+
+
+def placed_bearings(rig: Rig) -> tuple[PlacedBearing, ...]:
+    """The four bearings: two of the worm's shaft, two of the wheel's, in the order of their positions."""
+    return (*_shaft(rig, "worm"), *_shaft(rig, "wheel"))
+
+
+def _shaft(rig: Rig, shaft: str) -> list[PlacedBearing]:
+    entries = [entry for entry in rig.bearing for _ in range(entry.count) if entry.shaft == shaft]
+    if len(entries) != 2:
+        raise RequestError(
+            f"the rig file: the {shaft} shaft has {len(entries)} bearings",
+            expected="two",
+            remedy=f'give [[bearing]] entries with shaft = "{shaft}" whose counts add up to 2',
+        )
+    found = [find(entry.designation) for entry in entries]
+    chosen = [i for i, entry in enumerate(entries) if entry.locating]
+    free = [i for i, entry in enumerate(entries) if entry.locating is None]
+    if not chosen:
+        if not free:
+            raise RequestError(
+                f"the rig file: no bearing of the {shaft} shaft takes the axial load",
+                remedy="give one of them locating = true",
+            )
+        chosen = [max(free, key=lambda i: found[i].static_rating)]
+    return [
+        PlacedBearing(
+            bearing=found[i],
+            shaft=shaft,
+            # Two equal entries share the settings; the first of them locates the shaft.
+            locating=i == chosen[0],
+            seal_torque=_seal_torque(entry),
+            oil_height=entry.oil_height_mm,
+            drag_loss_factor=entry.drag_loss_factor,
+        )
+        for i, entry in enumerate(entries)
+    ]
+
+
+def _seal_torque(entry: BearingEntry) -> float:
+    if entry.seal_torque_Nm is None and has_contact_seal(entry.designation):
+        raise RequestError(
+            f"the rig file: the bearing {entry.designation!r} has rubbing seals",
+            remedy="give their torque as seal_torque_Nm (SKF: K_S1 d_s^beta + K_S2), or 0 to neglect it",
+        )
+    return entry.seal_torque_Nm or 0.0
+
+
+def defaults_used(settings: BaseModel, prefix: str = "") -> dict[str, Any]:
+    """Dotted key and value of every default that the file left open; None is no assumption.
+
+    Examples
+    --------
+    >>> defaults_used(Operation(oil_level_percent=80.0))
+    {'oil_temperature_C': 60.0, 'ambient_temperature_C': 22.0}
+    """
+    found: dict[str, Any] = {}
+    for name in type(settings).model_fields:
+        value = getattr(settings, name)
+        if isinstance(value, BaseModel):
+            found |= defaults_used(value, f"{prefix}{name}.")
+        elif name not in settings.model_fields_set and value is not None:
+            found[prefix + name] = value
+    return found
