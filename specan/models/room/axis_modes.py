@@ -51,7 +51,7 @@ class AxisModes:
         return cosine + self.a0[..., None] * part * sine
 
 
-def axis_modes(length: float, a0: Complex, a1: Complex, count: int) -> AxisModes:
+def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: int) -> AxisModes:
     """Solve ``X'' + q^2 X = 0`` with ``X'(0) = (a0/L) X(0)`` and ``X'(L) = -(a1/L) X(L)``.
 
     The characteristic function is entire in ``w = (q L)^2``,

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models.room.axis_modes import AxisModes, axis_modes
+
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
@@ -98,7 +100,11 @@ class _Terms:
     kt2: Real
     weight: Real
     low: NDArray[np.bool_]
+    rigid: AxisModes  # along the closed axis
+    softer: AxisModes  # the same with the source's wall a little soft, and a little active
+    harder: AxisModes
 
+    STEP = 1e-4  # 1/m, of j k beta: for a derivative
     REACH = 30.0  # exp(-30): a mode that has died out
     PATCH = 120.0  # kappa a at which the means over two patches have fallen to 1e-6
 
@@ -125,7 +131,12 @@ class _Terms:
         double = np.where(qm == 0, 1.0, 2.0) * np.where(qn == 0, 1.0, 2.0) / (lengths[i] * lengths[j])
         weight = double * _bessel_mean(kt2, radius) * np.cos(qm * source[i]) * np.cos(qn * source[j])
         low = (qm < np.pi * (counts[i] - 0.5) / lengths[i]) & (qn < np.pi * (counts[j] - 0.5) / lengths[j])
-        return cls(lengths, counts, source, axis, radius, (i, j), qm, qn, kt2, weight, low)
+        nearby = source[axis] < lengths[axis] / 2
+        modes = [
+            axis_modes(lengths[axis], *((step, 0.0) if nearby else (0.0, step)), counts[axis])
+            for step in (0.0, cls.STEP * lengths[axis], -cls.STEP * lengths[axis])
+        ]
+        return cls(lengths, counts, source, axis, radius, (i, j), qm, qn, kt2, weight, low, *modes)
 
     def sums(self, k2: complex, point: Real, radius: float) -> tuple[complex, complex]:
         """Remainder of the rigid box, and its change by a soft source wall."""
@@ -145,8 +156,10 @@ class _Terms:
         along = _closed_form(kappa, length, here, there)
         wall = 0.0 if here < length / 2 else length
         softer = -along * _closed_form(kappa, length, wall, wall)
-        along[low] -= _modes_of_axis(length, self.counts[self.axis], kt2[low] - k2, here, there)
-        softer[low] = 0.0
+        gaps = kt2[low] - k2
+        along[low] -= _modes_of_axis(self.rigid, gaps, here, there)
+        stepped = [_modes_of_axis(modes, gaps, here, there) for modes in (self.softer, self.harder)]
+        softer[low] -= (stepped[0] - stepped[1]) / (2 * self.STEP)
         return complex((weight * along).sum()), complex((weight * softer).sum())
 
 
@@ -166,11 +179,9 @@ def _closed_form(kappa: Complex, length: float, x: float, y: float) -> Complex:
     return found
 
 
-def _modes_of_axis(length: float, count: int, gap: Complex, x: float, y: float) -> Complex:
-    """The first `count` terms of the same sum."""
-    n = np.arange(count)
-    weight = (
-        np.where(n == 0, 1.0, 2.0) / length * np.cos(np.pi * n * x / length) * np.cos(np.pi * n * y / length)
-    )
-    found: Complex = (weight / ((np.pi * n / length) ** 2 + gap[:, None])).sum(axis=1)
+def _modes_of_axis(modes: AxisModes, gap: Complex, x: float, y: float) -> Complex:
+    """The terms of the same sum that the truncated one has."""
+    at = modes.at(np.array([x, y]))[0]
+    weight = at[:, 0] * at[:, 1] / modes.norm[0]
+    found: Complex = (weight / (modes.q2[0] + gap[:, None])).sum(axis=1)
     return found
