@@ -236,6 +236,17 @@ class Problem:
                 points.append(point)
         return points, weights
 
+    def data_residuals(self, many: Sequence[Mapping[str, Any]]) -> Array:
+        """Whitened data residuals (no priors) for several sets of values, one a column."""
+        return np.concatenate(
+            [
+                o.whiten(
+                    o.predict_many(self.assembly, [self._seen_by(o, v) for v in many]) - o.measured[:, None]
+                )
+                for o in self.observations
+            ]
+        )
+
     def predictions(self, theta: Array) -> list[Array]:
         """What the model expects in place of `measured`, one vector an observation."""
         values = self.values_at(theta)
