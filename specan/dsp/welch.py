@@ -180,7 +180,7 @@ class CrossSpectra:
     def result(self) -> SpectralMatrix:
         """The average so far; NaN if no block was complete."""
         lines = np.arange(self._lines + 1)
-        frequency = lines * (self.rate / self.block)
+        frequency = np.asarray(lines * (self.rate / self.block), dtype=np.float64)
         scale = np.full(len(lines), 2.0 / (self.rate * np.sum(self._window**2)))
         scale[(lines == 0) | (2 * lines == self.block)] /= 2  # have no mirror line
         if self.n_blocks == 0:
@@ -189,7 +189,7 @@ class CrossSpectra:
             scale /= self.n_blocks
         turn = np.exp(-2j * np.pi * np.outer(self.shifts, frequency) / self.rate)
         back = turn[None, :, :] * np.conj(turn[list(self.references)])[:, None, :]
-        auto: Real = np.asarray(self._auto * scale, dtype=np.float64)
+        auto: Real = self._auto * scale
         cross: Complex = np.multiply(self._cross, back * scale)
         return SpectralMatrix(frequency, auto, cross, self.n_blocks, self._effective())
 

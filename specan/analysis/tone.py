@@ -1,0 +1,271 @@
+"""Tones: frequency from the reference, amplitude and phase of every channel by least squares, distortion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from specan.analysis.excitation import recognise
+from specan.analysis.section import of_one_rate, section
+from specan.analysis.transfer_function import READ_BLOCK, quotient
+from specan.data.recording import Channel, Recording
+from specan.data.tone import ToneTable
+from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
+from specan.dsp.tone_series import Tone as Fitted
+from specan.dsp.tone_series import ToneSeries, block_length, variance_of_mean
+from specan.dsp.transfer_function import phase_deg, u_phase_deg
+from specan.errors import InputError, RequestError
+from specan.schema import Settings
+
+LOW_SNR_DEG = 1.0  # random uncertainty of a phase from which on it is flagged
+_LOOK_S = 2.0
+_NEAR = 0.01  # how far from a stated frequency the tone is looked for
+_ROUNDING = 1e-12  # power relative to the whole that rounding leaves
+
+
+class Tone(Settings):
+    """Settings of a tone analysis.
+
+    Attributes
+    ----------
+    reference : str or None
+        Channel over which phases stand; the vibrometer by default. Without one there are no phases.
+    channels : tuple of str
+        Names or patterns; all by default. The reference is always among them.
+    frequency_hz : float or None
+        By default from the recording's properties or its generator or vibrometer channel. A stated frequency
+        is refined within 1 % on the leading channel.
+    harmonics : int
+    start_s, stop_s : float
+        Time section.
+
+    Examples
+    --------
+    >>> from specan.data.recording import ArraySource
+    >>> t = np.arange(8000) / 8000
+    >>> samples = [np.cos(2 * np.pi * 250.3 * t), 2 * np.cos(2 * np.pi * 250.3 * (t - 1e-3))]
+    >>> channels = (
+    ...     Channel("Vib", role="vibrometer", unit="m/s", sampling_rate=8000.0, n_samples=8000),
+    ...     Channel("Mic 1", role="microphone", unit="Pa", sampling_rate=8000.0, n_samples=8000),
+    ... )
+    >>> found = Tone()(Recording("a.tdms", channels, ArraySource(samples)))
+    >>> round(found.frequency_hz, 6), np.round(found.phase_deg, 3).tolist(), np.round(found.tone_rms, 4).tolist()
+    (250.3, [0.0, -90.108], [0.7071, 1.4142])
+    """
+
+    reference: str | None = None
+    channels: tuple[str, ...] = ()
+    frequency_hz: float | None = Field(default=None, gt=0.0)
+    harmonics: int = Field(default=10, ge=1, le=100)
+    start_s: float = Field(default=0.0, ge=0.0)
+    stop_s: float | None = Field(default=None, gt=0.0)
+
+    def accumulator(self, recording: Recording) -> ToneAccumulator:
+        """For a pass over the recording that serves several analyses."""
+        return ToneAccumulator(recording, self)
+
+    def __call__(self, recording: Recording) -> ToneTable:
+        """Read the recording once and return the tone on every channel."""
+        accumulator = self.accumulator(recording)
+        for samples in recording.blocks(
+            accumulator.channels, READ_BLOCK, accumulator.start, accumulator.stop
+        ):
+            accumulator.add(samples)
+        return accumulator.result()
+
+
+class ToneAccumulator:
+    """Takes the samples of `channels` from `start` to `stop` in pieces of any length.
+
+    Raises
+    ------
+    InputError
+        No usable channel, or a section of less than two cycles.
+    RequestError
+        The frequency is not below half the sampling rate.
+    """
+
+    def __init__(self, recording: Recording, settings: Tone) -> None:
+        self.recording, self.settings = recording, settings
+        self.reference = self._find_reference()
+        chosen, self.notes = of_one_rate(recording, settings.channels, like=self.reference)
+        leaders = [*recording.by_role("generator"), *([self.reference] if self.reference else [])]
+        rate = (self.reference or chosen[0]).sampling_rate
+        leaders = [c for c in leaders if c.sampling_rate == rate and c.n_samples > 0]
+        # File order, so that the table reads like the recording.
+        wanted = {id(c) for c in (*chosen, *leaders)}
+        self.channels = tuple(c for c in recording.channels if id(c) in wanted)
+        self._shown = [i for i, c in enumerate(self.channels) if c in chosen or c is self.reference]
+        self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
+        self.leader, frequency = self._find_frequency(leaders or list(chosen), rate)
+        if not frequency < rate / 2:
+            raise RequestError(
+                f"{recording.label}: {frequency:g} Hz is not below half the sampling rate of {rate:g} Hz",
+                remedy="state another frequency",
+            )
+        n = self.stop - self.start
+        if n * frequency < 2 * rate:
+            raise InputError(
+                f"{recording.label}: {n / rate:g} s hold less than two cycles of {frequency:g} Hz",
+                remedy="analyse a longer section",
+            )
+        self.block = block_length(n, rate, frequency)
+        self._series = ToneSeries(
+            rate, frequency, self.block, n_channels=len(self.channels), harmonics=settings.harmonics
+        )
+
+    def _find_reference(self) -> Channel | None:
+        if self.settings.reference is not None:
+            return self.recording.channel(self.settings.reference)
+        found = [c for c in self.recording.by_role("vibrometer") if c.sampling_rate > 0 and c.n_samples > 0]
+        return found[0] if found else None
+
+    def _find_frequency(self, leaders: Sequence[Channel], rate: float) -> tuple[Channel, float]:
+        """The channel with the cleanest tone among the leaders, and the tone's frequency there."""
+        stated = self.settings.frequency_hz
+        if stated is None:
+            stated = recognise(self.recording).frequency_hz
+        if stated is not None and not stated < rate / 2:
+            return leaders[0], stated
+        look = min(self.stop - self.start, int(_LOOK_S * rate))
+        first = self.start + (self.stop - self.start - look) // 2
+        found = []
+        for channel in leaders:
+            x = self.recording.read([channel], first, first + look)[0]
+            found.append((*_tone_near(x, rate, stated), channel))
+            if found[-1][0] > 0.5:  # good enough: the generator comes first
+                break
+        share, frequency, channel = max(found, key=lambda item: item[0])
+        if share < 0.01 and stated is not None:
+            return channel, stated  # nothing to refine it on
+        return channel, frequency
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        """Take the next samples (channels, m) of `channels`."""
+        self._series.add(samples)
+
+    def result(self) -> ToneTable:
+        """The tone from what was added so far."""
+        fitted = self._series.result(self.channels.index(self.leader))
+        f, shown = fitted.frequency_hz, self._shown
+        channels = [self.channels[i] for i in shown]
+        order = np.arange(1, fitted.harmonics.shape[1] + 1)
+        correction = np.stack([c.correction(f * order) for c in channels])
+        harmonics = np.abs(fitted.harmonics[shown] * correction) / np.sqrt(2)
+        phasors = fitted.phasors[shown] * correction[:, 0]
+        raw = np.sum(np.abs(fitted.harmonics[shown]) ** 2, axis=1) / 2
+        noise = fitted.power[shown] - raw
+        noise = np.sqrt(np.where(noise > _ROUNDING * fitted.power[shown], noise, 0.0))
+        rms = np.sqrt(fitted.power[shown])
+        for i, c in enumerate(channels):
+            if c.derivatives:  # noise cannot be turned into a velocity by one factor
+                rms[i], noise[i] = np.sqrt(np.sum(harmonics[i] ** 2)), np.nan
+        relation = self._relation(fitted, channels, phasors)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            thd = 100 * np.sqrt(np.sum(harmonics[:, 1:] ** 2, axis=1)) / harmonics[:, 0]
+        return ToneTable(
+            label=self.recording.label,
+            frequency_hz=f,
+            leader=self.leader.name,
+            reference=self.reference.name if self.reference else None,
+            channels=tuple(c.name for c in channels),
+            roles=tuple(c.role for c in channels),
+            units=tuple(c.target_unit for c in channels),
+            rms=rms,
+            tone_rms=harmonics[:, 0],
+            harmonics_rms=harmonics,
+            thd_percent=thd,
+            noise_rms=noise,
+            mean=fitted.mean[shown],
+            n_blocks=fitted.deviations.shape[1],
+            notes=(*self.notes, *self._remarks(fitted, channels)),
+            settings=self.settings.model_dump(),
+            **relation,
+        )
+
+    def _relation(self, fitted: Fitted, channels: list[Channel], phasors: NDArray[np.complex128]) -> dict:
+        """Phase and magnitude over the reference, their uncertainties, and the flags."""
+        f = np.array([fitted.frequency_hz])
+        nothing = np.full(len(channels), np.nan)
+        own = fitted.deviations[self._shown]
+        usable = False
+        base, relative, base_phase, base_gain = np.nan + 0j, own, 0.0, 0.0
+        if self.reference is not None:
+            row = channels.index(self.reference)
+            base, relative = phasors[row], own - own[row]
+            base_phase = float(self.reference.u_phase_deg(f)[0])
+            base_gain = self.reference.u_gain_percent
+            usable = bool(abs(base) > 0 and np.sqrt(variance_of_mean(own[row].real)) < 0.1)
+            usable = usable or bool(abs(base) > 0 and own.shape[1] < 4)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = phasors / base if usable else np.full(len(channels), np.nan + 0j)
+        random_phase = u_phase_deg(np.sqrt(variance_of_mean(relative.imag)))
+        random_percent = 100 * np.sqrt(variance_of_mean(relative.real))
+        itself = np.array([c is self.reference for c in channels])
+        common_phase = np.array([np.hypot(c.u_phase_deg(f)[0], base_phase) for c in channels])
+        common_percent = np.array([np.hypot(c.u_gain_percent, base_gain) for c in channels])
+        common_phase[itself], common_percent[itself] = 0.0, 0.0
+        return {
+            "phase_deg": phase_deg(ratio),
+            "magnitude": np.abs(ratio),
+            "magnitude_units": tuple(
+                quotient(c.target_unit, self.reference.target_unit) if self.reference else ""
+                for c in channels
+            ),
+            "u_random_phase_deg": random_phase,
+            "u_random_percent": random_percent,
+            "u_common_phase_deg": common_phase,
+            "u_common_percent": common_percent,
+            "u_phase_deg": np.hypot(random_phase, common_phase) if usable else nothing,
+            "u_magnitude_percent": np.hypot(random_percent, common_percent) if usable else nothing,
+            "flags": tuple(
+                (*self.recording.flags, *_flags(fitted, i, usable, random_phase[k]))
+                for k, i in enumerate(self._shown)
+            ),
+        }
+
+    def _remarks(self, fitted: Fitted, channels: list[Channel]) -> list[str]:
+        remarks = []
+        if fitted.wandering:
+            remarks.append(f"the frequency wanders; phases follow {self.leader.name} block by block")
+        for c in channels:
+            if c.derivatives:
+                kind = "displacement" if c.derivatives > 0 else "acceleration"
+                remarks.append(f"{c.name}: {kind} is converted to velocity by j w, its RMS without the noise")
+        if fitted.deviations.shape[1] < 4:
+            remarks.append("too short for an uncertainty: fewer than four blocks")
+        return remarks
+
+
+def _tone_near(x: NDArray[np.float64], rate: float, stated: float | None) -> tuple[float, float]:
+    """Share of the power that the strongest tone holds (near a stated frequency), and its frequency."""
+    x = x - x.mean()
+    power = float(np.mean(x**2))
+    if stated is not None:
+        width = max(_NEAR * stated, 2 * rate / len(x))
+        low, high = stated - width, stated + width
+    if not np.isfinite(power) or power == 0 or len(x) < 8:
+        return -1.0, stated or rate / 8
+    try:
+        guess = (
+            peak_frequency(x, rate) if stated is None else peak_frequency(x, rate, low, min(high, rate / 2))
+        )
+    except ValueError:  # too short to have a line there
+        return 0.0, stated or rate / 8
+    fit = fit_frequency(x, rate, guess)
+    rest = float(fit_sine(x, rate, fit.frequency_hz).residual_rms) ** 2
+    return 1 - rest / power, fit.frequency_hz
+
+
+def _flags(fitted: Fitted, row: int, usable: bool, u_random_deg: float) -> list[str]:
+    if not np.isfinite(fitted.power[row]):
+        return ["not-finite"]
+    if fitted.power[row] == 0:
+        return ["dead"]
+    flags = [] if usable else ["no-reference"]
+    if u_random_deg > LOW_SNR_DEG:
+        flags.append("low-snr")
+    return flags

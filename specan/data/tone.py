@@ -1,0 +1,104 @@
+"""What a sine recording says of every channel: levels, phase over the reference, distortion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.units import level_reference
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ToneTable:
+    """One tone on several channels; arrays have one entry a channel.
+
+    Attributes
+    ----------
+    label : str
+    frequency_hz : float
+        As measured on `leader`.
+    leader : str
+        Channel that gave the frequency.
+    reference : str or None
+        Channel over which phases and magnitudes stand.
+    channels, roles, units : tuple of str
+    rms : array
+        RMS of the whole signal without its mean.
+    tone_rms : array
+        RMS of the fundamental, corrected as the channel demands (velocity from displacement).
+    phase_deg : array
+        Of the channel over the reference, exp(+j w t), in (-180, 180]; NaN without a reference.
+    u_phase_deg, u_magnitude_percent : arrays
+        Combined standard uncertainties of phase and magnitude over the reference.
+    u_random_phase_deg, u_random_percent : arrays
+        The random part, from the noise close to the tone.
+    u_common_phase_deg, u_common_percent : arrays
+        The part of calibration and delay, which no averaging makes smaller.
+    magnitude : array
+        Fundamental over that of the reference, in `magnitude_units`.
+    harmonics_rms : array (channels, h)
+        RMS of fundamental, second harmonic, ... up to half the sampling rate.
+    thd_percent : array
+        Root of the sum of squares of the harmonics from the second on, over the fundamental.
+    noise_rms : array
+        What fundamental and harmonics leave.
+    mean : array
+        Mean of the samples.
+    flags : tuple of tuples of str
+    """
+
+    label: str
+    frequency_hz: float
+    leader: str
+    reference: str | None
+    channels: tuple[str, ...]
+    roles: tuple[str, ...]
+    units: tuple[str, ...]
+    rms: Real
+    tone_rms: Real
+    phase_deg: Real
+    u_phase_deg: Real
+    u_magnitude_percent: Real
+    u_random_phase_deg: Real
+    u_random_percent: Real
+    u_common_phase_deg: Real
+    u_common_percent: Real
+    magnitude: Real
+    magnitude_units: tuple[str, ...]
+    harmonics_rms: Real
+    thd_percent: Real
+    noise_rms: Real
+    mean: Real
+    flags: tuple[tuple[str, ...], ...]
+    n_blocks: int
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def level_db(self) -> Real:
+        """Level of `rms` re the reference of each unit (ISO 1683)."""
+        return _level(self.rms, self.units)
+
+    @property
+    def tone_level_db(self) -> Real:
+        """Level of `tone_rms`."""
+        return _level(self.tone_rms, self.units)
+
+    @property
+    def reference_rms(self) -> float:
+        """RMS of the fundamental of the reference; NaN without one."""
+        if self.reference is None or self.reference not in self.channels:
+            return float("nan")
+        return float(self.tone_rms[self.channels.index(self.reference)])
+
+
+def _level(rms: Real, units: tuple[str, ...]) -> Real:
+    base = np.array([level_reference(unit).value for unit in units])
+    with np.errstate(divide="ignore"):
+        return np.asarray(20 * np.log10(rms / base))
