@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import RequestError, nearest
+from specan.errors import InputError, RequestError, nearest
 
 Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "other"]
 ROLES: tuple[Role, ...] = (
@@ -99,6 +99,8 @@ class Channel:
         By how much the channel is late, and the standard uncertainty of that.
     full_scale : float or None
         Largest magnitude in `unit` that the converter can give; samples there are clipped.
+    source_index : int or None
+        Place of the channel in the source of its recording; None: the place in the recording.
     decisions : mapping
         How role, unit, sensitivity, sampling rate ... were decided, in words.
     """
@@ -119,6 +121,7 @@ class Channel:
     u_gain_percent: float = 0.0
     full_scale: float | None = None
     start_offset_s: float = 0.0
+    source_index: int | None = None
     properties: Mapping[str, Any] = field(default_factory=dict)
     decisions: Mapping[str, str] = field(default_factory=dict)
 
@@ -195,6 +198,9 @@ class Recording:
             raise RequestError(
                 f"{self.label}: {name!r} stands in several groups", remedy=f"say one of {places}"
             )
+        for path, reason in self.set_aside.items():
+            if name == path or path.endswith(f"/{name}"):
+                raise InputError(f"{self.label}: {path!r} cannot be used: {reason}")
         raise RequestError(
             f"{self.label} has no channel {name!r}", remedy=nearest(name, [c.name for c in self.channels])
         )
@@ -218,14 +224,42 @@ class Recording:
         """Samples in the channels' units, shape (channels, samples); all of one rate.
 
         Delay and phase are not touched in the time domain; see `Channel.correction`.
+
+        Raises
+        ------
+        RequestError
+            The channels have different rates, or the range is not inside the recording.
         """
-        stop = min(c.n_samples for c in channels) if stop is None else stop
-        position = {id(c): i for i, c in enumerate(self.channels)}
-        names = {(c.group, c.name): i for i, c in enumerate(self.channels)}
-        indices = [position.get(id(c), names.get((c.group, c.name), -1)) for c in channels]
-        samples = self.source.read(indices, start, stop)
-        samples *= np.array([[c.gain] for c in channels])
+        length = min((c.n_samples for c in channels), default=0)
+        stop = length if stop is None else stop
+        if not 0 <= start <= stop <= length:
+            raise RequestError(
+                f"{self.label}: samples {start} to {stop} are asked for",
+                expected=f"a range inside 0 to {length}",
+            )
+        rates = sorted({c.sampling_rate for c in channels})
+        if len(rates) > 1:
+            raise RequestError(
+                f"{self.label}: channels with {rates[0]:g} and {rates[-1]:g} Hz are asked for together",
+                expected="channels of one sampling rate",
+                remedy="choose channels of one group",
+            )
+        samples = self.source.read([self._place(c) for c in channels], start, stop)
+        gains = np.array([[c.gain] for c in channels])
+        if np.any(gains != 1.0):
+            samples *= gains
         return samples
+
+    def _place(self, channel: Channel) -> int:
+        """Place of a channel in the source."""
+        if channel.source_index is not None:
+            return channel.source_index
+        for place, own in enumerate(self.channels):
+            if own is channel or (own.group, own.name) == (channel.group, channel.name):
+                return place
+        raise RequestError(
+            f"{self.label} has no channel {channel.name!r}", expected="a channel of this recording"
+        )
 
     def blocks(
         self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None

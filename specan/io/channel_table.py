@@ -1,0 +1,221 @@
+"""The user's table of channels: roles, sensitivities, delays, beside the recordings as TOML or CSV."""
+
+from __future__ import annotations
+
+import csv
+import fnmatch
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from specan.data.recording import Role
+from specan.data.sensor import gain_of, is_known, si_unit
+from specan.errors import InputError, RequestError
+from specan.io.roles import Identity, derivatives_of
+from specan.schema import Settings, parse, read_toml
+
+NAMES = ("channels.toml", "channels.csv")
+
+_NotNegative = Annotated[float, Field(ge=0)]
+_Positive = Annotated[float, Field(gt=0)]
+
+
+class Row(Settings):
+    """What the user knows about the channels that a pattern names.
+
+    Attributes
+    ----------
+    channel : str
+        Name, ``group/name`` or a shell-style pattern of either.
+    unit : str
+        Unit of the quantity; of the samples where no sensitivity or gain is given.
+    sensitivity, sensitivity_unit : float, str
+        Voltage per quantity (mV/Pa) or quantity per voltage ((m/s)/V).
+    gain : float
+        Quantity in `unit` per unit of the samples, instead of a sensitivity.
+    full_scale : float
+        Largest value of the converter, in the unit of the samples.
+    sampling_rate_hz : float
+        Sampling rate; counts before everything that the file says.
+    """
+
+    channel: str
+    role: Role | None = None
+    unit: str | None = None
+    sensitivity: float | None = None
+    sensitivity_unit: str | None = None
+    u_sensitivity_percent: _NotNegative = 0.0
+    gain: float | None = None
+    delay_s: float = 0.0
+    u_delay_s: _NotNegative = 0.0
+    full_scale: _Positive | None = None
+    sampling_rate_hz: _Positive | None = None
+    sensor: str = ""
+    note: str = ""
+
+    @model_validator(mode="after")
+    def _belongs_together(self) -> Row:
+        if (self.sensitivity is None) != (self.sensitivity_unit is None):
+            raise ValueError("sensitivity and sensitivity_unit together")
+        if self.sensitivity is not None and self.gain is not None:
+            raise ValueError("either a sensitivity or a gain")
+        if self.gain is not None and self.unit is None:
+            raise ValueError("a unit with the gain")
+        if self.sensitivity is not None and self.sensitivity_unit is not None:
+            try:
+                unit = gain_of(self.sensitivity, self.sensitivity_unit)[1]
+            except RequestError as fault:
+                raise ValueError(f"a sensitivity that can be used ({fault.found})") from None
+            if self.unit is not None and si_unit(self.unit)[0] != unit:
+                raise ValueError(f"a sensitivity in V per {self.unit}, not {self.sensitivity_unit}")
+        return self
+
+
+class _File(Settings):
+    schema_: Annotated[Literal[1], Field(alias="schema")] = 1
+    channel: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
+class ChannelTable:
+    """Rows of a channel table; a channel takes the row of its exact name, else the first that fits."""
+
+    rows: tuple[Row, ...]
+    source: str = "channel table"
+
+    def find(self, group: str, name: str) -> Row | None:
+        """Row of a channel, None where there is none."""
+        names = (name, f"{group}/{name}")
+        exact = (r for r in self.rows if r.channel in names)
+        fits = (r for r in self.rows if any(fnmatch.fnmatchcase(n, r.channel) for n in names))
+        return next(exact, None) or next(fits, None)
+
+
+def read_channel_table(path: Path | str) -> ChannelTable:
+    """Read a channel table, TOML or CSV by its name.
+
+    Raises
+    ------
+    RequestError
+        The file cannot be read, or a key, unit or number in it is wrong; the message says where.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".csv":
+        rows = tuple(parse(Row, content, f"{path.name}, line {line}") for line, content in _csv_rows(path))
+        return ChannelTable(rows, path.name)
+    return ChannelTable(parse(_File, read_toml(path), path.name).channel, path.name)
+
+
+def find_channel_table(directory: Path) -> Path | None:
+    """The channel table that stands in a directory.
+
+    Raises
+    ------
+    RequestError
+        There are two.
+    """
+    found = [directory / name for name in NAMES if (directory / name).is_file()]
+    if len(found) > 1:
+        raise RequestError(
+            f"{directory} holds both {NAMES[0]} and {NAMES[1]}",
+            expected="one channel table",
+            remedy="remove one",
+        )
+    return found[0] if found else None
+
+
+def apply_row(row: Row, identity: Identity, name: str, label: str, source: str) -> Identity:
+    """What a channel measures under a row of the table.
+
+    Raises
+    ------
+    InputError
+        The unit in the file contradicts the table.
+    """
+    decisions = dict(identity.decisions)
+    result = _scaled(row, identity, decisions, name, label, source)
+    if row.role is not None:
+        decisions["role"] = source
+        result = replace(result, role=row.role)
+    decisions.pop("derivatives", None)
+    derivatives = derivatives_of(result.role, result.unit, decisions)
+    return replace(result, derivatives=derivatives, decisions=decisions)
+
+
+def _scaled(
+    row: Row, identity: Identity, decisions: dict[str, str], name: str, label: str, source: str
+) -> Identity:
+    raw = identity.raw_unit
+    if row.sensitivity is not None and row.sensitivity_unit is not None:
+        if raw not in ("", "V"):
+            _contradict(label, name, raw, f"{row.sensitivity:g} {row.sensitivity_unit}", source)
+        decisions["sensitivity"] = f"{source}: {row.sensitivity:g} {row.sensitivity_unit}"
+        if not raw:
+            decisions["unit"] += ", in volts, because a sensitivity per volt is given"
+        gain, unit = gain_of(row.sensitivity, row.sensitivity_unit, identity.raw_scale)
+        return replace(identity, gain=gain, unit=unit)
+    if row.unit is None:
+        return identity
+    unit, scale = si_unit(row.unit)
+    if row.gain is not None:
+        if raw not in ("", "V", unit):
+            _contradict(label, name, raw, f"a gain to {row.unit}", source)
+        decisions["sensitivity"] = f"{source}: gain {row.gain:g} {row.unit} per unit of the samples"
+        return replace(identity, gain=row.gain * scale, unit=unit)
+    if identity.unit == unit:
+        return identity
+    if raw and is_known(raw):
+        _contradict(label, name, raw, f"the unit {row.unit} and no sensitivity", source)
+    decisions["unit"] = source
+    decisions.pop("sensitivity", None)
+    return replace(identity, unit=unit, raw_unit=unit, raw_scale=scale, gain=scale)
+
+
+def _contradict(label: str, name: str, raw: str, table: str, source: str) -> None:
+    raise InputError(
+        f"{label}: the samples of {name!r} are in {raw} by the file, and {source} gives {table}",
+        expected="statements that agree",
+        remedy="correct the table, or the unit in the file",
+    )
+
+
+def _csv_rows(path: Path) -> list[tuple[int, Mapping[str, Any]]]:
+    """Rows with their line numbers; empty cells are left out, a spreadsheet's decimal comma is read."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise RequestError(f"the file {path} does not exist", remedy="check the path") from None
+    except (OSError, UnicodeDecodeError) as fault:
+        raise RequestError(f"{path} cannot be read ({fault})", expected="a CSV file in UTF-8") from None
+    head = next((line for line in text.splitlines() if line.strip()), "")
+    mark = max(";\t,", key=head.count)
+    reader = csv.DictReader(io.StringIO(text), delimiter=mark, restkey="", skipinitialspace=True)
+    rows: list[tuple[int, Mapping[str, Any]]] = []
+    for cells in reader:
+        if cells.pop("", None):
+            raise RequestError(
+                f"{path.name}, line {reader.line_num}: more cells than the header has",
+                remedy="put a cell with a separator into quotation marks",
+            )
+        content = {k.strip(): v.strip() for k, v in cells.items() if k and v and v.strip()}
+        if mark != ",":
+            content = {k: v.replace(",", ".") if _is_number(v) else v for k, v in content.items()}
+        if content:
+            rows.append((reader.line_num, content))
+    if not rows:
+        raise RequestError(
+            f"{path.name} holds no rows", expected="a header with 'channel' and a row a channel"
+        )
+    return rows
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True

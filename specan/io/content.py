@@ -1,0 +1,69 @@
+"""What a file is, by its first bytes: a name promises nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from specan.errors import InputError
+
+Format = Literal["tdms", "wav"]
+
+_POINTER = b"version https://git-lfs.github.com/spec/"
+# First bytes, what they are called in a message, and what the user can do.
+_FOREIGN = (
+    (_POINTER, "a Git-LFS pointer, not the recording itself", "fetch the recording with 'git lfs pull'"),
+    (b"PK\x03\x04", "a zip archive", "unpack it and name the recording inside"),
+    (b"\x1f\x8b", "a gzip archive", "unpack it and name the recording inside"),
+    (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive", "unpack it and name the recording inside"),
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 file", "export it as TDMS or WAV"),
+    (b"TDSh", "a TDMS index file, which holds no samples", "name the .tdms file that it belongs to"),
+)
+
+
+def format_of(path: Path) -> Format:
+    """Format of a recording.
+
+    Raises
+    ------
+    InputError
+        The file is missing, cannot be read, is empty, or is something else; the message says what.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(512)
+    except FileNotFoundError:
+        raise InputError(f"the file {path} does not exist", remedy="check the path") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a directory", expected="a recording") from None
+    except OSError as fault:
+        raise InputError(f"{path} cannot be read ({fault.strerror})") from None
+    if start[:4] == b"TDSm":
+        return "tdms"
+    if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
+        return "wav"
+    what, remedy = _describe(start)
+    raise InputError(f"{path.name} is {what}", expected="a TDMS or WAV recording", remedy=remedy)
+
+
+def _describe(start: bytes) -> tuple[str, str]:
+    if not start:
+        return "empty", "record or copy it again"
+    for magic, what, remedy in _FOREIGN:
+        if start.startswith(magic):
+            return what, remedy
+    if not start.strip(b"\0"):
+        return "filled with zeros", "copy it again: the copy was not completed"
+    if _is_text(start):
+        return "a text file", "name the recording itself"
+    return f"of an unknown format (it begins with {start[:4]!r})", "name a TDMS or WAV file"
+
+
+def _is_text(start: bytes) -> bool:
+    for cut in range(4):  # the last character may be cut in the middle
+        try:
+            text = start[: len(start) - cut].decode("utf-8")
+        except UnicodeDecodeError:
+            continue
+        return all(c.isprintable() or c in "\r\n\t\ufeff" for c in text)
+    return False

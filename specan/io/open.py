@@ -1,0 +1,150 @@
+"""Opening recordings: one entry for every format, and the recordings of directories."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from specan.data.calibration import Calibration, apply
+from specan.data.recording import Recording
+from specan.errors import RequestError
+from specan.io.calibration_file import read_calibration
+from specan.io.channel_table import ChannelTable, find_channel_table, read_channel_table
+from specan.io.content import format_of
+
+SUFFIXES = (".tdms", ".wav")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A recording that was found in a directory.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    label : str
+        Its name in results: relative to the directory, forward slashes, prefixed by the name of the
+        directory where several were named.
+    """
+
+    path: Path
+    label: str
+
+
+def open_recording(
+    path: Path | str,
+    *,
+    root: Path | str | None = None,
+    label: str | None = None,
+    channel_table: ChannelTable | Path | str | None = None,
+    calibration: Calibration | Path | str | None = None,
+    sampling_rate: float | None = None,
+) -> Recording:
+    """Open a recording of any format that specan reads.
+
+    The format is decided by the file's content. A channel table `channels.toml` or `channels.csv`
+    beside the file, or in a directory above it up to `root`, is applied unless one is given.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    root : path, optional
+        The directory that was named; the label is relative to it.
+    label : str, optional
+        Name of the recording in results, instead.
+    channel_table : ChannelTable or path, optional
+        What the user knows about the channels.
+    calibration : Calibration or path, optional
+        Sensitivities and phases to apply.
+    sampling_rate : float, optional
+        Sampling rate in hertz of every channel, whatever the file says.
+
+    Returns
+    -------
+    Recording
+        Headers only; samples are read when they are asked for.
+
+    Raises
+    ------
+    InputError
+        The file is missing, is no recording, or holds no time signal; the message says what it is.
+    RequestError
+        The channel table or the calibration cannot be used.
+    """
+    path = Path(path)
+    kind = format_of(path)
+    if sampling_rate is not None and not 0.0 < sampling_rate < float("inf"):
+        raise RequestError(f"the sampling rate is {sampling_rate}", expected="a number of hertz above zero")
+    table = _table(channel_table, path, None if root is None else Path(root))
+    name = label or (path.name if root is None else path.relative_to(root).as_posix())
+    if kind == "tdms":
+        from specan.io.tdms import open_tdms
+
+        recording = open_tdms(path, label=name, channel_table=table, sampling_rate=sampling_rate)
+    else:
+        from specan.io.wav import open_wav
+
+        recording = open_wav(path, label=name, channel_table=table, sampling_rate=sampling_rate)
+    if calibration is None:
+        return recording
+    if not isinstance(calibration, Calibration):
+        calibration = read_calibration(calibration)
+    return apply(calibration, recording)
+
+
+def find_recordings(directories: Sequence[Path | str]) -> list[Found]:
+    """Recordings in directories and below them, sorted by label.
+
+    ``*.tdms`` and ``*.wav`` in any case. Directories of one name get a number, so that labels differ.
+
+    Raises
+    ------
+    RequestError
+        A directory does not exist.
+    """
+    found = []
+    prefixes = _prefixes([Path(d) for d in directories])
+    for directory, prefix in zip(map(Path, directories), prefixes, strict=True):
+        if not directory.is_dir():
+            what = "is a file" if directory.exists() else "does not exist"
+            raise RequestError(f"the directory {directory} {what}", remedy="name a directory of recordings")
+        found += [
+            Found(path, prefix + path.relative_to(directory).as_posix())
+            for path in directory.rglob("*")
+            if path.suffix.lower() in SUFFIXES and path.is_file()
+        ]
+    return sorted(found, key=lambda f: f.label)
+
+
+def _prefixes(directories: Sequence[Path]) -> list[str]:
+    if len(directories) == 1:
+        return [""]
+    names = [d.resolve().name for d in directories]
+    seen: dict[str, int] = {}
+    prefixes = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        prefixes.append(f"{name}/" if seen[name] == 1 else f"{name}-{seen[name]}/")
+    return prefixes
+
+
+def _table(given: ChannelTable | Path | str | None, path: Path, root: Path | None) -> ChannelTable | None:
+    if isinstance(given, ChannelTable):
+        return given
+    if given is not None:
+        return read_channel_table(given)
+    for directory in _upwards(path.parent, root):
+        if (table := find_channel_table(directory)) is not None:
+            return read_channel_table(table)
+    return None
+
+
+def _upwards(directory: Path, root: Path | None) -> Iterable[Path]:
+    yield directory
+    if root is not None and directory.is_relative_to(root):
+        while directory != root:
+            directory = directory.parent
+            yield directory

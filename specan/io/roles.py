@@ -1,0 +1,130 @@
+"""What a channel measures: role, unit and sensitivity from its properties and its name, each with the reason."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from specan.data.recording import Role
+from specan.data.sensor import gain_of, is_known, si_unit
+from specan.errors import RequestError
+
+SAMPLE_UNIT_KEYS = ("unit_string", "Unit_String", "NI_UnitDescription")
+
+# Words in names, sensors and modules, most telling first.
+_WORDS: tuple[tuple[Role, str], ...] = (
+    ("tacho", r"tacho|encoder|key ?phasor|rpm"),
+    ("vibrometer", r"vibromet|\bldv\b|laser|diaphragm|membrane|membran|vibro|\bvib\b|velocity"),
+    ("accelerometer", r"accel|\bacc\b|\bbeschl"),
+    ("generator", r"generator|\bgen\b|excitation|\bao\d*\b|source signal|\bdrive\b"),
+    ("torque", r"torque|drehmoment|moment obrot"),
+    ("microphone", r"\bmics?\b|\bmic[a-z]\b|mikrofon|microphon|sound pressure|hydrophon"),
+)
+_UNIT_ROLES: dict[str, Role] = {
+    "Pa": "microphone", "m/s": "vibrometer", "m/s^2": "accelerometer", "Nm": "torque",
+}  # fmt: skip
+# Quantities that a vibrometer may give, and the differentiations that lead to velocity.
+DERIVATIVES = {"m": 1, "m/s": 0, "m/s^2": -1}
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a channel measures, and how that was decided."""
+
+    role: Role
+    unit: str
+    raw_unit: str
+    raw_scale: float
+    gain: float
+    derivatives: int = 0
+    decisions: dict[str, str] = field(default_factory=dict)
+
+
+def identify(name: str, properties: Mapping[str, Any]) -> Identity:
+    """Role, unit and gain of a channel without a channel table.
+
+    `unit_string` is the unit of the samples, `QuantityUnit` that after `Sensitivity`. A sensitivity
+    is applied to samples in volts only: to samples in pascals it is a remark.
+    """
+    raw_unit, raw_scale, said = sample_unit(properties)
+    decisions = {"unit": said}
+    unit, gain = raw_unit or "1", raw_scale
+    if not raw_unit:
+        decisions["unit"] = said + "; the samples are taken as they are"
+    sensitivity = _sensitivity(properties)
+    if sensitivity is not None and raw_unit in ("V", ""):
+        try:
+            gain, unit = gain_of(*sensitivity, raw_scale)
+        except RequestError as fault:
+            decisions["sensitivity"] = f"not used: {fault.found}"
+        else:
+            decisions["unit"] = said
+            decisions["sensitivity"] = (
+                f"properties Sensitivity, SensitivityUnit: {sensitivity[0]:g} {sensitivity[1]} (nominal)"
+            )
+    elif sensitivity is not None:
+        decisions["sensitivity"] = (
+            f"not used: the samples are already in {raw_unit}; the file remarks {sensitivity[0]:g} {sensitivity[1]}"
+        )
+    quantity = str(properties.get("QuantityUnit", "")).strip()
+    if quantity and is_known(quantity) and si_unit(quantity)[0] != unit:
+        decisions["unit"] += f"; QuantityUnit {quantity!r} is not reached without a sensitivity"
+    role, decisions["role"] = role_of(name, properties, unit if unit != "1" else "", quantity)
+    return Identity(role, unit, raw_unit, raw_scale, gain, derivatives_of(role, unit, decisions), decisions)
+
+
+def sample_unit(properties: Mapping[str, Any]) -> tuple[str, float, str]:
+    """SI unit of the samples (empty where nothing says), factor to it, and where it stands."""
+    for key in SAMPLE_UNIT_KEYS:
+        text = str(properties.get(key, "")).strip()
+        if text:
+            unit, scale = si_unit(text)
+            return unit, scale, f"property {key} {text!r}"
+    return "", 1.0, "no property names the unit of the samples"
+
+
+def role_of(name: str, properties: Mapping[str, Any], unit: str, quantity: str) -> tuple[Role, str]:
+    """Role from tacho pulses, then words in the name, the sensor, then the unit; and the reason."""
+    if "PulsesPerRevolution" in properties:
+        return "tacho", "property PulsesPerRevolution"
+    found = _by_words(name)
+    if found:
+        return found, f"the name {name!r}"
+    for key in ("Sensor", "NI_ChannelName", "Module"):
+        found = _by_words(str(properties.get(key, "")))
+        if found:
+            return found, f"property {key} {str(properties[key])!r}"
+    for text, why in ((quantity, f"QuantityUnit {quantity!r}"), (unit, f"the unit {unit}")):
+        role = _UNIT_ROLES.get(si_unit(text)[0]) if text else None
+        if role:
+            return role, why
+    return "other", "neither name, sensor nor unit says more"
+
+
+def derivatives_of(role: Role, unit: str, decisions: dict[str, str]) -> int:
+    """How often a vibrometer's signal is differentiated to become a velocity."""
+    if role != "vibrometer" or not DERIVATIVES.get(unit):
+        return 0
+    what = "displacement" if unit == "m" else "acceleration"
+    decisions["derivatives"] = f"the vibrometer gives {what} in {unit}; brought to velocity by j w"
+    return DERIVATIVES[unit]
+
+
+def _by_words(text: str) -> Role | None:
+    spaced = re.sub(r"[_\-./]+", " ", text.lower())
+    spaced = re.sub(r"(?<=[a-z])(?=\d)", " ", spaced)
+    return next((role for role, words in _WORDS if re.search(words, spaced)), None)
+
+
+def _sensitivity(properties: Mapping[str, Any]) -> tuple[float, str] | None:
+    value, unit = properties.get("Sensitivity"), str(properties.get("SensitivityUnit", "")).strip()
+    if value is None or not unit:
+        return None
+    try:
+        number = float(str(value).replace(",", "."))
+    except ValueError:
+        return None
+    return (number, unit) if math.isfinite(number) and number != 0.0 else None

@@ -1,0 +1,189 @@
+"""Sampling rate of a channel: what the user said, the file's increment, known keys, a time channel; never a default."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from specan.errors import InputError
+
+TIME_UNITS = {
+    "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+    "min": 60.0, "h": 3600.0,
+}  # fmt: skip
+
+# Keys that acquisition programs write, without blanks, case and unit.
+_RATE_KEYS = {
+    "samplingrate", "samplerate", "samplingfrequency", "samplefrequency", "samplingfreq", "samplefreq",
+    "precisesamplingfrequency", "samplespersecond", "acquisitionrate", "scanrate", "fs",
+}  # fmt: skip
+_INTERVAL_KEYS = {
+    "samplinginterval", "sampleinterval", "samplingperiod", "sampleperiod", "timestep", "deltat", "dt", "logdt",
+}  # fmt: skip
+_FREQUENCY_UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "s/s": 1.0, "ks/s": 1e3, "ms/s": 1e6, "sps": 1.0}
+
+# Rates of common converters; an increment that was rounded on its way into the file is taken back to them.
+_NOMINAL = sorted(
+    {base / 2**k for base in (204800.0, 200000.0, 192000.0, 176400.0, 250000.0) for k in range(9)}
+    | {10.0**k * m for k in range(6) for m in (1, 2, 5)}
+    | {65536.0 * 2.0**k for k in range(-6, 3)}
+)
+
+_SAME = 1e-4  # two statements that differ by more contradict each other
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A sampling rate in hertz, and where it comes from."""
+
+    hz: float
+    how: str
+
+
+class NoTimeSignal(InputError):
+    """The channel is a spectrum or a table, whatever its sampling rate would be."""
+
+
+def from_increment(properties: Mapping[str, Any], n_samples: int, tried: list[str]) -> Rate | None:
+    """Rate from the waveform properties of a channel; None, with the reason in `tried`.
+
+    Raises
+    ------
+    NoTimeSignal
+        The increment is not one of time.
+    """
+    increment = properties.get("wf_increment")
+    if increment is None:
+        tried.append("wf_increment is absent")
+        return None
+    unit = str(properties.get("wf_xunit_string", "")).strip()
+    dimension = str(properties.get("NI_ExpXDimension", "")).strip()
+    if dimension == "f" or unit.lower() in _FREQUENCY_UNITS:
+        raise NoTimeSignal(f"its increment is {increment} Hz: a spectrum, not a time signal")
+    step = float(increment)
+    offset = float(properties.get("wf_start_offset", 0.0))
+    scale = TIME_UNITS.get(unit.lower().replace("µ", "u")) if unit else 1.0
+    if not math.isfinite(step) or step <= 0.0:
+        tried.append(f"wf_increment is {increment}")
+    elif offset < 0.0 and math.isclose(offset, -step * n_samples / 2, rel_tol=2.0 / max(n_samples, 2)):
+        raise NoTimeSignal(
+            f"its increment is {step:g} and its offset {offset:g}: a two-sided spectrum, not a time signal"
+        )
+    elif scale is None:
+        tried.append(f"wf_increment is in {unit!r}, which is no time")
+    elif step == 1.0:
+        tried.append("wf_increment is 1.0, which stands for 'not set'")
+    elif step * scale > 1.0:
+        tried.append(f"wf_increment is {step * scale:g} s, which is no interval of sampling")
+    else:
+        hz, rounded = _snap(step * scale)
+        how = f"wf_increment {increment!r}" + (f" {unit}" if unit else " s")
+        return Rate(hz, how + (f", rounded from {hz:g} Hz" if rounded else ""))
+    return None
+
+
+def from_keys(places: Sequence[tuple[str, Mapping[str, Any]]], tried: list[str], label: str) -> Rate | None:
+    """Rate from known keys of channel, group and file.
+
+    Parameters
+    ----------
+    places : sequence of (name, properties)
+        "channel", "group", "file", in the order in which they count.
+    tried : list of str
+        Receives the reason where there is none.
+    label : str
+        Name of the recording, for the message.
+
+    Raises
+    ------
+    InputError
+        Two keys contradict each other; both are named.
+    """
+    found = [
+        (f"the {place} key {key!r} = {value}", hz)
+        for place, properties in places
+        for key, value in properties.items()
+        if (hz := _rate_of(key, value)) is not None
+    ]
+    if not found:
+        tried.append("no known key of the channel, its group or the file gives a rate")
+        return None
+    (how, hz), others = found[0], found[1:]
+    for other, value in others:
+        if abs(value - hz) > _SAME * hz:
+            raise InputError(
+                f"{label}: {how} and {other} contradict each other",
+                expected="one sampling rate",
+                remedy="say it: --sampling-rate HZ",
+            )
+    return Rate(hz, how)
+
+
+def contradiction(rate: Rate, places: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
+    """A key that says something else than the rate found before it; empty where there is none."""
+    for place, properties in places:
+        for key, value in properties.items():
+            hz = _rate_of(key, value)
+            if hz is not None and abs(hz - rate.hz) > _SAME * rate.hz:
+                return f"the {place} key {key!r} = {value} says something else and is not used"
+    return ""
+
+
+def _rate_of(key: str, value: Any) -> float | None:
+    """Rate that a property gives; None where its key is not known or its value no rate."""
+    match = re.fullmatch(r"(.*?)[\s_]*(?:[\[(]\s*(.+?)\s*[\])]|_(k?hz|m?s))?", key.strip(), re.IGNORECASE)
+    if match is None:
+        return None
+    name = re.sub(r"[^a-z]", "", match[1].lower())
+    unit = (match[2] or match[3] or "").lower().replace("µ", "u")
+    if name not in _RATE_KEYS | _INTERVAL_KEYS:
+        return None
+    number = re.fullmatch(r"\s*([-+]?[\d.,]+(?:e[-+]?\d+)?)\s*(\S*)\s*", str(value), re.IGNORECASE)
+    if number is None:
+        return None
+    try:
+        amount = float(number[1].replace(",", "."))
+    except ValueError:
+        return None
+    unit = number[2].lower() or unit
+    if not math.isfinite(amount) or amount <= 0.0:
+        return None
+    if name in _RATE_KEYS:
+        scale = _FREQUENCY_UNITS.get(unit or "hz")
+        return None if scale is None else amount * scale
+    scale = TIME_UNITS.get(unit or "s")
+    return None if scale is None else _snap(amount * scale)[0]
+
+
+def _snap(step: float) -> tuple[float, bool]:
+    """Rate of an increment, and whether the increment is that of a round rate, rounded.
+
+    ``1.04167e-05`` is 1/96000 with six digits, ``1.9999999999999998e-05`` is 1/50000 less one bit.
+
+    Examples
+    --------
+    >>> _snap(1.04167e-05), _snap(1.9999999999999998e-05)
+    ((96000.0, True), (50000.0, True))
+    """
+    hz = 1.0 / step
+    candidates = [r for r in _NOMINAL if abs(r - hz) < 1e-3 * hz]
+    candidates += [float(f"{hz:.{digits}g}") for digits in range(2, 8)]
+    for rate in candidates:
+        exact = 1.0 / rate
+        if exact == step:
+            return rate, False
+        bits = abs(exact - step) < 1e-12 * step or _single(exact) == _single(step) == step
+        # Fewer digits would take one rate for another; common rates lie further apart than any.
+        fewest = 4 if rate in _NOMINAL else 5
+        if bits or any(float(f"{exact:.{digits}g}") == step for digits in range(fewest, 16)):
+            return rate, True
+    return hz, False
+
+
+def _single(value: float) -> float:
+    import struct
+
+    return float(struct.unpack("f", struct.pack("f", value))[0])

@@ -1,0 +1,269 @@
+"""TDMS recordings: headers first, samples on demand."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from specan.data.recording import Channel, Recording
+from specan.errors import InputError
+from specan.io import sampling_rate as rates
+from specan.io.channel_table import ChannelTable, Row, apply_row
+from specan.io.full_scale import full_scale_of
+from specan.io.roles import identify
+from specan.io.tdms_headers import Headers, TdmsObject, read_headers
+from specan.io.tdms_scaling import scaling_of
+from specan.io.tdms_source import Feed, TdmsSource
+from specan.io.time_axis import Axis, axis_of, is_frequency, is_time
+
+_NO_NUMBERS = {
+    "String": "it holds text", "ComplexSingleFloat": "its samples are complex",
+    "ComplexDoubleFloat": "its samples are complex", "": "it has no samples", "Void": "it has no samples",
+}  # fmt: skip
+
+
+def open_tdms(
+    path: Path | str,
+    *,
+    label: str | None = None,
+    channel_table: ChannelTable | None = None,
+    sampling_rate: float | None = None,
+) -> Recording:
+    """Open a TDMS file; samples are read when they are asked for.
+
+    Parameters
+    ----------
+    path : path
+        The file. An index file beside it is not used.
+    label : str, optional
+        Name of the recording in results; the file's name by default.
+    channel_table : ChannelTable, optional
+        What the user knows about the channels.
+    sampling_rate : float, optional
+        Sampling rate in hertz of every channel, whatever the file says.
+
+    Raises
+    ------
+    InputError
+        The headers are damaged, statements contradict each other, or no channel is a time signal;
+        the message names the file, the channel and what was tried.
+    """
+    path = Path(path)
+    headers = read_headers(path)
+    opening = _Opening(headers, label or path.name, channel_table, sampling_rate)
+    for found in headers.channels:
+        opening.take(found)
+    return opening.recording()
+
+
+@dataclass
+class _Opening:
+    headers: Headers
+    label: str
+    table: ChannelTable | None
+    sampling_rate: float | None
+    channels: list[Channel] = field(default_factory=list)
+    feeds: list[Feed] = field(default_factory=list)
+    set_aside: dict[str, str] = field(default_factory=dict)
+    no_rate: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    axes: dict[str, list[Axis]] = field(default_factory=dict)
+
+    def take(self, found: TdmsObject) -> None:
+        """Make a channel of an object, or set it aside with the reason."""
+        reason = self._unfit(found)
+        if not reason:
+            try:
+                self._add(found)
+            except _Aside as fault:
+                reason = fault.found
+        if reason:
+            self.set_aside[f"{found.group}/{found.name}"] = reason
+
+    def recording(self) -> Recording:
+        """The recording of what was taken."""
+        if not self.channels:
+            self._refuse()
+        layout = self.headers.layout
+        if layout.truncated:
+            self.notes.append("the file is cut off; every channel is used as far as all channels reach")
+        if index := _stray_index(self.headers.path):
+            self.notes.append(f"{index} belongs to another file; it is not used")
+        return Recording(
+            label=self.label,
+            channels=tuple(self.channels),
+            source=TdmsSource(self.headers.path, layout, self.feeds),
+            properties=self.headers.properties,
+            group_properties=self.headers.groups,
+            flags=("truncated",) if layout.truncated else (),
+            notes=tuple(self.notes),
+            set_aside=self.set_aside,
+        )
+
+    def _refuse(self) -> None:
+        reasons = list(dict.fromkeys(self.set_aside.values()))
+        if self.no_rate:
+            raise InputError(
+                f"{self.label}: {self.no_rate[0]}",
+                expected="a sampling rate",
+                remedy="say it with --sampling-rate HZ, or in the channel table",
+            )
+        first = next(iter(self.set_aside), "")
+        more = f" (and {len(self.set_aside) - 1} more channels)" if len(self.set_aside) > 1 else ""
+        what = f"{first!r}: {reasons[0]}{more}" if reasons else "it has no channel"
+        raise InputError(f"{self.label} holds no time signal; {what}", expected="numbers sampled in time")
+
+    def _unfit(self, found: TdmsObject) -> str:
+        """Why an object is no signal, as far as its headers say; empty for none."""
+        track = self.headers.layout.tracks.get(found.path)
+        if found.type_name in _NO_NUMBERS:
+            return _NO_NUMBERS[found.type_name]
+        if track is None:
+            return "it was cut off" if found.path in self.headers.layout.cut_off else "it has no samples"
+        if found.type_name == "TimeStamp" or is_time(found.name, found.type_name, found.properties):
+            return "it is the time axis of its group"
+        if track.n_samples == 1:
+            return "it is a single number"
+        level = found.properties.get("DecimationLevel", self._group(found).get("DecimationLevel", 0))
+        if level:
+            return f"it is a decimated copy (level {level}) of another channel"
+        if re.search(r"decimated data", found.group, re.IGNORECASE):
+            return "its group holds decimated copies"
+        if found.properties.get("NI_LV_DataItem_Private"):
+            return "it is an auxiliary item of LabVIEW"
+        return ""
+
+    def _add(self, found: TdmsObject) -> None:
+        layout = self.headers.layout
+        track = layout.tracks[found.path]
+        dtype = layout.parts[track.parts[0]].strips[found.path].dtype
+        row = self.table.find(found.group, found.name) if self.table else None
+        rate = self._rate(found, track.n_samples, row)
+        try:
+            scaling = scaling_of(found.properties, self._group(found), self.headers.properties, found.scalers)
+        except InputError as fault:
+            raise _Aside(str(fault).rstrip(".")) from None
+        foreign = found.path in layout.foreign
+        if foreign and (found.path in layout.short_midfile):
+            raise _Aside(f"{layout.foreign[found.path]}, with a segment that ends in a short chunk")
+        line = None if foreign else scaling.line(dtype)
+        channel = _channel(found, self.label, row, self.table.source if self.table else "")
+        channel = _with_full_scale(channel, *full_scale_of(dtype, line, found.properties), row)
+        decisions = {**channel.decisions, "sampling_rate": rate.how, "scaling": scaling.text}
+        self.channels.append(
+            replace(
+                channel,
+                source_index=len(self.feeds),
+                sampling_rate=rate.hz,
+                n_samples=track.n_samples,
+                start_offset_s=float(found.properties.get("wf_start_offset", 0.0)),
+                decisions=decisions,
+            )
+        )
+        self.feeds.append(Feed(found.group, found.name, track, found.path, scaling, foreign))
+
+    def _rate(self, found: TdmsObject, n_samples: int, row: Row | None) -> rates.Rate:
+        """Sampling rate in the order that counts; the first statement wins."""
+        places = (
+            ("channel", found.properties), ("group", self._group(found)), ("file", self.headers.properties),
+        )  # fmt: skip
+        tried: list[str] = []
+        try:
+            increment = rates.from_increment(found.properties, n_samples, tried)
+        except rates.NoTimeSignal as fault:
+            raise _Aside(fault.found) from None
+        if row is not None and row.sampling_rate_hz is not None:
+            assert self.table is not None
+            return rates.Rate(row.sampling_rate_hz, self.table.source)
+        if self.sampling_rate is not None:
+            return rates.Rate(self.sampling_rate, "said by the user")
+        if increment is not None:
+            other = rates.contradiction(increment, places)
+            return rates.Rate(increment.hz, increment.how + (f"; {other}" if other else ""))
+        rate = rates.from_keys(places, tried, self.label)
+        return rate or self._from_axis(found, n_samples, tried)
+
+    def _from_axis(self, found: TdmsObject, n_samples: int, tried: list[str]) -> rates.Rate:
+        axes = [a for a in self._axes(found.group) if a.n_samples == n_samples]
+        for axis in axes:
+            if axis.rate is not None:
+                return axis.rate
+        table = [
+            c.name
+            for c in self.headers.channels
+            if c.group == found.group and is_frequency(c.name, c.properties) and self._length(c) == n_samples
+        ]
+        if table:
+            raise _Aside(f"it is a table over {table[0]!r}, not a time signal")
+        tried += [a.why_not for a in axes] or ["its group has no time channel of its length"]
+        reason = f"no sampling rate for {found.name!r} ({'; '.join(tried)})"
+        self.no_rate.append(reason)
+        raise _Aside(reason)
+
+    def _axes(self, group: str) -> list[Axis]:
+        if group not in self.axes:
+            source = TdmsSource(self.headers.path, self.headers.layout, [])
+            self.axes[group] = [
+                axis_of(c.name, c.type_name, c.properties, self._length(c), source.raw_reader(c.path))
+                for c in self.headers.channels
+                if c.group == group and self._length(c) and is_time(c.name, c.type_name, c.properties)
+            ]
+        return self.axes[group]
+
+    def _length(self, found: TdmsObject) -> int:
+        track = self.headers.layout.tracks.get(found.path)
+        return track.n_samples if track else 0
+
+    def _group(self, found: TdmsObject) -> Mapping[str, Any]:
+        return self.headers.groups.get(found.group, {})
+
+
+class _Aside(InputError):
+    """The channel is set aside; the file is not."""
+
+
+def _channel(found: TdmsObject, label: str, row: Row | None, source: str) -> Channel:
+    """Channel with role, unit and gain."""
+    identity = identify(found.name, found.properties)
+    if row is not None:
+        identity = apply_row(row, identity, found.name, label, source)
+    return Channel(
+        name=found.name,
+        group=found.group,
+        unit=identity.unit,
+        role=identity.role,
+        raw_unit=identity.raw_unit,
+        raw_scale=identity.raw_scale,
+        gain=identity.gain,
+        derivatives=identity.derivatives,
+        delay_s=row.delay_s if row else 0.0,
+        u_delay_s=row.u_delay_s if row else 0.0,
+        u_gain_percent=row.u_sensitivity_percent if row else 0.0,
+        properties=found.properties,
+        decisions=identity.decisions,
+    )
+
+
+def _with_full_scale(channel: Channel, value: float | None, how: str, row: Row | None) -> Channel:
+    if row is not None and row.full_scale is not None:
+        value, how = row.full_scale, "channel table"
+    scaled = None if value is None else value * abs(channel.gain)
+    return replace(channel, full_scale=scaled, decisions={**channel.decisions, "full_scale": how})
+
+
+def _stray_index(path: Path) -> str:
+    """Name of an index file beside the recording that was not written with it; empty for none."""
+    index = path.with_name(path.name + "_index")
+    try:
+        with index.open("rb") as file, path.open("rb") as data:
+            ours, theirs = data.read(28), file.read(28)
+            offset = int.from_bytes(ours[20:28], "big" if ours[4] & (1 << 6) else "little")
+            same = theirs[:4] == b"TDSh" and ours[4:] == theirs[4:] and data.read(offset) == file.read(offset)
+    except FileNotFoundError:
+        return ""
+    except OSError:
+        return index.name
+    return "" if same else index.name

@@ -1,0 +1,122 @@
+"""Headers of a TDMS file: objects, properties and the layout of the samples. No sample is read."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from nptdms.common import ObjectPath
+from nptdms.log import log_manager
+from nptdms.reader import TdmsReader
+from nptdms.timestamp import TdmsTimestamp
+from nptdms.types import DaqMxRawData
+
+from specan.errors import InputError
+from specan.io.tdms_layout import Layout, layout_of
+
+
+@dataclass(frozen=True)
+class TdmsObject:
+    """A channel as it stands in the file.
+
+    Attributes
+    ----------
+    path : str
+        Path of the object, ``/'group'/'channel'``.
+    type_name : str
+        Type of its samples as npTDMS calls it ("Int32", "String"); empty where there is none.
+    scalers : tuple of int
+        Identifiers of its DAQmx scalers.
+    """
+
+    path: str
+    group: str
+    name: str
+    type_name: str
+    properties: Mapping[str, Any]
+    scalers: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Headers:
+    """What the headers of a TDMS file say."""
+
+    path: Path
+    properties: Mapping[str, Any]
+    groups: Mapping[str, Mapping[str, Any]]
+    channels: tuple[TdmsObject, ...]
+    layout: Layout
+    file_size: int
+    n_segments: int
+
+
+def read_headers(path: Path) -> Headers:
+    """Read the headers of a TDMS file.
+
+    An index file beside it is never used: it may belong to another file, and it says nothing that
+    the headers do not say.
+
+    Raises
+    ------
+    InputError
+        The headers are damaged.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file, quiet():
+        try:
+            reader = TdmsReader(file)
+            reader.read_metadata()
+        except Exception as fault:  # a damaged length field can end in any error of Python
+            raise InputError(
+                f"the TDMS headers of {path.name} are damaged ({type(fault).__name__}: {fault})",
+                expected="a file as LabVIEW or DAQmx writes it",
+                remedy="copy or record it again",
+            ) from None
+        # The list of segments is the one thing that npTDMS keeps to itself and that reading in
+        # blocks cannot do without.
+        segments = reader._segments
+        properties: dict[str, Any] = {}
+        groups: dict[str, dict[str, Any]] = {}
+        channels: list[TdmsObject] = []
+        for text, found in reader.object_metadata.items():
+            place = ObjectPath.from_string(text)
+            values = {str(k): _plain(v) for k, v in found.properties.items()}
+            if place.is_root:
+                properties = values
+            elif place.is_group:
+                groups[place.group] = values
+            else:
+                groups.setdefault(place.group, {})
+                channels.append(_channel(text, place, found, values))
+    return Headers(path, properties, groups, tuple(channels), layout_of(segments, size), size, len(segments))
+
+
+def _channel(text: str, place: Any, found: Any, properties: dict[str, Any]) -> TdmsObject:
+    counts = found.data_type is DaqMxRawData and found.scaler_data_types
+    return TdmsObject(
+        path=text,
+        group=place.group,
+        name=place.channel,
+        type_name=found.data_type.__name__ if found.data_type else "",
+        properties=properties,
+        scalers=tuple(found.scaler_data_types) if counts else (),
+    )
+
+
+def _plain(value: Any) -> Any:
+    return value.as_datetime64() if isinstance(value, TdmsTimestamp) else value
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep npTDMS from logging: what it warns about, the recording says itself."""
+    before = log_manager.log_level
+    log_manager.set_level(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log_manager.set_level(before)

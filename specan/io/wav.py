@@ -1,0 +1,205 @@
+"""WAV recordings; samples stay in the file until they are asked for."""
+
+from __future__ import annotations
+
+import warnings
+import wave
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.recording import Channel, Recording
+from specan.errors import InputError
+from specan.io.channel_table import ChannelTable, Row, apply_row
+from specan.io.roles import identify
+
+_BLOCK = 1 << 16
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """Rate, shape and access to the frames of a WAV file; samples are fractions of full scale."""
+
+    rate: int
+    n_frames: int
+    n_channels: int
+    text: str
+    top: float | None  # largest fraction that the converter can give
+    read: Callable[[int, int], NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class WavSource:
+    """Reads frames of a WAV file; implements `specan.data.recording.SampleSource`."""
+
+    frames: _Frames
+
+    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
+        """Samples of the chosen channels as fractions of full scale; see SampleSource."""
+        out = np.empty((len(indices), stop - start))
+        for first in range(start, stop, _BLOCK):
+            last = min(first + _BLOCK, stop)
+            out[:, first - start : last - start] = self.frames.read(first, last).T[list(indices)]
+        return out
+
+
+def open_wav(
+    path: Path | str,
+    *,
+    label: str | None = None,
+    channel_table: ChannelTable | None = None,
+    sampling_rate: float | None = None,
+) -> Recording:
+    """Open a WAV file: integers of 8 to 32 bits or floating point, any number of channels.
+
+    Channels are called ``Channel 1`` ...; samples are fractions of full scale. The channel table makes
+    a quantity of them: a sensitivity together with `full_scale` (the volts of full scale), or a gain.
+
+    Parameters
+    ----------
+    path, label, channel_table, sampling_rate
+        As for `specan.io.tdms.open_tdms`.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, cut off, or of an encoding that is not read.
+    """
+    path = Path(path)
+    name = label or path.name
+    frames = _frames(path)
+    if not frames.n_frames:
+        raise InputError(f"{name} holds no sample", remedy="record it again")
+    rate, how = float(frames.rate), "the header of the file"
+    if sampling_rate is not None:
+        rate, how = float(sampling_rate), "said by the user"
+    channels = []
+    for place in range(frames.n_channels):
+        channel = _channel(f"Channel {place + 1}", name, frames, channel_table)
+        decisions = {"sampling_rate": how, **channel.decisions}
+        channels.append(
+            replace(
+                channel,
+                sampling_rate=channel.sampling_rate or rate,
+                n_samples=frames.n_frames,
+                source_index=place,
+                decisions=decisions,
+            )
+        )
+    return Recording(name, tuple(channels), WavSource(frames))
+
+
+def _channel(name: str, label: str, frames: _Frames, table: ChannelTable | None) -> Channel:
+    row = table.find("", name) if table else None
+    source = table.source if table else ""
+    identity = identify(name, {})
+    identity.decisions["unit"] = "fractions of full scale"
+    volts = 1.0
+    if row is not None:
+        if row.sensitivity is not None and row.full_scale is None:
+            raise InputError(
+                f"{label}: the samples of {name!r} are fractions of full scale, and {source} gives "
+                f"{row.sensitivity:g} {row.sensitivity_unit}",
+                expected="full_scale beside it, in volts",
+                remedy="add it, or give a gain and a unit",
+            )
+        if row.sensitivity is not None and row.full_scale is not None:
+            volts = row.full_scale
+            identity = replace(identity, raw_unit="V", raw_scale=volts)
+        identity = apply_row(row, identity, name, label, source)
+    decisions = {**identity.decisions, "scaling": frames.text}
+    if row is not None and row.sampling_rate_hz is not None:
+        decisions["sampling_rate"] = source
+    return Channel(
+        name=name,
+        unit=identity.unit,
+        role=identity.role,
+        sampling_rate=(row.sampling_rate_hz or 0.0) if row else 0.0,
+        raw_unit=identity.raw_unit,
+        raw_scale=identity.raw_scale,
+        gain=identity.gain,
+        derivatives=identity.derivatives,
+        full_scale=None if frames.top is None else frames.top * abs(identity.gain),
+        decisions=decisions,
+        **_row_values(row),
+    )
+
+
+def _row_values(row: Row | None) -> dict[str, Any]:
+    if row is None:
+        return {}
+    return {"delay_s": row.delay_s, "u_delay_s": row.u_delay_s, "u_gain_percent": row.u_sensitivity_percent}
+
+
+def _frames(path: Path) -> _Frames:
+    """Frames as scipy maps them; 24 bits, which it does not map, through the standard library."""
+    from scipy.io import wavfile
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of notes that are stepped over
+            rate, data = wavfile.read(path, mmap=True)
+    except ValueError as fault:
+        if "24-bit" not in str(fault) and "mmap" not in str(fault):
+            raise InputError(
+                f"{path.name} is a damaged WAV file ({fault})", remedy="copy or record it again"
+            ) from None
+        return _frames_24(path, str(fault))
+    except Exception as fault:  # the headers of a damaged file end in many errors
+        raise InputError(
+            f"{path.name} is a damaged WAV file ({type(fault).__name__}: {fault})",
+            remedy="copy or record it again",
+        ) from None
+    n_channels = 1 if data.ndim == 1 else data.shape[1]
+    scale, middle, text, top = _scale(data.dtype)
+    where, dtype, n_frames = data.offset, data.dtype, data.shape[0]
+
+    def read(start: int, stop: int) -> NDArray[np.float64]:
+        # Mapped for this block only: pages of a mapping count as memory as long as it lives.
+        offset = where + start * n_channels * dtype.itemsize
+        with path.open("rb") as file:
+            part = np.memmap(file, dtype=dtype, mode="r", offset=offset, shape=(stop - start, n_channels))
+        return (part.astype(np.float64) - middle) * scale
+
+    return _Frames(int(rate), n_frames, n_channels, text, top, read)
+
+
+def _frames_24(path: Path, said: str) -> _Frames:
+    try:
+        with wave.open(str(path), "rb") as file:
+            rate, n_frames = file.getframerate(), file.getnframes()
+            n_channels, width = file.getnchannels(), file.getsampwidth()
+    except (wave.Error, EOFError) as fault:
+        raise InputError(
+            f"{path.name} is a WAV file that is not read ({said}; {fault})",
+            expected="integers of 8, 16, 24 or 32 bits, or floating point",
+            remedy="convert it",
+        ) from None
+    if width != 3:
+        raise InputError(f"{path.name} is a WAV file of {8 * width} bits ({said})", remedy="convert it")
+
+    def read(start: int, stop: int) -> NDArray[np.float64]:
+        with wave.open(str(path), "rb") as file:
+            file.setpos(start)
+            raw = np.frombuffer(file.readframes(stop - start), dtype=np.uint8)
+        if raw.size != (stop - start) * n_channels * 3:
+            raise InputError(f"{path.name} is cut off", remedy="copy or record it again")
+        # Three bytes become the upper three of an integer of four.
+        wide = np.zeros((raw.size // 3, 4), dtype=np.uint8)
+        wide[:, 1:] = raw.reshape(-1, 3)
+        return wide.view("<i4").reshape(-1, n_channels) / 2.0**31
+
+    return _Frames(rate, n_frames, n_channels, "24-bit integers, full scale = 1", 1.0 - 2.0**-23, read)
+
+
+def _scale(dtype: np.dtype[Any]) -> tuple[float, float, str, float | None]:
+    """Factor to full scale, middle value, words, and the largest fraction."""
+    if dtype.kind == "f":
+        return 1.0, 0.0, f"{8 * dtype.itemsize}-bit floating point", None
+    bits = 8 * dtype.itemsize
+    middle = 2.0 ** (bits - 1) if dtype.kind == "u" else 0.0
+    return 2.0 ** (1 - bits), middle, f"{bits}-bit integers, full scale = 1", 1.0 - 2.0 ** (1 - bits)
