@@ -57,6 +57,7 @@ class Quantity:
     axes: tuple[str, ...] = ()
     reference: str = ""
     collection: bool = False
+    opaque: bool = False  # a solver's own object: nothing to compare or to add to
 
     def __call__(self, *args: Any, **parameters: Any) -> Any:
         """The base value."""
@@ -87,7 +88,7 @@ def signature_of(function: Callable[..., Any], owner: str) -> tuple[tuple[str, .
 
 
 def quantity(
-    *, unit: str, axes: tuple[str, ...] = (), reference: str = "", collection: bool = False
+    *, unit: str, axes: tuple[str, ...] = (), reference: str = "", collection: bool = False, opaque: bool = False
 ) -> Callable[[Callable[..., Any]], Quantity]:
     """Make a function a Quantity of its own name; its docstring's first line says what it is.
 

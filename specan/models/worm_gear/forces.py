@@ -91,7 +91,7 @@ def _axial(bearings: Sequence[PlacedBearing]) -> Quantity:
     def bearing_axial_load(worm_axial_force, worm_tangential_force):
         """Axial load of each bearing."""
         outer = np.multiply.outer
-        return np.concatenate([outer(worm, worm_axial_force), outer(wheel, worm_tangential_force)])
+        return np.abs(np.concatenate([outer(worm, worm_axial_force), outer(wheel, worm_tangential_force)]))
 
     return bearing_axial_load
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from specan.models.quantity import Quantity, quantity
 from specan.models.worm_gear.rig import Rig
 
@@ -42,7 +44,8 @@ def normal_force_per_torque(friction_coefficient, wheel_radius, lead_angle, norm
 @quantity(unit="W", reference="friction force times sliding speed")
 def mesh_loss(friction_coefficient, normal_force_per_torque, wheel_torque, sliding_speed):
     """Power lost in tooth engagement: what the sliding flanks take."""
-    return friction_coefficient * normal_force_per_torque * wheel_torque * sliding_speed
+    # A wheel that is driven backwards loads the other flank: the loss stays a loss.
+    return friction_coefficient * normal_force_per_torque * np.abs(wheel_torque) * sliding_speed
 
 
 def article_mesh_loss(rig: Rig) -> Quantity:
@@ -52,7 +55,7 @@ def article_mesh_loss(rig: Rig) -> Quantity:
     @quantity(unit="W", reference="Bizon, Dziedziech, Macheta 2012, eq. 1 (after Gopinath and Mayuram)")
     def mesh_loss(friction_coefficient, wheel_torque, wheel_speed):
         """Power lost in tooth engagement, with the transmitted power taken at the output."""
-        return factor * friction_coefficient * wheel_torque * wheel_speed
+        return factor * friction_coefficient * np.abs(wheel_torque) * wheel_speed
 
     return mesh_loss
 

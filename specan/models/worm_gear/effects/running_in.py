@@ -1,0 +1,32 @@
+"""Wear that smooths a new gear."""
+
+import numpy as np
+
+from specan.models import Parameter, effect
+
+
+@effect(
+    "running-in",
+    scales="friction_coefficient",
+    adds_to="no_load_loss",
+    neutral={"friction": 0.0, "drag": 0.0},
+    needs=("elapsed_time",),
+    separate_by="randomise the order of the measurements and repeat one reference point all along",
+    reference="exponential approach of a wear process to its steady state (Niemann and Winter, "
+    "Maschinenelemente III, on the running-in of worm gears); sizes and time are left free here",
+)
+def running_in(
+    elapsed_time,
+    worm_speed,
+    *,
+    friction=Parameter(0.1, "1", min=0.0, max=1.0, lower=-0.8, upper=5.0, doc="extra share at the start"),
+    drag=Parameter(0.02, "N*m", min=0.0, max=0.3, lower=-1.0, upper=5.0, doc="of seals at the start"),
+    time=Parameter(5.0, "hour", min=0.2, max=100.0, lower=0.05, upper=500.0, doc="in which 63 % is gone"),
+):
+    """The bronze flanks of a new wheel fit themselves to the worm, seal lips to their shaft: losses fall with time.
+
+    What is left has an order in time and none in torque, speed or temperature, unless the grid was run in that
+    order: then it looks like anything.
+    """
+    left = np.exp(-elapsed_time / time)
+    return {"friction_coefficient": 1.0 + friction * left, "no_load_loss": drag * left * worm_speed}
