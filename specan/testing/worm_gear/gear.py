@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ OIL_DENSITY = 1000.0
 VISCOSITY_40, VISCOSITY_100 = 220.0, 36.0
 REFERENCE_VISCOSITY = 110.0  # mm^2/s, near 59 degC; only a unit for the strengths below
 REFERENCE_SPEED = 1500.0
+CHART_OFFSET = 0.8
+ZERO_CELSIUS = 273.15
 AMBIENT = 22.0
 
 
@@ -65,8 +67,8 @@ class Gear:
         Factor on the friction of all bearings.
     bearing_seat : float
         Axial load of the bearings that the running gear always has, N.
-    vogel : float
-        Third constant of the oil's viscosity law, degC.
+    oil_batch : float
+        Viscosity over that of the data sheet.
     """
 
     film_friction: float = 0.036
@@ -76,8 +78,7 @@ class Gear:
     drag_speed: float = 0.06
     bearing_roughness: float = 1.0
     bearing_seat: float = 0.3
-    vogel: float = 145.0
-    viscosities: tuple[float, float] = field(default=(VISCOSITY_40, VISCOSITY_100))
+    oil_batch: float = 1.0
 
 
 def draw(rng: np.random.Generator) -> Gear:
@@ -88,15 +89,15 @@ def draw(rng: np.random.Generator) -> Gear:
         drag_torque=rng.uniform(0.5, 0.72),
         drag_speed=rng.uniform(0.04, 0.09),
         bearing_roughness=rng.uniform(0.97, 1.03),
-        vogel=rng.uniform(141.0, 149.0),
+        oil_batch=rng.uniform(0.97, 1.03),
     )
 
 
 def viscosity(gear: Gear, temperature: Array) -> Array:
-    """Kinematic viscosity, mm^2/s, after Vogel through the two points of the data sheet.
+    """Kinematic viscosity, mm^2/s, by the standard chart of lubricating oils through the data sheet's two points.
 
-    ``nu = nu_40 exp(B (1/(theta + C) - 1/(40 + C)))``; with C = 145 degC the curve lies within 0.1 percent
-    of the standard chart of lubricating oils (ASTM D341) between 40 and 100 degC.
+    Ubbelohde and Walther: ``log log(nu + 0.8) = K - m log T`` with T in kelvin (DIN 51563; ASTM D341 has 0.7),
+    times what the batch in the gear differs from the data sheet.
 
     Parameters
     ----------
@@ -110,7 +111,7 @@ def viscosity(gear: Gear, temperature: Array) -> Array:
     >>> viscosity(Gear(), np.array([40.0, 100.0])).round(6)
     array([220.,  36.])
     """
-    at_40, at_100 = gear.viscosities
-    c = gear.vogel
-    slope = np.log(at_40 / at_100) / (1.0 / (40.0 + c) - 1.0 / (100.0 + c))
-    return at_40 * np.exp(slope * (1.0 / (temperature + c) - 1.0 / (40.0 + c)))
+    at_40, at_100 = (np.log10(np.log10(nu + CHART_OFFSET)) for nu in (VISCOSITY_40, VISCOSITY_100))
+    slope = (at_40 - at_100) / np.log10((100.0 + ZERO_CELSIUS) / (40.0 + ZERO_CELSIUS))
+    line = at_40 - slope * np.log10((temperature + ZERO_CELSIUS) / (40.0 + ZERO_CELSIUS))
+    return gear.oil_batch * (10.0 ** (10.0**line) - CHART_OFFSET)
