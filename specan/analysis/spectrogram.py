@@ -1,0 +1,85 @@
+"""Spectra against time, in no more columns than a page can show."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from specan.analysis.section import of_one_rate, section
+from specan.analysis.spectrum import (
+    READ_BLOCK,
+    BlockSettings,
+    block_of,
+    check_length,
+    lines_between,
+    scale_of,
+)
+from specan.data.recording import Recording
+from specan.data.spectrum import Spectrogram
+from specan.dsp.fft import has_mirror
+from specan.dsp.overlapped_blocks import OverlappedBlocks
+from specan.dsp.welch import hop_of
+from specan.dsp.windows import window
+
+
+class SpectrogramSettings(BlockSettings):
+    """Settings of a spectrogram: those of a spectrum, and how many columns it may have.
+
+    Consecutive blocks are averaged into one column as soon as there are more blocks than `columns`.
+
+    Examples
+    --------
+    >>> from specan.data.recording import ArraySource, Channel
+    >>> t = np.arange(16000) / 8000
+    >>> channel = Channel("Mic 1", unit="Pa", sampling_rate=8000.0, n_samples=16000)
+    >>> recording = Recording("a.tdms", (channel,), ArraySource([np.cos(2 * np.pi * (500 + 500 * t) * t)]))
+    >>> found = SpectrogramSettings(lines=100)(recording)
+    >>> strongest = found.frequency_hz[np.argmax(found.density[0], axis=1)]
+    >>> float(strongest[0]), float(strongest[-1])
+    (531.25, 2468.75)
+    """
+
+    columns: int = Field(default=1000, ge=1)
+
+    def __call__(self, recording: Recording) -> Spectrogram:
+        """Read the recording once and return the spectrogram."""
+        channels, notes = of_one_rate(recording, self.channels)
+        start, stop = section(recording, channels, self.start_s, self.stop_s)
+        block, rate = block_of(self.lines), channels[0].sampling_rate
+        check_length(recording, stop - start, block)
+        hop = hop_of(block, self.overlap)
+        n_blocks = (stop - start - block) // hop + 1
+        per_column = -(-n_blocks // self.columns)
+        frequency = np.fft.rfftfreq(block, 1 / rate)
+        kept = lines_between(frequency, self)
+        shape = window(self.window, block)
+        scale = (2.0 / (rate * np.sum(shape**2))) * np.where(has_mirror(len(frequency), block), 1.0, 0.5)
+        gain = np.stack([np.abs(c.correction(frequency)) ** 2 for c in channels])
+        count = n_blocks // per_column  # an incomplete last column is left out
+        density = np.zeros((len(channels), count, int(kept.sum())))
+        grid, number = OverlappedBlocks(block, hop), 0
+        for samples in recording.blocks(channels, READ_BLOCK, start, stop):
+            for part in grid.feed(samples):
+                column, number = number // per_column, number + 1
+                if column >= count:
+                    break
+                if self.detrend:
+                    part = part - np.add.reduce(part, axis=-1, keepdims=True) / block
+                spectra = np.fft.rfft(part * shape, axis=-1)
+                density[:, column] += ((spectra.real**2 + spectra.imag**2) * scale * gain)[:, kept]
+        time: NDArray[np.float64] = np.arange(count, dtype=np.float64) * (per_column * hop / rate)
+        width = ((per_column - 1) * hop + block) / rate
+        return Spectrogram(
+            label=recording.label,
+            time_s=time + (start / rate + width / 2),
+            frequency_hz=frequency[kept],
+            channels=tuple(c.name for c in channels),
+            units=tuple(c.target_unit for c in channels),
+            density=density / per_column,
+            has_mirror=has_mirror(len(frequency), block)[kept],
+            scale=scale_of(self, block, rate),
+            blocks_per_column=per_column,
+            notes=notes,
+            settings=self.model_dump(),
+        )

@@ -1,0 +1,298 @@
+"""Magnitude and phase spectra: averaged, held, or of a single block."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from specan.analysis.section import of_one_rate, section
+from specan.data.recording import Channel, Recording
+from specan.data.spectrum import Scaling, Spectrum, SpectrumScale
+from specan.dsp.fft import amplitude_spectrum, has_mirror
+from specan.dsp.transfer_function import phase_deg
+from specan.dsp.welch import CrossSpectra
+from specan.dsp.windows import WindowName, window_properties
+from specan.errors import InputError, RequestError
+from specan.schema import Settings
+
+READ_BLOCK = 1 << 16
+SAMPLES_PER_LINE = 2.56
+
+SpectrumAveraging = Literal["linear", "exponential", "max", "min", "none"]
+
+
+class BlockSettings(Settings):
+    """What spectra and spectrograms have in common.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        Names or patterns; all by default.
+    scaling : {"amplitude", "rms", "psd"}
+        Peak amplitude or RMS of a line (for tones), or power spectral density (for noise).
+    lines : int
+        Lines up to rate/2.56; a block has 2.56 times as many samples. All lines up to rate/2 are given.
+    window, overlap
+        Of the blocks.
+    detrend : bool
+        Take the mean out of each block.
+    fmin_hz, fmax_hz, start_s, stop_s : float
+        Range of the lines that are kept, and time section.
+    """
+
+    channels: tuple[str, ...] = ()
+    scaling: Scaling = "amplitude"
+    lines: int = Field(default=3200, ge=8, le=10_000_000)
+    window: WindowName = "hann"
+    overlap: float = Field(default=0.5, ge=0.0, le=0.95)
+    detrend: bool = True
+    fmin_hz: float = Field(default=0.0, ge=0.0)
+    fmax_hz: float | None = Field(default=None, gt=0.0)
+    start_s: float = Field(default=0.0, ge=0.0)
+    stop_s: float | None = Field(default=None, gt=0.0)
+
+
+class FourierSpectrum(BlockSettings):
+    """Settings of an FFT analysis; see `BlockSettings` for the others.
+
+    Attributes
+    ----------
+    whole : bool
+        The whole section is one block; `lines` is not used.
+    averaging : {"linear", "exponential", "max", "min", "none"}
+        "none" analyses the first block only.
+    n_exponential : int
+        Number of blocks of the exponential average: a new block has the weight 1/n.
+    reference : str or None
+        Channel over which the phase of an average stands.
+
+    Examples
+    --------
+    >>> from specan.data.recording import ArraySource
+    >>> samples = 2 * np.cos(2 * np.pi * 100 * np.arange(8000) / 8000)
+    >>> channel = Channel("Mic 1", unit="Pa", sampling_rate=8000.0, n_samples=8000)
+    >>> settings = FourierSpectrum(lines=1000, window="flat-top")
+    >>> found = settings(Recording("a.tdms", (channel,), ArraySource([samples])))
+    >>> round(float(found.values.max()), 6), found.value_units, round(float(found.rms[0]), 4)
+    (2.0, ('Pa',), 1.4142)
+    """
+
+    whole: bool = False
+    averaging: SpectrumAveraging = "linear"
+    n_exponential: int = Field(default=10, ge=2)
+    reference: str | None = None
+
+    def accumulator(self, recording: Recording) -> SpectrumAccumulator:
+        """For a pass over the recording that serves several analyses."""
+        return SpectrumAccumulator(recording, self)
+
+    def __call__(self, recording: Recording) -> Spectrum:
+        """Read the recording once and return the spectra."""
+        if self.whole or self.averaging == "none":
+            return _single_block(recording, self)
+        accumulator = self.accumulator(recording)
+        for samples in recording.blocks(
+            accumulator.channels, READ_BLOCK, accumulator.start, accumulator.stop
+        ):
+            accumulator.add(samples)
+        return accumulator.result()
+
+
+class SpectrumAccumulator:
+    """Takes the samples of `channels` from `start` to `stop` in pieces of any length.
+
+    Raises
+    ------
+    InputError
+        No usable channel, or fewer samples than a block.
+    RequestError
+        A reference together with a hold, or an empty range of frequencies.
+    """
+
+    def __init__(self, recording: Recording, settings: FourierSpectrum) -> None:
+        self.recording, self.settings = recording, settings
+        if settings.averaging == "none" or settings.whole:
+            raise RequestError("a single block is not averaged", remedy="call the settings instead")
+        self.reference = None if settings.reference is None else recording.channel(settings.reference)
+        if self.reference is not None and settings.averaging in ("max", "min"):
+            raise RequestError(
+                f"a {settings.averaging} hold has no phase over a reference", remedy="leave out the reference"
+            )
+        self.shown, self.notes = of_one_rate(recording, settings.channels, like=self.reference)
+        self.channels = self.shown
+        if self.reference is not None and self.reference not in self.shown:
+            self.channels = (*self.shown, self.reference)
+        self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
+        self.block = block_of(settings.lines)
+        check_length(recording, self.stop - self.start, self.block)
+        self.rate = self.channels[0].sampling_rate
+        self._spectra = CrossSpectra(
+            self.rate,
+            self.block,
+            settings.window,
+            settings.overlap,
+            n_channels=len(self.channels),
+            references=[] if self.reference is None else [self.channels.index(self.reference)],
+            detrend=settings.detrend,
+            averaging=settings.averaging,
+            n_exponential=settings.n_exponential,
+        )
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        """Take the next samples (channels, m) of `channels`."""
+        self._spectra.add(samples)
+
+    def result(self) -> Spectrum:
+        """Spectra from what was added so far."""
+        found = self._spectra.result()
+        f, count = found.frequency_hz, len(self.shown)
+        correction = np.stack([c.correction(f) for c in self.shown])
+        phase = None
+        if self.reference is not None:
+            over = correction * np.conj(self.reference.correction(f))
+            phase = np.where(found.auto[:count] > 0, phase_deg(found.cross[0, :count] * over), np.nan)
+        density = found.auto[:count] * np.abs(correction) ** 2
+        return spectrum_of(
+            self.recording,
+            self.shown,
+            self.settings,
+            f,
+            density,
+            self.block,
+            phase,
+            n_blocks=found.n_blocks,
+            n_effective=found.n_effective,
+            notes=self.notes,
+        )
+
+
+def _single_block(recording: Recording, settings: FourierSpectrum) -> Spectrum:
+    """One block, channel by channel: a whole recording is long."""
+    reference = None if settings.reference is None else recording.channel(settings.reference)
+    shown, notes = of_one_rate(recording, settings.channels, like=reference)
+    channels = shown if reference is None or reference in shown else (*shown, reference)
+    start, stop = section(recording, channels, settings.start_s, settings.stop_s)
+    block = stop - start if settings.whole else block_of(settings.lines)
+    check_length(recording, stop - start, block)
+    rate = channels[0].sampling_rate
+    scale = scale_of(settings, block, rate)
+
+    def spectrum(channel: Channel) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        samples = recording.read([channel], start, start + block)[0]
+        f, found = amplitude_spectrum(samples, rate, settings.window, detrend=settings.detrend)
+        return f, found * channel.correction(f)
+
+    turn = None if reference is None else spectrum(reference)[1]
+    density, phase = [], []
+    for channel in shown:
+        f, found = spectrum(channel)
+        rms = np.abs(found) / np.where(has_mirror(len(f), block), np.sqrt(2.0), 1.0)
+        density.append(rms**2 / scale.enbw_hz)
+        angle = phase_deg(found if turn is None else found * np.conj(turn))
+        phase.append(np.where(found != 0, angle, np.nan))
+    return spectrum_of(
+        recording,
+        shown,
+        settings,
+        f,
+        np.stack(density),
+        block,
+        np.stack(phase),
+        n_blocks=1,
+        n_effective=1.0,
+        notes=notes,
+    )
+
+
+def block_of(lines: int) -> int:
+    """Samples of a block with so many lines up to rate/2.56."""
+    return round(lines * SAMPLES_PER_LINE)
+
+
+def check_length(recording: Recording, n: int, block: int) -> None:
+    """Refuse a section that is shorter than one block."""
+    if n < block:
+        raise InputError(
+            f"{recording.label}: {n} samples are less than one block",
+            expected=f"at least {block} samples",
+            remedy="ask for fewer lines or a longer section",
+        )
+
+
+def scale_of(settings: BlockSettings, block: int, rate: float) -> SpectrumScale:
+    """What the window makes of the lines."""
+    properties = window_properties(settings.window)
+    spacing = rate / block
+    return SpectrumScale(
+        settings.scaling,
+        settings.window,
+        spacing,
+        properties.enbw_lines * spacing,
+        properties.coherent_gain,
+    )
+
+
+def lines_between(frequency_hz: NDArray[np.float64], settings: BlockSettings) -> NDArray[np.bool_]:
+    """Lines from `fmin_hz` to `fmax_hz`.
+
+    Raises
+    ------
+    RequestError
+        There are none.
+    """
+    high = np.inf if settings.fmax_hz is None else settings.fmax_hz
+    kept = (frequency_hz >= settings.fmin_hz) & (frequency_hz <= high)
+    if not kept.any():
+        raise RequestError(
+            f"no line lies between {settings.fmin_hz:g} and {high:g} Hz",
+            expected=f"a range within 0 to {frequency_hz[-1]:g} Hz",
+        )
+    return np.asarray(kept)
+
+
+def spectrum_of(
+    recording: Recording,
+    channels: tuple[Channel, ...],
+    settings: FourierSpectrum,
+    frequency_hz: NDArray[np.float64],
+    density: NDArray[np.float64],
+    block: int,
+    phase: NDArray[np.float64] | None,
+    *,
+    n_blocks: int,
+    n_effective: float,
+    notes: tuple[str, ...],
+) -> Spectrum:
+    """The lines that were asked for, with all that belongs to them."""
+    kept = lines_between(frequency_hz, settings)
+    rate = channels[0].sampling_rate
+    density = density[:, kept]
+    if settings.averaging in ("linear", "exponential") and phase is None:
+        notes = (*notes, "no phase: an average has one only over a reference")
+    return Spectrum(
+        label=recording.label,
+        frequency_hz=frequency_hz[kept],
+        channels=tuple(c.name for c in channels),
+        units=tuple(c.target_unit for c in channels),
+        density=density,
+        has_mirror=has_mirror(len(frequency_hz), block)[kept],
+        scale=scale_of(settings, block, rate),
+        averaging="none" if n_blocks == 1 and settings.whole else settings.averaging,
+        n_blocks=n_blocks,
+        n_effective=n_effective,
+        phase_deg=None if phase is None else phase[:, kept],
+        phase_reference=settings.reference,
+        rms=np.sqrt(np.sum(density, axis=1) * (rate / block)),
+        flags=tuple((*recording.flags, *_flags(row)) for row in density),
+        notes=notes,
+        settings=settings.model_dump(),
+    )
+
+
+def _flags(density: NDArray[np.float64]) -> tuple[str, ...]:
+    if not np.all(np.isfinite(density)):
+        return ("not-finite",)
+    return () if np.any(density > 0) else ("dead",)

@@ -1,0 +1,182 @@
+"""Spectra and spectrograms with their scaling, bandwidth and level reference."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.units import level_reference
+
+Real = NDArray[np.float64]
+Scaling = Literal["amplitude", "rms", "psd"]
+SCALINGS: tuple[Scaling, ...] = get_args(Scaling)
+
+
+@dataclass(frozen=True)
+class SpectrumScale:
+    """How lines are to be read; shared by spectra and spectrograms.
+
+    Attributes
+    ----------
+    scaling : {"amplitude", "rms", "psd"}
+    window : str
+    line_spacing_hz, enbw_hz : float
+        Distance of the lines, and the window's equivalent noise bandwidth.
+    coherent_gain : float
+        Mean of the window; already allowed for.
+    """
+
+    scaling: Scaling
+    window: str
+    line_spacing_hz: float
+    enbw_hz: float
+    coherent_gain: float
+
+    def unit_of(self, unit: str) -> str:
+        """Unit of the values of a channel.
+
+        Examples
+        --------
+        >>> SpectrumScale("psd", "hann", 1.0, 1.5, 0.5).unit_of("m/s")
+        '(m/s)^2/Hz'
+        """
+        if self.scaling != "psd":
+            return unit
+        return f"({unit})^2/Hz" if "/" in unit or "^" in unit else f"{unit}^2/Hz"
+
+    def level_text(self, unit: str) -> str:
+        """What 0 dB is: ``dB re 20 uPa``; for densities ``dB re (20 uPa)^2/Hz``."""
+        base = level_reference(unit).text
+        return f"dB re ({base})^2/Hz" if self.scaling == "psd" else f"dB re {base}"
+
+    def values(self, density: Real, has_mirror: NDArray[np.bool_]) -> Real:
+        """Density, RMS or amplitude of each line.
+
+        The RMS of a line is the root of density times noise bandwidth: right for tones; for noise it goes with
+        the bandwidth, and only the density does not. Amplitude is sqrt(2) RMS, except at 0 Hz and rate/2.
+
+        Examples
+        --------
+        >>> scale = SpectrumScale("amplitude", "hann", 1.0, 1.5, 0.5)
+        >>> scale.values(np.array([3.0]), np.array([True])).tolist()
+        [3.0]
+        """
+        if self.scaling == "psd":
+            return density
+        rms = np.sqrt(density * self.enbw_hz)
+        if self.scaling == "rms":
+            return np.asarray(rms)
+        return np.asarray(rms * np.where(has_mirror, np.sqrt(2.0), 1.0))
+
+    def level_db(self, density: Real, unit: str) -> Real:
+        """Level of a density: of the density itself, or of the RMS of a line (also under "amplitude")."""
+        base = level_reference(unit).value ** 2
+        power = density if self.scaling == "psd" else density * self.enbw_hz
+        with np.errstate(divide="ignore"):
+            return np.asarray(10 * np.log10(power / base))
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Spectra of several channels on common lines.
+
+    Attributes
+    ----------
+    label : str
+    frequency_hz : array (n,)
+    channels, units : tuple of str
+    density : array (channels, n)
+        One-sided mean-square spectral density in unit^2/Hz, whatever the scaling.
+    has_mirror : bool array (n,)
+        False at 0 Hz and at half the sampling rate.
+    scale : SpectrumScale
+    averaging : str
+        "linear", "exponential", "max", "min", or "none" for a single block.
+    n_blocks : int
+    n_effective : float
+    phase_deg : array (channels, n) or None
+        exp(+j w t), in (-180, 180]. Of a single block: of a cosine, time zero at the block's first sample. Of
+        an average: over `phase_reference`, from the averaged cross spectrum. None: an average has no
+        phase of its own.
+    phase_reference : str or None
+    rms : array (channels,)
+        Root of the density summed over the lines shown.
+    flags : tuple of tuples of str
+    """
+
+    label: str
+    frequency_hz: Real
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    density: Real
+    has_mirror: NDArray[np.bool_]
+    scale: SpectrumScale
+    averaging: str
+    n_blocks: int
+    n_effective: float
+    phase_deg: Real | None
+    phase_reference: str | None
+    rms: Real
+    flags: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def values(self) -> Real:
+        """Amplitude, RMS or density (channels, n), as `scale` says."""
+        return self.scale.values(self.density, self.has_mirror)
+
+    @property
+    def value_units(self) -> tuple[str, ...]:
+        """Units of `values`."""
+        return tuple(self.scale.unit_of(unit) for unit in self.units)
+
+    @property
+    def level_db(self) -> Real:
+        """Levels (channels, n); see `SpectrumScale.level_db`."""
+        return np.stack([self.scale.level_db(row, unit) for row, unit in zip(self.density, self.units)])
+
+    @property
+    def u_db(self) -> float:
+        """Standard uncertainty of a line of noise in dB: 4.34 / sqrt(effective averages); of a tone it is less."""
+        return float(10 / np.log(10) / np.sqrt(self.n_effective)) if self.n_effective > 0 else float("nan")
+
+
+@dataclass(frozen=True)
+class Spectrogram:
+    """Spectra against time.
+
+    Attributes
+    ----------
+    time_s : array (columns,)
+        Middle of each column, from the start of the recording.
+    density : array (channels, columns, n)
+        One-sided mean-square spectral density.
+    blocks_per_column : int
+    """
+
+    label: str
+    time_s: Real
+    frequency_hz: Real
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    density: Real
+    has_mirror: NDArray[np.bool_]
+    scale: SpectrumScale
+    blocks_per_column: int
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def values(self) -> Real:
+        """Amplitude, RMS or density (channels, columns, n)."""
+        return self.scale.values(self.density, self.has_mirror)
+
+    @property
+    def level_db(self) -> Real:
+        """Levels (channels, columns, n)."""
+        return np.stack([self.scale.level_db(part, unit) for part, unit in zip(self.density, self.units)])

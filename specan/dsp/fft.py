@@ -1,0 +1,47 @@
+"""The DFT of one block as peak amplitudes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.dsp.windows import WindowName, window
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+def amplitude_spectrum(
+    samples: Real, rate: float, window_name: WindowName = "hann", *, detrend: bool = True
+) -> tuple[Real, Complex]:
+    """One-sided amplitude spectrum (..., n // 2 + 1) of blocks (..., n), peak values, exp(+j w t).
+
+    A tone A cos(2 pi f t + phi) on a line, t = 0 at the first sample, gives A exp(j phi) there. Between two
+    lines the magnitude falls by the scallop loss of the window and the phase of the nearest line is off by
+    180 degrees times the distance in lines: use a sine fit for the phase of such a tone.
+
+    Returns
+    -------
+    frequency_hz : array (n // 2 + 1,)
+    spectrum : complex array
+
+    Examples
+    --------
+    >>> t = np.arange(64) / 64
+    >>> f, spectrum = amplitude_spectrum(3 * np.cos(2 * np.pi * 8 * t + 1), 64.0)
+    >>> float(f[8]), round(float(abs(spectrum[8])), 6), round(float(np.angle(spectrum[8])), 6)
+    (8.0, 3.0, 1.0)
+    """
+    n = samples.shape[-1]
+    if detrend:
+        samples = samples - np.add.reduce(samples, axis=-1, keepdims=True) / n
+    shape = window(window_name, n)
+    spectrum = np.fft.rfft(samples * shape, axis=-1) * (2 / np.sum(shape))
+    spectrum[..., ~has_mirror(spectrum.shape[-1], n)] /= 2
+    return np.arange(spectrum.shape[-1]) * (rate / n), spectrum
+
+
+def has_mirror(lines: int, block: int) -> NDArray[np.bool_]:
+    """Which of the first lines of a DFT stand for two: all but 0 Hz and half the sampling rate."""
+    line = np.arange(lines)
+    return np.asarray((line > 0) & (2 * line != block))
