@@ -12,7 +12,11 @@ from specan import __version__
 from specan.errors import SpecanError
 
 # verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
-VERBS: dict[str, tuple[str, str]] = {}
+VERBS: dict[str, tuple[str, str]] = {
+    "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
+    "batch": ("batch", "Everything in a directory of recordings, as text tables."),
+    "export": ("export", "Samples for other tools: CSV, UFF58, WAV, Parquet."),
+}
 
 
 class LazyGroup(click.Group):

@@ -1,0 +1,137 @@
+"""``specan calibrate``: sensitivities and phases from recordings of a calibrator."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from specan_cli.output import emit_json, say, table
+
+if TYPE_CHECKING:
+    from specan.data.calibration import Calibration, ChannelCalibration
+
+
+@click.command("calibrate")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    default=Path("calibration.toml"),
+    show_default=True,
+    help="The calibration to write.",
+)
+@click.option(
+    "--level", type=float, help="Level of the calibrator in dB re 20 uPa [default: the file's, else 94]."
+)
+@click.option(
+    "--frequency", type=float, help="Tone of the calibrator in Hz [default: the file's, else found]."
+)
+@click.option("--windows", type=int, default=20, show_default=True, help="Number of measurement windows.")
+@click.option("--channel", "channels", multiple=True, help="A calibrated channel or a pattern; repeatable.")
+@click.option(
+    "--phase-model",
+    type=click.Choice(["delay", "constant"]),
+    default="delay",
+    show_default=True,
+    help="How the phase goes on to other frequencies.",
+)
+@click.option("--channel-table", type=click.Path(path_type=Path), help="A channel table for all files.")
+@click.option("--json", "as_json", is_flag=True, help="Print the calibration as JSON.")
+def command(
+    files: tuple[Path, ...],
+    output: Path,
+    level: float | None,
+    frequency: float | None,
+    windows: int,
+    channels: tuple[str, ...],
+    phase_model: str,
+    channel_table: Path | None,
+    as_json: bool,
+) -> int:
+    """Find sensitivity and phase of every microphone from recordings of a calibrator.
+
+    Name all insertions of one calibration together: those that share a microphone are chained in phase.
+    """
+    from specan.analysis.calibration import join_insertions
+    from specan.analysis.insertion import CalibrationSettings, evaluate_insertion
+    from specan.errors import InputError, RequestError
+    from specan.io.calibration_file import write_calibration
+    from specan.io.open import open_recording
+    from specan.schema import parse
+
+    settings = parse(
+        CalibrationSettings,
+        {
+            "level_dB": level,
+            "frequency_hz": frequency,
+            "windows": windows,
+            "channels": channels,
+            "phase_model": phase_model,
+        },
+        "calibrate",
+    )
+    if not output.resolve().parent.is_dir():
+        raise RequestError(
+            f"the directory of {output} does not exist", remedy="make it, or choose another with -o"
+        )
+    common = os.path.commonpath([path.resolve().parent for path in files])
+    insertions, failures = [], []
+    for path in files:
+        try:
+            label = path.resolve().relative_to(common).as_posix()
+            recording = open_recording(path, label=label, channel_table=channel_table)
+            insertions.append(evaluate_insertion(recording, settings))
+        except InputError as fault:
+            if len(files) == 1:
+                raise
+            failures.append({"file": str(path), "reason": str(fault)})
+            say(f"Left out: {fault}")
+    if not insertions:
+        raise InputError("no file could be used for a calibration", remedy="see the reasons above")
+    calibration = join_insertions(insertions, settings)
+    try:
+        write_calibration(calibration, output)
+    except OSError as fault:
+        raise RequestError(
+            f"{output} cannot be written ({fault.strerror})", remedy="choose another with -o"
+        ) from None
+    if as_json:
+        emit_json({**_content(calibration), "failures": failures, "output": str(output)})
+    else:
+        _show(calibration, output)
+    failed = any(c.verdict == "failed" for c in calibration.channels)
+    return 1 if failures or failed else 0
+
+
+def _content(calibration: Calibration) -> dict[str, Any]:
+    import dataclasses
+
+    return dataclasses.asdict(calibration)
+
+
+def _show(calibration: Calibration, output: Path) -> None:
+    tone, level = calibration.calibrator_frequency_hz, calibration.calibrator_level_dB
+    title = (
+        "Calibration"
+        + (f" at {tone:.2f} Hz" if tone else "")
+        + (f", {level:g} dB re 20 uPa" if level else "")
+    )
+    rows = []
+    for c in calibration.channels:
+        phase, u_phase = (" / ".join(f"{x:.2f}" for x in values) for values in _phases(c))
+        sheet = [f"{c.sensitivity:.3f}", f"{c.u_sensitivity_percent:.2f}", phase, u_phase]
+        stability = [f"{c.scatter_percent:.3f}", f"{c.drift_percent:.3f}"]
+        reference = c.phase.group if c.phase else ""
+        rows.append([c.channel, *sheet, reference, *stability, "; ".join([c.verdict, *c.reasons])])
+    header = ["channel", "mV/Pa", "u %", "phase deg", "u deg", "re", "scatter %", "drift %", "verdict"]
+    table(title, header, rows)
+    for note in calibration.notes:
+        say(f"Note: {note}.")
+    click.echo(f"Written to {output}.")
+
+
+def _phases(channel: ChannelCalibration) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return (channel.phase.phase_deg, channel.phase.u_phase_deg) if channel.phase else ((), ())
