@@ -8,10 +8,10 @@ from typing import Any
 from specan.models.catalogue import effects_in
 from specan.models.model import Model, Nuisance, Observable
 from specan.models.quantity import Condition
-from specan.models.worm_gear import kinematics, power
+from specan.models.worm_gear import kinematics, mesh, power
+from specan.models.worm_gear.article import article_quantities
 from specan.models.worm_gear.bearings import bearing_quantities
 from specan.models.worm_gear.forces import force_quantities
-from specan.models.worm_gear.mesh import mesh_quantities
 from specan.models.worm_gear.oil import viscosity_quantities
 from specan.models.worm_gear.rig import (
     Operation,
@@ -53,11 +53,13 @@ def build(rig: Mapping[str, Any]) -> Model:
         *kinematics.geometry(settings.gear),
         *kinematics.QUANTITIES,
         *viscosity_quantities(settings.oil, settings.model),
-        *mesh_quantities(settings),
+        *mesh.QUANTITIES,
         *force_quantities(settings, bearings),
         *bearing_quantities(bearings, settings.gear.z_wheel / settings.gear.z_worm),
         *power.QUANTITIES,
     ]
+    if settings.model.mesh == "article":
+        quantities += article_quantities(settings)  # of the same names, and later ones win
     effects = effects_in("specan.models.worm_gear.effects")
     return Model(
         name="worm-gear",

@@ -19,10 +19,9 @@ AXES = ("bearing",)
 
 
 def force_quantities(rig: Rig, bearings: Sequence[PlacedBearing]) -> list[Quantity]:
-    """Radial and axial load of each bearing, by statics or by the article's eqs 4-7."""
-    radial = _article_radial(rig) if rig.model.mesh == "article" else _statics_radial(rig)
-    axial = _no_axial() if rig.model.mesh == "article" else _axial(bearings)
-    return [worm_axial_force, worm_tangential_force, radial_force, radial, axial]
+    """Forces between the flanks, and the radial and axial load of each bearing."""
+    loads = [_radial(rig), _axial(bearings)]
+    return [worm_axial_force, worm_tangential_force, radial_force, *loads]
 
 
 @quantity(unit="N", reference="statics of the flank")
@@ -54,7 +53,7 @@ def _shares(positions: tuple[float, float]) -> tuple[float, float, float]:
     return high / (high - low), -low / (high - low), 1e3 / (high - low)
 
 
-def _statics_radial(rig: Rig) -> Quantity:
+def _radial(rig: Rig) -> Quantity:
     """Radial loads: force in the mesh plane shared by the lever rule, moment of the axial force as a couple."""
     gear = rig.gear
     near, far, per_length = _shares(gear.worm_bearing_positions_mm)
@@ -92,37 +91,5 @@ def _axial(bearings: Sequence[PlacedBearing]) -> Quantity:
         """Axial load of each bearing."""
         outer = np.multiply.outer
         return np.abs(np.concatenate([outer(worm, worm_axial_force), outer(wheel, worm_tangential_force)]))
-
-    return bearing_axial_load
-
-
-def _article_radial(rig: Rig) -> Quantity:
-    """The article's eqs 4-7, whose numbers hold for its own gear; C and D are on the worm, A and B on the wheel."""
-    ratio = rig.gear.z_wheel / rig.gear.z_worm
-    dead_load = rig.gear.bearing_dead_load_N**2
-
-    @quantity(unit="N", axes=AXES, reference="Bizon, Dziedziech, Macheta 2012, eqs 4-7")
-    def bearing_radial_load(output_torque, friction_coefficient):
-        """Radial load of each bearing as printed, for the input torque of a gear without loss."""
-        torque, mu = output_torque / ratio, friction_coefficient
-        lever = 0.00564 + 0.0166 * mu
-        along = torque * (0.939 - 0.324 * mu) / lever
-        couple = torque * (0.024 - 0.00567 * mu) / (0.000598 + 0.00176 * mu)
-        loads = [
-            (35.169 * torque, couple),
-            (21.947 * torque, 0.117 * torque / lever - couple),
-            ((0.0548 / lever - 41.45) * torque, 0.468 * along),
-            ((0.0622 / lever + 41.45) * torque, 0.532 * along),
-        ]
-        return np.stack([np.sqrt(x * x + y * y + dead_load) for x, y in loads])
-
-    return bearing_radial_load
-
-
-def _no_axial() -> Quantity:
-    @quantity(unit="N", axes=AXES, reference="eqs 4-7 leave the axial load out")
-    def bearing_axial_load(output_torque):
-        """Axial load of each bearing: none in the article."""
-        return np.zeros((4, *np.shape(output_torque)))
 
     return bearing_axial_load

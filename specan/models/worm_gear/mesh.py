@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from specan.models.quantity import Quantity, quantity
-from specan.models.worm_gear.rig import Rig
+from specan.models.quantity import quantity
 
 
 @quantity(unit="1")
@@ -48,19 +47,11 @@ def mesh_loss(friction_coefficient, normal_force_per_torque, wheel_torque, slidi
     return friction_coefficient * normal_force_per_torque * np.abs(wheel_torque) * sliding_speed
 
 
-def article_mesh_loss(rig: Rig) -> Quantity:
-    """The article's eq. 1, a loss of spur gears: ``2.3 mu (1/z1 + 1/z2) W``."""
-    factor = 2.3 * (1 / rig.gear.z_worm + 1 / rig.gear.z_wheel)
-
-    @quantity(unit="W", reference="Bizon, Dziedziech, Macheta 2012, eq. 1 (after Gopinath and Mayuram)")
-    def mesh_loss(friction_coefficient, wheel_torque, wheel_speed):
-        """Power lost in tooth engagement, with the transmitted power taken at the output."""
-        return factor * friction_coefficient * np.abs(wheel_torque) * wheel_speed
-
-    return mesh_loss
-
-
-def mesh_quantities(rig: Rig) -> list[Quantity]:
-    """The mesh in the form that the rig file chooses."""
-    loss = article_mesh_loss(rig) if rig.model.mesh == "article" else mesh_loss
-    return [friction_coefficient, output_torque, wheel_torque, tooth_load, normal_force_per_torque, loss]
+QUANTITIES = [
+    output_torque,
+    wheel_torque,
+    tooth_load,
+    friction_coefficient,
+    normal_force_per_torque,
+    mesh_loss,
+]
