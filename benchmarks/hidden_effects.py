@@ -1,0 +1,108 @@
+"""The hidden-effect bench: gears with a known fault, verdicts of the study engine, counts against the bar.
+
+    python benchmarks/hidden_effects.py --quick 40 --kinds null single
+    python benchmarks/hidden_effects.py --full --out results.jsonl
+    python benchmarks/hidden_effects.py --report results.jsonl
+
+Results are appended to a file as they come; a run that was broken off goes on where it stopped. Results of other
+code (models, study or simulator have changed) are kept in the file and left out of the table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from hidden_effects.cases import FULL, KINDS, Case, planned
+from hidden_effects.judge import Record, by_effect, cpu_seconds, table
+from hidden_effects.run import fingerprint, read, run
+
+
+def chosen(arguments: argparse.Namespace) -> list[Case]:
+    """Cases that the command line asks for."""
+    kinds = arguments.kinds or list(FULL)
+    total = sum(FULL[kind] for kind in kinds)
+    counts = {
+        kind: FULL[kind] if arguments.full else max(1, round(arguments.quick * FULL[kind] / total))
+        for kind in kinds
+    }
+    only = tuple(arguments.effects or ())
+    return [
+        case for kind in kinds for case in planned(kind, counts[kind], reserved=arguments.reserved, only=only)
+    ]
+
+
+def main() -> int:
+    """Run and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--quick", type=int, default=60, metavar="N", help="about N cases, kinds as in the full bench"
+    )
+    parser.add_argument("--full", action="store_true", help="all cases")
+    parser.add_argument("--kinds", nargs="+", choices=KINDS)
+    parser.add_argument("--effects", nargs="+", help="hide only these")
+    parser.add_argument("--reserved", action="store_true", help="the reserved seeds: once, at the end")
+    parser.add_argument("--out", type=Path, default=Path("hidden_effects.jsonl"))
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE", help="print the table of a result file, run nothing"
+    )
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    if arguments.report:
+        records = read(arguments.report, fingerprint())
+    else:
+        records = list(run(chosen(arguments), arguments.out, arguments.workers))
+    print(json.dumps(summary(records), indent=1) if arguments.json else text(records))
+    return 1 if any("error" in record for record in records) else 0
+
+
+def summary(records: list[Record]) -> dict[str, object]:
+    """Everything that the bench knows, for a program."""
+    return {
+        "cases": len(records),
+        "errors": [{"key": r["key"], "error": r["error"]} for r in records if "error" in r],
+        "table": table(records),
+        "effects": by_effect(records),
+        "cpu_seconds": cpu_seconds(records),
+    }
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def text(records: list[Record]) -> str:
+    """Everything that the bench knows, for a person."""
+    lines = [f"{len(records)} cases, code {fingerprint()}", ""]
+    lines.append(f"{'':54}{'count':>11}{'%':>7}  {'95 % interval':>14}  {'lambda':>7}{'D':>7}  bar")
+    for row in table(records):
+        if not row["of"]:
+            continue
+        met = {True: "met", False: "MISSED", None: ""}[row["met"]]
+        lines.append(
+            f"{row['row']:54}{row['count']:>5} / {row['of']:<3}{row['percent']:7.1f}  "
+            f"{row['low']:5.1f} to {row['high']:5.1f}  {_number(row['lambda']):>7}{_number(row['d']):>7}  "
+            f"{row['bar']} {met}".rstrip()
+        )
+    lines += ["", "lambda and D: middle values of the cases of the row", ""]
+    lines.append(f"{'hidden (lambda >= 30)':44}{'right':>9}{'D':>8}   otherwise said")
+    for row in by_effect(records):
+        right = f"{row['right']} / {row['strong']}"
+        lines.append(f"{row['effect']:44}{right:>9}{_number(row['d']):>8}   {row['instead']}".rstrip())
+    times = cpu_seconds(records)
+    if times:
+        lines += ["", f"CPU per verdict: {times[0]:.2f} s (middle), {times[1]:.2f} s (longest)"]
+    errors = [r for r in records if "error" in r]
+    lines += [f"FAILED {r['key']}: {r['error'].strip().splitlines()[-1]}" for r in errors]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
