@@ -103,7 +103,7 @@ def fit(
             f"the fit of {', '.join(problem.names) or 'no parameter'} failed: {reason}",
             remedy="give other start values or narrower bounds, or take an effect out",
         )
-    return _describe(problem, best[1])
+    return describe(problem, best[1])
 
 
 def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[float, Array]:
@@ -163,7 +163,8 @@ def _plausible(problem: Problem) -> tuple[Array, Array]:
     return np.minimum(low, high), np.maximum(low, high)
 
 
-def _describe(problem: Problem, theta: Array) -> Fit:
+def describe(problem: Problem, theta: Array) -> Fit:
+    """A Fit of a theta that some descent has found to be a minimum."""
     theta, at_bound = _snap(problem, theta)
     residual = _finite(problem.residual(theta))
     jacobian = _finite(problem.jacobian(theta))
