@@ -163,7 +163,7 @@ class _Opening:
                 decisions=decisions,
             )
         )
-        self.feeds.append(Feed(found.group, found.name, track, found.path, scaling, foreign))
+        self.feeds.append(Feed(found.group, found.name, track, found.path, scaling, line, foreign))
 
     def _rate(self, found: TdmsObject, n_samples: int, row: Row | None) -> rates.Rate:
         """Sampling rate in the order that counts; the first statement wins."""

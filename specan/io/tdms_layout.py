@@ -118,6 +118,7 @@ class _Builder:
     foreign: dict[str, str] = field(default_factory=dict)
     truncated: bool = False
     _known: dict[tuple[Any, ...], tuple[dict[str, Strip], int]] = field(default_factory=dict)
+    _longer: dict[tuple[int, int], dict[str, Strip]] = field(default_factory=dict)
 
     def add(self, segment: Any) -> None:
         """Take over one segment."""
@@ -132,9 +133,7 @@ class _Builder:
         if _is_rows(strips, chunk):
             # Rows follow each other across chunks: the segment is one chunk, however long.
             count = size // next(iter(strips.values())).stride
-            self._append(
-                segment.data_position, size, 1, {p: replace(s, count=count) for p, s in strips.items()}
-            )
+            self._append(segment.data_position, size, 1, self._long(strips, count))
             if rest and not segment.segment_incomplete:
                 self.short.update(strips)
             return
@@ -146,6 +145,13 @@ class _Builder:
         elif rest:
             shared = _shared(strips, chunk, rest, objects)
             self._append(segment.data_position + whole * chunk, rest, 1, shared)
+
+    def _long(self, strips: dict[str, Strip], count: int) -> dict[str, Strip]:
+        """Strips of `count` rows; equal segments share them."""
+        key = (id(strips), count)
+        if key not in self._longer:
+            self._longer[key] = {p: replace(s, count=count) for p, s in strips.items()}
+        return self._longer[key]
 
     def _append(self, position: int, chunk_bytes: int, n_chunks: int, strips: dict[str, Strip]) -> None:
         number = len(self.parts)

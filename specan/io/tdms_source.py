@@ -35,19 +35,30 @@ class Feed:
     track: Track
     path: str
     scaling: Scaling
+    line: tuple[float, float] | None = None  # slope and intercept where the scaling is no more than that
     foreign: bool = False  # npTDMS reads it
 
 
 @dataclass(frozen=True, slots=True)
+class _Run:
+    """Channels of one type in consecutive rows of the result, `step` bytes apart in every chunk."""
+
+    row: int
+    n_rows: int
+    step: int
+    strip: Strip  # of the first channel
+
+
+@dataclass(frozen=True, slots=True)
 class _Piece:
-    """Samples of one channel that lie on a lattice of rows of `n` samples."""
+    """Samples on a lattice: (channels, chunks, samples of each)."""
 
     position: int
     span: int
     row: int
     first: int
-    shape: tuple[int, int]
-    strides: tuple[int, int]
+    shape: tuple[int, int, int]
+    strides: tuple[int, int, int]
     dtype: np.dtype[Any]
 
 
@@ -68,21 +79,21 @@ class TdmsSource:
             if feed.foreign:
                 out[row] = self._read_foreign(feed, start, stop)
 
+        slopes, intercepts = (
+            np.array([f.line[k] if f.line else np.nan for f in feeds])[:, None, None] for k in (0, 1)
+        )
+
         def convert(piece: _Piece, raw: NDArray[Any]) -> None:
-            n = raw.size
-            target = out[piece.row, piece.first : piece.first + n].reshape(raw.shape)
-            scaling = feeds[piece.row].scaling
-            line = scaling.line(piece.dtype)
-            if line is None:
-                target[...] = scaling.apply(_native(raw).reshape(-1)).reshape(raw.shape)
-                return
-            slope, intercept = line
-            if slope == 1.0:
+            rows = slice(piece.row, piece.row + raw.shape[0])
+            n = raw.shape[1] * raw.shape[2]
+            target = out[rows, piece.first : piece.first + n].reshape(raw.shape)
+            if all(f.line for f in feeds[rows]):
                 target[...] = raw
-            else:
-                np.multiply(raw, slope, out=target, dtype=np.float64)
-            if intercept != 0.0:
-                target += intercept
+                _scale(target, slopes[rows], intercepts[rows])
+                return
+            for into, values, feed in zip(target, raw, feeds[rows], strict=True):
+                native = values.astype(values.dtype.newbyteorder("="), copy=False).reshape(-1)
+                into[...] = feed.scaling.apply(native).reshape(values.shape)
 
         self._gather([(r, f) for r, f in enumerate(feeds) if not f.foreign], start, stop, convert)
         return out
@@ -114,7 +125,10 @@ class TdmsSource:
         stop: int,
         use: Callable[[_Piece, NDArray[Any]], None],
     ) -> None:
-        pieces = [p for row, feed in feeds for p in self._pieces(row, feed, start, stop)]
+        together: dict[int, list[tuple[int, Feed]]] = {}
+        for row, feed in feeds:
+            together.setdefault(id(feed.track), []).append((row, feed))
+        pieces = [p for group in together.values() for p in self._pieces(group, start, stop)]
         if not pieces:
             return
         pieces.sort(key=lambda p: p.position)
@@ -124,31 +138,25 @@ class TdmsSource:
             for position, size, inside in windows:
                 self._fill(file, position, store[:size])
                 for piece in inside:
-                    raw = np.ndarray(
+                    raw: NDArray[Any] = np.ndarray(
                         piece.shape, piece.dtype, store, piece.position - position, piece.strides
                     )
                     use(piece, raw)
 
-    def _pieces(self, row: int, feed: Feed, start: int, stop: int) -> Iterator[_Piece]:
-        track = feed.track
+    def _pieces(self, feeds: Sequence[tuple[int, Feed]], start: int, stop: int) -> Iterator[_Piece]:
+        """Pieces of channels that share a track."""
+        track = feeds[0][1].track
+        runs_of: dict[int, list[_Run]] = {}  # segments of one structure share their strips
         first, last = np.searchsorted(track.starts, [start, stop], side="right") - 1
         for k in range(int(first), min(int(last) + 1, len(track.parts))):
             part = self.layout.parts[track.parts[k]]
-            strip = part.strips[feed.path]
+            if id(part.strips) not in runs_of:
+                runs_of[id(part.strips)] = list(_runs(part.strips, feeds))
             begin = int(track.starts[k])
-            low = max(start - begin, 0)
-            high = min(stop, int(track.starts[k + 1])) - begin
-            for where, rows, n in _split(part, strip, low, high):
-                chunk, sample = divmod(where, strip.count)
-                yield _Piece(
-                    position=part.position + chunk * part.chunk_bytes + strip.offset + sample * strip.stride,
-                    span=(rows - 1) * part.chunk_bytes + (n - 1) * strip.stride + strip.dtype.itemsize,
-                    row=row,
-                    first=begin + where - start,
-                    shape=(rows, n),
-                    strides=(part.chunk_bytes, strip.stride),
-                    dtype=strip.dtype,
-                )
+            low, high = max(start - begin, 0), min(stop, int(track.starts[k + 1])) - begin
+            for run in runs_of[id(part.strips)]:
+                for at, chunks, n in _split(part, run.strip, low, high):
+                    yield from _cut(part, run, at, chunks, n, begin + at - start)
 
     def _open(self) -> BinaryIO:
         try:
@@ -185,7 +193,7 @@ class TdmsSource:
 def _split(part: Part, strip: Strip, low: int, high: int) -> Iterator[tuple[int, int, int]]:
     """Cut samples `low` to `high` of a part into (first sample, chunks, samples of each)."""
     # Rows of very many channels are cut less finely: a call has a price of its own.
-    per_piece = max(_PIECE_BYTES // strip.stride, 1024)
+    per_piece = max(_PIECE_BYTES // strip.stride, 4096)
     # Small whole chunks are taken together; large ones one by one, and in pieces.
     together = max(_PIECE_BYTES // part.chunk_bytes, 1)
     while low < high:
@@ -200,6 +208,54 @@ def _split(part: Part, strip: Strip, low: int, high: int) -> Iterator[tuple[int,
             n = min(strip.count - inside, high - low, per_piece)
             yield low, 1, n
             low += n
+
+
+def _runs(strips: dict[str, Strip], feeds: Sequence[tuple[int, Feed]]) -> Iterator[_Run]:
+    """Join channels that follow each other at one distance, in the chunk and in the result."""
+    run: _Run | None = None
+    for row, feed in feeds:
+        strip = strips[feed.path]
+        if run is not None:
+            shape = (run.strip.stride, run.strip.count, run.strip.dtype)
+            same = row == run.row + run.n_rows and (strip.stride, strip.count, strip.dtype) == shape
+            step = (strip.offset - run.strip.offset) // run.n_rows
+            regular = strip.offset == run.strip.offset + run.n_rows * step > run.strip.offset
+            if same and regular and (run.n_rows == 1 or step == run.step):
+                run = _Run(run.row, run.n_rows + 1, step, run.strip)
+                continue
+            yield run
+        run = _Run(row, 1, 0, strip)
+    if run is not None:
+        yield run
+
+
+def _cut(part: Part, run: _Run, at: int, chunks: int, n: int, first: int) -> Iterator[_Piece]:
+    """The piece of a run, or one for each channel where these lie far apart."""
+    strip = run.strip
+    chunk, sample = divmod(at, strip.count)
+    position = part.position + chunk * part.chunk_bytes + strip.offset + sample * strip.stride
+    one = (chunks - 1) * part.chunk_bytes + (n - 1) * strip.stride + strip.dtype.itemsize
+    span = (run.n_rows - 1) * run.step + one
+    # Far apart: what lies between would be read for nothing.
+    apart = span > _WINDOW_BYTES or span > 2 * run.n_rows * chunks * n * strip.dtype.itemsize
+    if apart and run.step >= one:
+        for k in range(run.n_rows):
+            yield _Piece(
+                position + k * run.step, one, run.row + k, first,
+                (1, chunks, n), (0, part.chunk_bytes, strip.stride), strip.dtype,
+            )  # fmt: skip
+        return
+    yield _Piece(
+        position, span, run.row, first,
+        (run.n_rows, chunks, n), (run.step, part.chunk_bytes, strip.stride), strip.dtype,
+    )  # fmt: skip
+
+
+def _scale(values: NDArray[np.float64], slopes: NDArray[np.float64], intercepts: NDArray[np.float64]) -> None:
+    if (slopes != 1.0).any():
+        values *= slopes
+    if (intercepts != 0.0).any():
+        values += intercepts
 
 
 def _windows(pieces: Sequence[_Piece]) -> Iterator[tuple[int, int, list[_Piece]]]:
@@ -219,7 +275,3 @@ def _windows(pieces: Sequence[_Piece]) -> Iterator[tuple[int, int, list[_Piece]]
         end = reach
     if inside:
         yield begin, end - begin, inside
-
-
-def _native(raw: NDArray[Any]) -> NDArray[Any]:
-    return raw.astype(raw.dtype.newbyteorder("="), copy=False)
