@@ -1,0 +1,122 @@
+"""Levels in fractional-octave bands, with everything that is needed to read them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.units import LevelReference
+
+Real = NDArray[np.float64]
+
+# 18.9 degrees of freedom of bandwidth times time: a level that scatters by more than 1 dB.
+LOW_BT_DB = 1.0
+
+
+@dataclass(frozen=True)
+class BandLevels:
+    """Band levels of several channels of one recording, and their overall levels.
+
+    Attributes
+    ----------
+    label : str
+        Which recording.
+    channels, groups, units : tuple of str
+        Units after the differentiations that a channel's quantity needs (a vibrometer's velocity).
+    references : tuple of LevelReference
+        What 0 dB is, for each channel.
+    fraction : int
+        1/`fraction` octave.
+    weighting : str
+        Frequency weighting of the band levels: "A", "B", "C" or "Z".
+    averaging : str
+        "linear", "fast", "slow", "impulse", or "exponential 0.5 s".
+    hold : str or None
+        "max" or "min" of the time-weighted level; None for the reading at the end of the section.
+    exact_hz, nominal_hz, lower_hz, upper_hz : arrays (bands,)
+        Mid-band frequencies (IEC 61260-1:2014), and the edges of the bands.
+    level_db : array (channels, bands)
+        Minus infinity where there is no energy, NaN where there is no result.
+    u_db : array (bands,)
+        Standard deviation that the level of stationary noise has for its limited duration.
+    overall_db : mapping of str to array (channels,)
+        "Z", "A", "B", "C": level of the whole signal, its constant part left out; A, B and C of sound
+        pressure only (NaN otherwise).
+    start_s, duration_s : float
+        Time section, from the beginning of the recording.
+    sampling_rate : float
+    settling : str
+        What was done with the filters' settling, in a sentence.
+    flags : tuple of tuples of str
+        Words for each channel.
+    history : BandHistory or None
+        Time-weighted levels against time.
+    notes : tuple of str
+        Sentences about the whole: channels left out, bands not measurable.
+    settings : mapping
+        Settings of the analysis.
+    """
+
+    label: str
+    channels: tuple[str, ...]
+    groups: tuple[str, ...]
+    units: tuple[str, ...]
+    references: tuple[LevelReference, ...]
+    fraction: int
+    weighting: str
+    averaging: str
+    hold: str | None
+    exact_hz: Real
+    nominal_hz: Real
+    lower_hz: Real
+    upper_hz: Real
+    level_db: Real
+    u_db: Real
+    overall_db: Mapping[str, Real]
+    start_s: float
+    duration_s: float
+    sampling_rate: float
+    settling: str
+    flags: tuple[tuple[str, ...], ...]
+    history: BandHistory | None = None
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    low_snr: NDArray[np.bool_] | None = None
+
+    @property
+    def low_bt(self) -> NDArray[np.bool_]:
+        """Bands (bands,) too narrow for the section: noise scatters by more than 1 dB there."""
+        return self.u_db > LOW_BT_DB
+
+    def band_flags(self, channel: int, band: int) -> tuple[str, ...]:
+        """Words for one band of one channel: those of the channel, ``low-BT`` and ``low-snr``."""
+        words = list(self.flags[channel])
+        if self.low_bt[band]:
+            words.append("low-BT")
+        if self.low_snr is not None and self.low_snr[channel, band]:
+            words.append("low-snr")
+        return tuple(words)
+
+
+@dataclass(frozen=True)
+class BandHistory:
+    """Time-weighted levels against time.
+
+    Attributes
+    ----------
+    time_s : array (times,)
+        From the beginning of the recording.
+    level_db : array (channels, bands, times)
+    overall_db : mapping of str to array (channels, times)
+    interval_s : float
+        Distance of the readings.
+    """
+
+    time_s: Real
+    level_db: Real
+    overall_db: Mapping[str, Real]
+    interval_s: float

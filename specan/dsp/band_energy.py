@@ -1,0 +1,208 @@
+"""Energy in bands and behind frequency weightings, exact, in one pass over a record of any length."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from specan.dsp import bands
+from specan.dsp.decimator import FACTOR
+from specan.dsp.frequency_nodes import (
+    NODES_PER_OCTAVE,
+    node_frequencies,
+    node_of_band,
+    node_range,
+    spread,
+)
+from specan.dsp.lag_spectrum import LagSpectrum, total_energy
+from specan.dsp.multirate import LENGTH, MultirateTransform, Stage
+from specan.dsp.smooth_step import falling_step
+
+# What lies below these parts of the next stage's rate belongs to the next stage; a smooth cross-over between.
+_CROSS_OVER = (0.28, 0.38)
+# A response below this adds nothing: 200 dB.
+_NOTHING = 1e-20
+# Rounding of the lags leaves this part of the whole mean square in a band, more or less.
+_ROUNDING = 1e-17
+
+
+@dataclass(frozen=True)
+class EnergySpectrum:
+    """Mean square against frequency, on a logarithmic grid that serves every fraction and weighting.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first node; node j lies at 1000 Hz x G^(j / 1536).
+    nodes : ndarray, shape (channels, nodes)
+        Mean square that falls to each node. Not a density to look at: a quadrature for smooth weights.
+    mean_square : ndarray, shape (channels,)
+        Of all samples, the constant part included.
+    mean : ndarray, shape (channels,)
+        The constant part.
+    n_samples, sampling_rate
+        Of the record.
+    """
+
+    first: int
+    nodes: NDArray[np.float64]
+    mean_square: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    n_samples: int
+    sampling_rate: float
+
+    @property
+    def frequencies(self) -> NDArray[np.float64]:
+        """Frequencies of the nodes in Hz."""
+        return node_frequencies(self.first, self.nodes.shape[1])
+
+    @property
+    def alternating_mean_square(self) -> NDArray[np.float64]:
+        """Mean square about the mean, shape (channels,)."""
+        return np.maximum(self.mean_square - np.square(self.mean), 0.0)
+
+    def through(
+        self, power_response: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
+        """Mean square of each channel behind a filter of the given |H(f)|^2, f in Hz.
+
+        Exact for responses that are smooth on the scale of a 1/24 octave band.
+        """
+        return np.add.reduce(self.nodes * power_response(self.frequencies), axis=1)
+
+    def band_mean_square(
+        self, index: ArrayLike, fraction: int, weights: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Energy at the output of each band filter over the record's length, shape (channels, bands).
+
+        Parameters
+        ----------
+        index : array_like of int
+            Band numbers; see `specan.dsp.bands.mid_frequencies`.
+        fraction : int
+            1, 3, 6, 12 or 24.
+        weights : ndarray, shape (nodes,) or (channels, nodes), optional
+            Factors on the mean square at `frequencies`: a frequency weighting.
+
+        Notes
+        -----
+        What is below 1e-17 of the whole mean square is rounding noise and given as zero.
+        """
+        index = np.asarray(index)
+        nodes = self.nodes if weights is None else self.nodes * weights
+        centre, response = _tabulated_response(fraction)
+        result = np.empty((nodes.shape[0], index.size))
+        for column, mid in enumerate(node_of_band(index, fraction) - self.first):
+            low, high = max(mid - centre, 0), min(mid + centre + 1, nodes.shape[1])
+            part = response[low - mid + centre : high - mid + centre]
+            result[:, column] = np.add.reduce(nodes[:, low:high] * part, axis=1)
+        floor = _ROUNDING * np.add.reduce(np.abs(nodes), axis=1, keepdims=True)
+        return np.where(result < floor, 0.0, result)
+
+
+class BandEnergy:
+    """Collects the energy spectrum of a record from the blocks of a `MultirateTransform`.
+
+    The energy that a filter lets through over a whole record, ring-out included, is by Parseval's theorem
+    the sum of |X|^2 |H|^2 over one zero-padded transform of the record. This is that sum from blocks of
+    bounded length: see `LagSpectrum`. The stages share the frequencies by a smooth cross-over.
+
+    Parameters
+    ----------
+    rows : int
+        Number of channels.
+    sampling_rate : float
+        In Hz.
+    """
+
+    def __init__(self, rows: int, sampling_rate: float) -> None:
+        self.sampling_rate = sampling_rate
+        self._rows = rows
+        self._count = 0
+        self._sum = np.zeros(rows)
+        self._spectra: dict[Stage, LagSpectrum] = {}
+
+    def take(self, stage: Stage, transform: NDArray[np.complex128], half: int, length: int) -> None:
+        """See the next block of a stage; see `specan.dsp.multirate.Consumer`."""
+        if stage.number == 0:
+            self._count += length
+            self._sum += transform[:, 0].real
+        if stage not in self._spectra:
+            self._spectra[stage] = LagSpectrum(self._rows, LENGTH)
+        self._spectra[stage].add(transform)
+
+    def result(self) -> EnergySpectrum:
+        """The energy spectrum; call it once, after the transform is finished."""
+        first, count = node_range(self.sampling_rate)
+        nodes, energy = np.zeros((self._rows, count)), np.zeros(self._rows)
+        for stage in list(self._spectra):
+            # Let go of each stage as soon as it is read: the lines of all of them together are large.
+            lines = self._spectra.pop(stage).energy()
+            if stage.number == 0:
+                energy = total_energy(lines)
+            spread(nodes, first, lines, _share(stage), stage.rate / (2 * LENGTH))
+        n = max(self._count, 1)
+        return EnergySpectrum(first, nodes / n, energy / n, self._sum / n, self._count, self.sampling_rate)
+
+
+class BandEnergyAccumulator:
+    """Takes a record in consecutive blocks and gives the energy in any band and behind any weighting.
+
+    No result depends on the size of the blocks given, or on how many channels are done at once.
+
+    Parameters
+    ----------
+    rows : int
+        Number of channels.
+    sampling_rate : float
+        In Hz.
+
+    Examples
+    --------
+    >>> t = np.arange(48000) / 48000
+    >>> energy = BandEnergyAccumulator(1, 48000.0)
+    >>> energy.add(np.sin(2 * np.pi * 1000 * t)[None])
+    >>> energy.result().band_mean_square([0], 3).round(3).tolist()
+    [[0.5]]
+    """
+
+    def __init__(self, rows: int, sampling_rate: float) -> None:
+        self._energy = BandEnergy(rows, sampling_rate)
+        self._transform = MultirateTransform(rows, sampling_rate, [self._energy])
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        """Take the next samples, shape (channels, n), n of any size."""
+        self._transform.add(samples)
+
+    def result(self) -> EnergySpectrum:
+        """The energy spectrum; call it once, after the last samples."""
+        self._transform.finish()
+        return self._energy.result()
+
+
+@lru_cache(maxsize=16)
+def _share(stage: Stage) -> NDArray[np.float64]:
+    """Factor on each line of a stage: what belongs to it, mirrored lines, its time step."""
+    over_rate = np.arange(LENGTH + 1) / (2.0 * LENGTH)
+    share = np.full(LENGTH + 1, 2.0)
+    share[[0, -1]] = 1.0
+    share *= float(FACTOR) ** stage.number / (2 * LENGTH)
+    if stage.number > 0:
+        share *= falling_step(over_rate, *_CROSS_OVER)
+    if not stage.last:
+        share *= 1.0 - falling_step(over_rate * FACTOR, *_CROSS_OVER)
+    return share
+
+
+@lru_cache(maxsize=8)
+def _tabulated_response(fraction: int) -> tuple[int, NDArray[np.float64]]:
+    """|H|^2 at the nodes around a band's own, as far as it exceeds `_NOTHING`, and the centre's place."""
+    per_node = math.log(bands.OCTAVE_RATIO) / NODES_PER_OCTAVE
+    reach = math.asinh(math.sinh(bands.filter_half_width(fraction)) * _NOTHING ** (-0.5 / bands.FILTER_ORDER))
+    centre = math.ceil(reach / per_node)
+    return centre, bands.power_response(np.arange(-centre, centre + 1) * per_node, fraction)

@@ -1,0 +1,144 @@
+"""A record of any length as transforms of blocks, at its own sampling rate and at one eighth of it, again and again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.dsp.block_grid import BlockGrid
+from specan.dsp.decimator import FACTOR, PASS, Decimator
+
+LENGTH = 1 << 15
+"""Samples of a block on every stage. It belongs to the method: with it go the last bits of a result."""
+
+LOWEST_BAND = 1.0
+"""Lowest mid-frequency in Hz of a 1/24 octave whose filter rings for less than a block of the last stage."""
+
+# A block holds the ringing of a 1/24 octave (to 1e-12) at this part of its stage's rate, and above.
+LOWEST_PART = 0.28 / FACTOR
+
+# Rows transformed together: enough to share the twiddle factors, few enough to stay in the cache.
+ROWS = 4
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One sampling rate.
+
+    Attributes
+    ----------
+    number : int
+        0 is the record's own rate.
+    rate : float
+        In Hz.
+    lead : float
+        Samples of this stage before the record's first one (decimation filters ring before it).
+    last : bool
+        Whether no lower rate follows.
+    """
+
+    number: int
+    rate: float
+    lead: float
+    last: bool
+
+    @property
+    def flat_to(self) -> float:
+        """Frequency in Hz up to which the stage's samples are those of the record."""
+        return self.rate * (0.5 if self.number == 0 else PASS)
+
+
+def stages_of(sampling_rate: float) -> list[Stage]:
+    """The stages that a record of this sampling rate goes through.
+
+    Examples
+    --------
+    >>> [stage.rate for stage in stages_of(51200.0)]
+    [51200.0, 6400.0, 800.0, 100.0, 12.5]
+    """
+    depth = max(0, math.ceil(math.log(sampling_rate * LOWEST_PART / LOWEST_BAND, FACTOR) - 1e-9))
+    stages, lead = [], 0.0
+    for number in range(depth + 1):
+        stages.append(Stage(number, sampling_rate / FACTOR**number, lead, number == depth))
+        lead = lead / FACTOR + LENGTH / (2 * FACTOR)
+    return stages
+
+
+class Consumer(Protocol):
+    """What looks at the blocks of all stages."""
+
+    def take(self, stage: Stage, transform: NDArray[np.complex128], half: int, length: int) -> None:
+        """See the next block of a stage.
+
+        `transform` is that of 2 `LENGTH` samples, shape (channels, LENGTH + 1), zero but for the block in
+        the half that `half` says; successive blocks of a stage alternate. `length` is smaller than
+        `LENGTH` for the last one of a stage.
+        """
+        ...
+
+
+class MultirateTransform:
+    """Brings consecutive samples onto a fixed grid of blocks, transforms these, and thins them out.
+
+    Parameters
+    ----------
+    rows : int
+        Number of channels.
+    sampling_rate : float
+        In Hz.
+    consumers : sequence of Consumer
+        One transform serves them all.
+    """
+
+    def __init__(self, rows: int, sampling_rate: float, consumers: Sequence[Consumer]) -> None:
+        self.stages = stages_of(sampling_rate)
+        self._rows, self._consumers = rows, consumers
+        self._grids = [BlockGrid(rows, LENGTH) for _ in self.stages]
+        self._decimators: list[Decimator | None] = [None] * len(self.stages)
+        self._halves = [0] * len(self.stages)
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        """Take the next samples, shape (channels, n), n of any size."""
+        self._pass_on(0, samples)
+
+    def finish(self) -> None:
+        """Take what is left after the last samples, on every stage."""
+        for number, grid in enumerate(self._grids):
+            if grid.rest().shape[1]:
+                self._take(number, grid.rest())
+            decimator, self._decimators[number] = self._decimators[number], None
+            if decimator is not None:
+                self._pass_on(number + 1, decimator.rest())
+
+    def _pass_on(self, number: int, samples: NDArray[np.float64]) -> None:
+        for block in self._grids[number].add(samples):
+            self._take(number, block)
+
+    def _take(self, number: int, block: NDArray[np.float64]) -> None:
+        stage, half = self.stages[number], self._halves[number]
+        self._halves[number] = 1 - half
+        transform = _transform(block, half)
+        for consumer in self._consumers:
+            consumer.take(stage, transform, half, block.shape[1])
+        if stage.last:
+            return
+        decimator = self._decimators[number] or Decimator(self._rows, LENGTH)
+        self._decimators[number] = decimator
+        self._pass_on(number + 1, decimator.add(transform, half))
+
+
+def _transform(block: NDArray[np.float64], half: int) -> NDArray[np.complex128]:
+    from scipy.fft import rfft
+
+    result = np.empty((block.shape[0], LENGTH + 1), dtype=np.complex128)
+    for top in range(0, block.shape[0], ROWS):
+        part = block[top : top + ROWS]
+        padded = np.zeros((part.shape[0], 2 * LENGTH))
+        padded[:, half * LENGTH : half * LENGTH + part.shape[1]] = part
+        result[top : top + ROWS] = rfft(padded)
+    return result

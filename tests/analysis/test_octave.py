@@ -1,0 +1,143 @@
+"""Octave analysis: what is asked for, what is refused, what the result says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from specan.analysis.octave import Octave, band_levels
+from specan.data.recording import ArraySource, Channel, Recording
+from specan.errors import RequestError
+from specan.schema import parse
+
+RATE, N = 8000.0, 32000
+TIME = np.arange(N) / RATE
+TONE = np.sqrt(2) * np.sin(2 * np.pi * 500.0 * TIME)
+
+
+def recording(*channels: tuple[str, str, np.ndarray], rate: float = RATE, **more: float) -> Recording:
+    return Recording(
+        "r.tdms",
+        tuple(
+            Channel(name, unit=unit, sampling_rate=rate, n_samples=len(x), **more)
+            for name, unit, x in channels
+        ),
+        ArraySource([x for _, _, x in channels]),
+    )
+
+
+def test_a_tone_has_its_level_in_its_band_and_in_all_totals() -> None:
+    found = Octave()(recording(("Mic 1", "Pa", 0.02 * TONE), ("Vib", "m/s", 1e-3 * TONE)))
+    band = int(np.argmin(np.abs(found.nominal_hz - 500)))
+    assert found.level_db[:, band] == pytest.approx([60.0, 120.0], abs=0.01)
+    assert [r.text for r in found.references] == ["20 uPa", "1 nm/s"]
+    assert found.overall_db["Z"] == pytest.approx([60.0, 120.0], abs=1e-6)
+    assert found.overall_db["A"][0] == pytest.approx(60.0 - 3.25, abs=0.03)
+    assert np.isnan(found.overall_db["A"][1])
+    assert found.nominal_hz[[0, -1]].tolist() == [20.0, 3150.0]
+    assert "ring-out" in found.settling
+
+
+def test_another_reference_of_velocity_can_be_chosen() -> None:
+    found = Octave(velocity_reference="50 nm/s")(recording(("Vib", "m/s", 50e-9 * TONE)))
+    assert found.overall_db["Z"][0] == pytest.approx(0.0, abs=1e-6)
+    assert found.references[0].text == "50 nm/s"
+
+
+def test_a_band_level_with_a_weighting() -> None:
+    source = recording(("Mic 1", "Pa", 0.02 * TONE))
+    plain, weighted = Octave(band=500)(source), Octave(band=500, weighting="A")(source)
+    assert plain.exact_hz == pytest.approx([501.187], abs=1e-3)
+    assert (weighted.level_db - plain.level_db)[0, 0] == pytest.approx(-3.25, abs=0.01)
+    assert weighted.weighting == "A"
+
+
+def test_a_range_and_a_section() -> None:
+    louder = np.where(TIME < 2.0, TONE, 10 * TONE)
+    source = recording(("Mic 1", "Pa", louder))
+    found = Octave(fmin=100, fmax=1000, start_s=2.5, stop_s=3.5)(source)
+    assert found.nominal_hz[[0, -1]].tolist() == [100.0, 1000.0]
+    assert found.overall_db["Z"][0] == pytest.approx(94 + 20 - 0.02, abs=0.01)
+    assert (found.start_s, found.duration_s) == (2.5, 1.0)
+
+
+def test_other_bands_from_the_same_pass() -> None:
+    source = recording(("Mic 1", "Pa", np.random.default_rng(0).standard_normal(N)))
+    accumulator = Octave().accumulator(source)
+    accumulator.add(source.read(accumulator.channels))
+    spectrum = accumulator.spectrum()
+    for settings in (Octave(fraction=24, weighting="A"), Octave(fraction=1, fmin=60)):
+        again = band_levels(spectrum, accumulator.channels, settings)
+        assert np.array_equal(again.level_db, settings(source).level_db)
+
+
+def test_a_displacement_becomes_a_velocity() -> None:
+    velocity = recording(("Vib", "m/s", TONE))
+    for unit, factor, derivatives in (("m", 1 / (2 * np.pi * 500), 1), ("m/s^2", 2 * np.pi * 500, -1)):
+        faded = TONE * np.sin(np.pi * np.arange(N) / N) ** 2
+        source = recording(("Vib", unit, factor * faded), derivatives=derivatives)
+        expected = Octave()(recording(("Vib", "m/s", faded)))
+        found = Octave()(source)
+        near = np.abs(found.nominal_hz - 500) < 10
+        assert found.units == ("m/s",)
+        assert found.level_db[0, near] == pytest.approx(expected.level_db[0, near], abs=0.001)
+        assert found.overall_db["Z"] == pytest.approx(expected.overall_db["Z"], abs=0.001)
+    assert velocity.channels[0].target_unit == "m/s"
+
+
+def test_the_scatter_of_noise_is_what_is_stated() -> None:
+    rng = np.random.default_rng(8)
+    source = recording(*((f"{i}", "Pa", rng.standard_normal(N)) for i in range(100)))
+    found = Octave(fmin=20, fmax=2000)(source)
+    scatter = found.level_db.std(axis=0)
+    wide = found.u_db < 0.7  # few degrees of freedom are not Gaussian in dB
+    assert wide.sum() > 8
+    np.testing.assert_allclose(scatter[wide] / found.u_db[wide], 1.0, atol=0.25)
+    assert (found.low_bt == (found.u_db > 1.0)).all()
+    assert "low-BT" in found.band_flags(0, 0)
+    assert found.band_flags(0, -1) == ()
+
+
+def test_flags_of_channels_and_of_the_file() -> None:
+    broken = np.where(np.arange(N) == 5, np.nan, TONE)
+    source = recording(("Mic 1", "Pa", broken), ("Mic 2", "Pa", np.zeros(N)), ("Mic 3", "Pa", TONE))
+    found = Octave()(Recording(source.label, source.channels, source.source, flags=("truncated",)))
+    assert found.flags == (("nan", "truncated"), ("dead", "truncated"), ("truncated",))
+    assert np.isnan(found.level_db[0]).all()
+    assert np.isneginf(found.level_db[1]).all()
+    assert np.array_equal(found.level_db[2], Octave()(recording(("Mic 3", "Pa", TONE))).level_db[0])
+
+
+def test_weightings_are_for_sound_pressure() -> None:
+    source = recording(("Mic 1", "Pa", TONE), ("Vib", "m/s", TONE))
+    found = Octave(weighting="A")(source)
+    assert found.channels == ("Mic 1",)
+    assert found.notes == ("Vib is left out: A is for Pa, not m/s",)
+    with pytest.raises(RequestError, match=r"Vib is in m/s; expected sound pressure"):
+        Octave(weighting="A", channels=("Vib",))(source)
+    with pytest.raises(RequestError, match="sound pressure"):
+        Octave(weighting="B")(recording(("Vib", "m/s", TONE)))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (Octave(fmax=4000), r"band at 4000 Hz reaches above half the sampling rate.*up to 3150 Hz"),
+        (Octave(band=5000), r"up to 3150 Hz"),
+        (Octave(fraction=1, fmin=3000), r"up to 2000 Hz"),
+        (Octave(start_s=4.0), "holds no sample"),
+        (Octave(channels=("Mik 1",)), "did you mean 'Mic 1'"),
+    ],
+)
+def test_what_cannot_be_done_is_refused(settings: Octave, message: str) -> None:
+    with pytest.raises(RequestError, match=message):
+        settings(recording(("Mic 1", "Pa", TONE)))
+
+
+def test_settings_that_contradict_each_other() -> None:
+    with pytest.raises(RequestError, match="either one band or a range"):
+        parse(Octave, {"band": 100, "fmin": 50}, "settings")
+    with pytest.raises(RequestError, match="fmin not above fmax"):
+        parse(Octave, {"fmin": 100, "fmax": 50}, "settings")
+    with pytest.raises(RequestError, match="'fraction' is 5"):
+        parse(Octave, {"fraction": 5}, "settings")
