@@ -1,0 +1,139 @@
+"""The gate that an effect has to pass before it is believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from specan.study import held_out
+from specan.study.family import Family, simulated_probability
+from specan.study.refit import Refit
+from specan.study.significance import improvement_probability
+
+LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
+DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
+DRAWS = 20_000
+
+
+@dataclass(frozen=True)
+class Passage:
+    """How an extension of a model fares.
+
+    Attributes
+    ----------
+    p_value : float
+        Family-wise probability of such an improvement by chance.
+    delta_bic : float
+        Fall in BIC, chi-square in units of max(s^2, 1).
+    held_out_gain : float
+        Gain in blocked cross-validation.
+    """
+
+    p_value: float
+    delta_bic: float
+    held_out_gain: float
+    plausible: bool
+    level: float
+
+    @property
+    def passed(self) -> bool:
+        """All of: improbable by chance, decisive, predicts better what was left out, plausible."""
+        return (
+            self.p_value <= self.level
+            and self.delta_bic > DECISIVE
+            and self.held_out_gain > 0
+            and self.plausible
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Gate:
+    """The tests of one step of the search.
+
+    Attributes
+    ----------
+    start : Refit
+        What is to be extended.
+    family : Family
+        All directions tried from there.
+    level : float
+        Family-wise level of this step.
+    bootstrap : bool
+        Family-wise probabilities by simulation of the maximum instead of the bound.
+    """
+
+    start: Refit
+    family: Family
+    level: float = LEVEL
+    bootstrap: bool = False
+
+    def passage(self, extended: Refit, *, plausible: bool, tests: float | None = None) -> Passage:
+        """Fate of an extension.
+
+        Parameters
+        ----------
+        extended : Refit
+            The start, or another set with fewer effects, with further effects.
+        plausible : bool
+            Whether its parameters are (see `plausibility`).
+        tests : float, optional
+            Number of tests in the family, where it is not that of the directions (pairs).
+        """
+        start = self.start
+        scale = extended.scale
+        single = improvement_probability(
+            start.chi2 - extended.chi2,
+            max(extended.amplitudes - start.amplitudes, 1),
+            scale=scale,
+            noise_dof=noise_dof(extended),
+            sided=1 if extended.uses - start.uses <= extended.one_sided else 2,
+        )
+        return Passage(
+            p_value=self._family_wise(single) if tests is None else min(tests * single, 1.0),
+            delta_bic=start.bic(scale) - extended.bic(scale),
+            held_out_gain=held_out_gain(start, extended),
+            plausible=plausible,
+            level=self.level,
+        )
+
+    def _family_wise(self, single: float) -> float:
+        bound = self.family.probability(single)
+        if self.bootstrap and bound > 0.05 * self.level:
+            return simulated_probability(self.family, single, DRAWS)
+        return bound
+
+    @property
+    def pairs(self) -> float:
+        """Number of independent tests that all pairs are worth."""
+        p = self.level / 100
+        count = self.family.probability(p) / p
+        return max(count * (count - 1) / 2, 1.0)
+
+    @property
+    def single_level(self) -> float:
+        """Two-sided probability of one test that the family-wise level leaves to it."""
+        from scipy.optimize import brentq
+
+        low = np.log(self.level * 1e-5)
+        if self.family.probability(self.level) <= self.level:
+            return self.level
+        root = brentq(
+            lambda x: self.family.probability(float(np.exp(x))) - self.level, low, np.log(self.level)
+        )
+        return float(np.exp(root))
+
+
+def noise_dof(refit: Refit) -> float:
+    """Degrees of freedom behind max(s^2, 1): those of the noise estimate and of the residual."""
+    return refit.problem.noise_dof + refit.dof
+
+
+def held_out_gain(start: Refit, extended: Refit) -> float:
+    """Gain in blocked cross-validation, every level of every operating variable left out in turn."""
+    problem = start.problem
+    left_out, first = [], 0
+    for observation in problem.observations:
+        left_out += [b + first for b in held_out.blocks(observation.labels, observation.n)]
+        first += observation.n
+    return held_out.gain(start.linear, extended.linear, left_out, extended.scale)

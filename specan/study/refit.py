@@ -1,0 +1,202 @@
+"""Full refits of a problem with further effects, each set of effects once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import ComputationError
+from specan.models import Use
+from specan.study.descent import Minimum, descend
+from specan.study.fit import Fit, describe
+from specan.study.problem import Problem
+from specan.study.projection import Projection
+from specan.study.score import Scored, row_weights
+from specan.study.significance import lack_of_fit_probability
+
+Array = NDArray[np.float64]
+
+EffectSet = frozenset[Use]
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A problem with some effects added, fitted.
+
+    Attributes
+    ----------
+    uses : frozenset of Use
+        What was added to the base.
+    count : int
+        Parameters that were added, certificates put aside included.
+    amplitudes : int
+        How many of them are amplitudes; the others are shapes.
+    one_sided : frozenset of Use
+        Those of the uses whose only amplitude is neutral at the boundary of its domain.
+    """
+
+    uses: EffectSet
+    problem: Problem
+    fit: Fit
+    count: int = 0
+    amplitudes: int = 0
+    one_sided: EffectSet = frozenset()
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weights of the rows (see `row_weights`)."""
+        return row_weights(self.problem)
+
+    @cached_property
+    def linear(self) -> Projection:
+        """The fit linearised, rows weighted."""
+        return Projection.of(self.fit.residual * self.weights, self.fit.jacobian * self.weights[:, None])
+
+    @cached_property
+    def chi2(self) -> float:
+        """Sum of squares of the weighted residual."""
+        return float(np.sum((self.fit.residual * self.weights) ** 2))
+
+    @property
+    def dof(self) -> float:
+        """Degrees of freedom that are left."""
+        return self.problem.n_effective + self.problem.n_priors - self.linear.rank
+
+    @property
+    def reduced(self) -> float:
+        """Reduced chi-square."""
+        return self.chi2 / self.dof
+
+    @property
+    def scale(self) -> float:
+        """Denominator of every test: the reduced chi-square, never below one."""
+        return max(self.reduced, 1.0)
+
+    @property
+    def lack_of_fit(self) -> float:
+        """Probability that a right model leaves this much."""
+        return lack_of_fit_probability(self.chi2, self.dof, self.problem.noise_dof)
+
+    def bic(self, scale: float) -> float:
+        """Chi-square in units of `scale` plus the price of the added parameters."""
+        return self.chi2 / scale + self.count * float(np.log(self.problem.n_effective))
+
+    def residual_like(self, other: Refit) -> Array:
+        """Weighted residual with the rows of another set: priors that this one put aside count as met."""
+        own = prior_values(self)
+        rows = [own.get(name, 0.0) for name in prior_values(other)]
+        return np.concatenate([(self.fit.residual * self.weights)[: self.problem.n_data], rows])
+
+
+def prior_values(refit: Refit) -> Mapping[str, float]:
+    """Residual of each prior of a set, by the element of theta."""
+    problem = refit.problem
+    held = [n for n in problem.names if n.split("[")[0] in problem.priors]
+    return dict(zip(held, refit.fit.residual[problem.n_data :], strict=True))
+
+
+@dataclass(eq=False)
+class Refits:
+    """Fits of sets of effects over one base, kept.
+
+    Attributes
+    ----------
+    failed : dict
+        Sets whose fit did not converge from any start, with the reason.
+    """
+
+    base: Refit
+    done: dict[EffectSet, Refit] = field(default_factory=dict)
+    failed: dict[EffectSet, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.done[frozenset()] = self.base
+
+    def fit(self, start: Refit, traces: Sequence[Sequence[Scored]]) -> Refit | None:
+        """Add the uses of the traces to a fitted set and refit everything.
+
+        Parameters
+        ----------
+        start : Refit
+            Set to which the traces were scored.
+        traces : sequence of sequence of Scored
+            Alternative starts: each names one trace for every effect that is added.
+
+        Returns
+        -------
+        Refit or None
+            None where no start converged; the reason stands in `failed`.
+        """
+        uses = start.uses | {s.use for s in traces[0]}
+        if uses in self.done or uses in self.failed:
+            return self.done.get(uses)
+        problem = self.base.problem.with_uses(sorted(uses))
+        best: Minimum | None = None
+        reason = ""
+        for members in traces:
+            try:
+                found = descend(problem, problem.start(start_from(start, members, problem)))
+            except ComputationError as fault:
+                reason = fault.found
+                continue
+            if best is None or found.chi2 < best.chi2:
+                best = found
+        if best is None:
+            self.failed[uses] = reason
+            return None
+        self.done[uses] = self._describe(uses, problem, describe(problem, best.theta))
+        return self.done[uses]
+
+    def _describe(self, uses: EffectSet, problem: Problem, best: Fit) -> Refit:
+        own = {u: [n for n in problem.names if n.rpartition(".")[0] == str(u)] for u in uses}
+        effects = problem.assembly.model.effects
+        amplitudes, one_sided = 0, set()
+        for use, names in own.items():
+            neutral = {f"{use}.{p}": v for p, v in effects[use.name].neutral_si.items()}
+            moving = [n for n in names if n.split("[")[0] in neutral]
+            amplitudes += len(moving)
+            certified = any(n.split("[")[0] in self.base.problem.priors for n in moving)
+            if len(moving) == 1 and not certified and neutral[moving[0]] in problem.domain(moving[0]):
+                one_sided.add(use)
+        count = sum(len(names) for names in own.values())
+        return Refit(uses, problem, best, count, amplitudes, frozenset(one_sided))
+
+    def of_size(self, size: int) -> list[Refit]:
+        """Sets with so many effects that were fitted."""
+        return [r for uses, r in self.done.items() if len(uses) == size]
+
+
+def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dict[str, float | Array]:
+    """Values to start a refit from: the linearised refit of everything along the traces."""
+    members = list(members)
+    weights, fitted = start.weights, start.fit
+    columns = np.column_stack([s.trace.columns * weights[:, None] for s in members])
+    jacobian = fitted.jacobian * weights[:, None]
+    size = start.problem.scale
+    step, *_ = np.linalg.lstsq(
+        np.column_stack([jacobian * size, columns]), -fitted.residual * weights, rcond=1e-9
+    )
+    low, high = start.problem.bounds()
+    theta = np.clip(fitted.theta + step[: size.size] * size, low, high)
+    values: dict[str, float | Array] = dict(start.problem.values_at(theta))
+    position = size.size
+    elements: dict[str, dict[str, float]] = {}
+    for member in members:
+        trace = member.trace
+        for k, name in enumerate(trace.names):
+            if trace.size[k]:
+                multiple = float(np.clip(step[position + k], *trace.reach))
+                elements.setdefault(name.split("[")[0], {})[name] = float(
+                    trace.neutral[k] + multiple * trace.size[k]
+                )
+        position += len(trace.names)
+        for name, value in trace.shapes.items():
+            elements.setdefault(name.split("[")[0], {})[name] = value
+    for name, known in elements.items():
+        order = problem.elements.get(name)
+        values[name] = np.array([known[f"{name}[{e}]"] for e in order]) if order else known[name]
+    return values

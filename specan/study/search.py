@@ -1,0 +1,213 @@
+"""The search for what is missing: singles, pairs, and whether a third would be needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from specan.models import Use
+from specan.study.candidates import candidates
+from specan.study.family import Family
+from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
+from specan.study.plausibility import plausible
+from specan.study.refit import EffectSet, Refit, Refits
+from specan.study.score import Scored, best_of_each, family, score, score_pairs
+from specan.study.traces import Point, plan, traces
+
+REFITTED = 5  # candidates that are always refitted
+WINDOW = 10.0  # and all whose BIC lies within this of the best
+MOST_PAIRS = 8
+STARTS = 2
+
+Progress = Callable[[str], None]
+
+
+@dataclass(eq=False)
+class Step:
+    """One set of effects, what could be added to it, and the gate for that."""
+
+    start: Refit
+    scored: list[Scored]
+    by_use: dict[Use, list[Scored]]
+    gate: Gate
+    not_testable: dict[str, str]
+
+
+@dataclass(eq=False)
+class Search:
+    """All sets of effects that were looked at, and the best of them.
+
+    Attributes
+    ----------
+    best : Refit
+        The set that passed, the base where none did.
+    passages : dict
+        How every refitted set fared against the base or, where it has two effects, its best part.
+    third : Refit or None
+        A set with a third effect that would pass as well.
+    """
+
+    refits: Refits
+    bootstrap: bool = False
+    progress: Progress = lambda text: None
+    steps: dict[EffectSet, Step] = field(default_factory=dict)
+    passages: dict[EffectSet, Passage] = field(default_factory=dict)
+    points: dict[Use, list[Point]] = field(default_factory=dict)
+    best: Refit = field(init=False)
+    third: Refit | None = None
+
+    @property
+    def base(self) -> Refit:
+        """The fit that something may be missing from."""
+        return self.refits.base
+
+    def run(self) -> None:
+        """Search."""
+        self.best = self.base
+        single = self._best_single()
+        if single is not None:
+            self.best = single
+        pair = self._best_pair(single)
+        if pair is not None:
+            self.best = pair
+        if len(self.best.uses) == 2:
+            self.third = self._best_third()
+
+    # --- one effect ------------------------------------------------------------------------------
+
+    def step(self, start: Refit, level: float = LEVEL / 2) -> Step:
+        """Score everything that could be added to a set."""
+        if start.uses not in self.steps:
+            self.progress("scoring what could be added to " + (_text(start.uses) or "the base"))
+            found, not_testable = candidates(start.problem)
+            self.points = self.points or plan(start.problem, start.fit, found)
+            seen = traces(start.problem, start.fit, found, self.points)
+            scored = score(start.linear, seen, start.weights)
+            gate = Gate(start, family(scored), level, self.bootstrap)
+            self.steps[start.uses] = Step(start, scored, best_of_each(scored), gate, not_testable)
+        return self.steps[start.uses]
+
+    def _best_single(self) -> Refit | None:
+        step = self.step(self.base)
+        for use in _worth_refitting(step):
+            self._extend(step, use)
+        return self._best_passed(self.refits.of_size(1))
+
+    def _extend(self, step: Step, use: Use) -> Refit | None:
+        """Refit a set with one more effect."""
+        self.progress(f"refitting with {use}")
+        starts = [[s] for s in _different(step.by_use[use], STARTS)]
+        return self.refits.fit(step.start, starts)
+
+    def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
+        step = self.step(self.base)
+        for refit in found:
+            self.passages[refit.uses] = step.gate.passage(refit, plausible=plausible(refit, self.base))
+        passed = [r for r in found if self.passages[r.uses].passed]
+        scale = min((r.scale for r in passed), default=1.0)
+        return min(passed, key=lambda r: r.bic(scale), default=None)
+
+    # --- two effects -----------------------------------------------------------------------------
+
+    def _best_pair(self, single: Refit | None) -> Refit | None:
+        """The pair that is better than the best single effect, or than the base where none passed."""
+        promising = self._promising_pairs(single)
+        reference = single or self.base
+        for predicted, start, members in promising[:MOST_PAIRS]:
+            if self._hopeless(reference, predicted):
+                break
+            self.progress("refitting with " + _text({*start.uses, *(m.use for m in members)}))
+            self.refits.fit(start, [members])
+        passed = []
+        for refit in self.refits.of_size(2):
+            self.passages[refit.uses] = passage = self._pair_passage(refit, single)
+            if passage.passed and self._needs_both(refit):
+                passed.append(refit)
+        scale = min((r.scale for r in passed), default=1.0)
+        return min(passed, key=lambda r: r.bic(scale), default=None)
+
+    def _pair_passage(self, refit: Refit, single: Refit | None) -> Passage:
+        believable = plausible(refit, self.base)
+        if single is None:
+            gate = self.step(self.base).gate
+            return gate.passage(refit, plausible=believable, tests=gate.pairs)
+        return self.step(single).gate.passage(refit, plausible=believable)
+
+    def _needs_both(self, pair: Refit) -> bool:
+        """Backward: without either of the two, BIC must rise decisively."""
+        parts = [self.refits.done.get(frozenset({use})) for use in pair.uses]
+        return all(p is None or p.bic(pair.scale) - pair.bic(pair.scale) > DECISIVE for p in parts)
+
+    def _promising_pairs(self, single: Refit | None) -> list[tuple[float, Refit, list[Scored]]]:
+        """Pairs by the chi-square that their refit promises, BIC price included, best first."""
+        base = self.step(self.base)
+        price = float(np.log(self.base.problem.n_effective))
+        best: dict[EffectSet, tuple[float, Refit, list[Scored]]] = {}
+        for pair in score_pairs(self.base.linear, base.scored):
+            members = [pair.first, pair.second]
+            cost = price * sum(_count(m) for m in members)
+            best[pair.uses] = (self.base.chi2 - pair.gain + cost, self.base, members)
+        if single is not None:
+            singles = sorted(self.refits.of_size(1), key=lambda r: r.bic(single.scale))
+            for start in singles[:3]:
+                step = self.step(start)
+                for use, items in step.by_use.items():
+                    uses = start.uses | {use}
+                    value = start.chi2 - items[0].gain + price * (start.count + _count(items[0]))
+                    best[uses] = (value, start, [items[0]])  # scored at the fit: better than at the base
+        return sorted(best.values(), key=lambda item: item[0])
+
+    def _hopeless(self, reference: Refit, promised_bic: float) -> bool:
+        """Whether a promised BIC is too far from passing for a refit to make up for it."""
+        return promised_bic > reference.bic(1.0) - 0.4 * DECISIVE * reference.scale
+
+    # --- three -----------------------------------------------------------------------------------
+
+    def _best_third(self) -> Refit | None:
+        step = self.step(self.best)
+        price = float(np.log(self.base.problem.n_effective))
+        passed = []
+        for use, items in list(step.by_use.items())[:2]:
+            if self._hopeless(self.best, self.best.bic(1.0) - items[0].gain + price * _count(items[0])):
+                continue
+            refit = self._extend(step, use)
+            if refit is None:
+                continue
+            passage = step.gate.passage(refit, plausible=True)
+            if passage.passed:
+                passed.append(refit)
+        return min(passed, key=lambda r: r.chi2, default=None)
+
+
+def _worth_refitting(step: Step) -> list[Use]:
+    price = float(np.log(step.start.problem.n_effective))
+    scale = step.start.scale
+    bic = {use: -items[0].gain / scale + price * _count(items[0]) for use, items in step.by_use.items()}
+    order = sorted(bic, key=lambda use: bic[use])
+    return [use for k, use in enumerate(order) if k < REFITTED or bic[use] < bic[order[0]] + WINDOW]
+
+
+def _count(item: Scored) -> int:
+    return item.amplitudes + len(item.trace.shapes)
+
+
+def _different(items: Sequence[Scored], count: int) -> list[Scored]:
+    """The best trace of a candidate and the best of those that differ from it in shape."""
+    taken = [items[0]]
+    for item in items[1:]:
+        if len(taken) == count:
+            break
+        if all(item.trace.shapes != t.trace.shapes for t in taken) and item.gain < 0.95 * taken[-1].gain:
+            taken.append(item)
+    return taken
+
+
+def _text(uses: frozenset[Use] | set[Use]) -> str:
+    return " and ".join(str(u) for u in sorted(uses))
+
+
+def empty_family(rows: int) -> Family:
+    """A family without a member."""
+    return Family(np.zeros((rows, 0)), np.zeros(0, dtype=bool))

@@ -1,0 +1,263 @@
+"""What each candidate does to the whitened residual, for sizes and shapes over its plausible range."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import ComputationError
+from specan.models import Use
+from specan.study.candidates import Candidate, grid
+from specan.study.fit import Fit
+from specan.study.problem import Problem
+
+Array = NDArray[np.float64]
+
+SAME = 0.985  # cosine above which two traces are one direction: sizes of a linear effect, near shapes
+MOST_SHAPES = 60  # places of its shapes that one candidate is tried at
+MOST_VALUES = 4_000_000  # predicted values held at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """Change of the residual by one candidate at one place of its shapes.
+
+    Attributes
+    ----------
+    columns : array, (n_rows, q)
+        Change when each amplitude goes from its neutral value by its `size`; rows as in the residual
+        of the problem without the candidate. A released certificate is a unit step of its prior's row.
+    names : tuple of str
+        Amplitudes, one a column.
+    neutral, size : array, (q,)
+        Values that the columns stand for; size 0 for a released certificate.
+    shapes : mapping
+        SI values of the shape parameters.
+    reach : tuple of float
+        Smallest and largest multiple of `size` that the domain allows (one amplitude), else infinite.
+    """
+
+    use: Use
+    columns: Array
+    names: tuple[str, ...]
+    neutral: Array
+    size: Array
+    shapes: Mapping[str, float]
+    reach: tuple[float, float]
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the amplitude can have one sign only."""
+        return self.columns.shape[1] == 1 and (self.reach[0] > -1e-9 or self.reach[1] < 1e-9)
+
+
+Point = Mapping[str, float]
+
+
+def plan(problem: Problem, fit: Fit, found: Sequence[Candidate]) -> dict[Use, list[Point]]:
+    """Sizes and shapes at which each candidate is to be tried, from how its trace turns at a fit.
+
+    Amplitudes are moved by sizes from the plausible range, not by infinitesimal steps, so that an
+    effect that saturates, or has a kink at zero, is seen as it is.
+    """
+    points: dict[Use, list[Point]] = {}
+    for candidate in found:
+        if candidate.released:
+            points[candidate.use] = [{n: _default(candidate, n) for n in candidate.shapes}]
+            continue
+        amplitude = candidate.amplitudes[0]
+        several = len(candidate.amplitudes) > 1
+        sizes = (
+            [_default(candidate, amplitude)]
+            if several
+            else _distinct_sizes(problem, fit, candidate, amplitude)
+        )
+        if sizes:
+            places = _places(problem, fit, candidate, amplitude, sizes[0])
+            points[candidate.use] = (
+                places if several else [{**p, amplitude: size} for p in places for size in sizes]
+            )
+    return points
+
+
+def traces(
+    problem: Problem, fit: Fit, found: Sequence[Candidate], points: Mapping[Use, Sequence[Point]]
+) -> list[Trace]:
+    """Traces of candidates at a fit of the problem that lacks them, at planned points."""
+    return [
+        trace
+        for candidate in found
+        if candidate.use in points
+        for trace in _of(problem, fit, candidate, points[candidate.use])
+    ]
+
+
+def _of(problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point]) -> Iterator[Trace]:
+    if candidate.released:
+        yield _certificate(problem, fit, candidate)
+    elif len(candidate.amplitudes) > 1:
+        yield from _several_amplitudes(problem, fit, candidate, points)
+    else:
+        amplitude = candidate.amplitudes[0]
+        for point, column in zip(points, _changes(problem, fit, candidate, points)):
+            if column is not None:
+                shapes = {name: value for name, value in point.items() if name != amplitude}
+                yield _trace(candidate, amplitude, point[amplitude], shapes, column)
+
+
+def _trace(
+    candidate: Candidate, amplitude: str, value: float, shapes: Mapping[str, float], column: Array
+) -> Trace:
+    neutral = candidate.neutral(amplitude)
+    size = value - neutral
+    low, high = candidate.extended.domain(amplitude.split("[")[0])
+    ends = sorted(((low - neutral) / size, (high - neutral) / size))
+    return Trace(
+        candidate.use, column[:, None], (amplitude,), np.array([neutral]), np.array([size]), shapes,
+        (ends[0], ends[1]),
+    )  # fmt: skip
+
+
+def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Trace:
+    """Without its prior a nuisance is free: the same as a free step of the prior's pseudo-datum."""
+    rows = prior_rows(problem)
+    columns = np.zeros((fit.residual.size, len(candidate.released)))
+    for k, name in enumerate(candidate.released):
+        columns[rows[name], k] = 1.0
+    count = len(candidate.released)
+    return Trace(
+        candidate.use, columns, candidate.released, np.zeros(count), np.zeros(count),
+        {n: _default(candidate, n) for n in candidate.shapes}, (-np.inf, np.inf),
+    )  # fmt: skip
+
+
+def prior_rows(problem: Problem) -> dict[str, int]:
+    """Row of the residual that holds the prior of each element of theta."""
+    held = [n for n in problem.names if n.split("[")[0] in problem.priors]
+    return {name: problem.n_data + k for k, name in enumerate(held)}
+
+
+def _several_amplitudes(
+    problem: Problem, fit: Fit, candidate: Candidate, places: Sequence[Point]
+) -> Iterator[Trace]:
+    names = candidate.amplitudes
+    neutral = np.array([candidate.neutral(n) for n in names])
+    value = np.array([_default(candidate, n) for n in names])
+    rest = dict(zip(names, neutral))
+    points = [{**s, **rest, n: v} for s in places for n, v in zip(names, value)]
+    columns = _changes(problem, fit, candidate, points)
+    for k, shapes in enumerate(places):
+        part = columns[k * len(names) : (k + 1) * len(names)]
+        if all(c is not None for c in part):
+            yield Trace(
+                candidate.use, np.column_stack(part), names, neutral, value - neutral, shapes,
+                (-np.inf, np.inf),
+            )  # fmt: skip
+
+
+def _default(candidate: Candidate, name: str) -> float:
+    """Default of an own element; an amplitude whose default is neutral takes the far plausible end."""
+    value = candidate.parameter(name).si.default
+    if name in candidate.amplitudes and value == candidate.neutral(name):
+        low, high = candidate.plausible(name)
+        neutral = candidate.neutral(name)
+        return high if high - neutral >= neutral - low else low
+    return value
+
+
+def _distinct_sizes(problem: Problem, fit: Fit, candidate: Candidate, amplitude: str) -> list[float]:
+    """Values of the amplitude whose traces differ in direction; the default first."""
+    neutral = candidate.neutral(amplitude)
+    low, high = candidate.plausible(amplitude)
+    wanted = [_default(candidate, amplitude), high, low]
+    wanted += [neutral + 0.1 * (v - neutral) for v in (high, low)]
+    values = [v for v in dict.fromkeys(wanted) if abs(v - neutral) > 1e-9 * max(abs(high), abs(low))]
+    shapes = {n: _default(candidate, n) for n in candidate.shapes}
+    columns = _changes(problem, fit, candidate, [{**shapes, amplitude: v} for v in values])
+    kept: list[tuple[float, Array]] = []
+    for value, column in zip(values, columns):
+        if column is None or not np.any(column):
+            continue
+        unit = column / np.linalg.norm(column)
+        if all(abs(unit @ other) < SAME for _, other in kept):
+            kept.append((value, unit))
+    return [value for value, _ in kept]
+
+
+def _places(
+    problem: Problem, fit: Fit, candidate: Candidate, amplitude: str, size: float
+) -> list[dict[str, float]]:
+    """Places of the shapes: each over its plausible range, closer where the trace turns quickly."""
+    if not candidate.shapes:
+        return [{}]
+    defaults = {n: _default(candidate, n) for n in candidate.shapes}
+    rest = {n: candidate.neutral(n) for n in candidate.amplitudes} | {amplitude: size}
+    axes = []
+    for name in candidate.shapes:
+        values = list(grid(*candidate.plausible(name), 3))
+        for _ in range(3):
+            columns = _changes(problem, fit, candidate, [{**defaults, **rest, name: v} for v in values])
+            wide = [k for k in range(len(values) - 1) if _turns(columns[k], columns[k + 1])]
+            if not wide or len(values) > MOST_SHAPES // 2:
+                break
+            values = sorted({*values, *(_middle(values[k], values[k + 1]) for k in wide)})
+        axes.append(values)
+    places = [dict(zip(candidate.shapes, place)) for place in product(*axes)]
+    if len(places) > MOST_SHAPES:
+        places = [places[int(k)] for k in np.linspace(0, len(places) - 1, MOST_SHAPES)]
+    return [defaults, *places]
+
+
+def _middle(low: float, high: float) -> float:
+    return float(np.sqrt(low * high)) if low > 0 else (low + high) / 2
+
+
+def _turns(first: Array | None, second: Array | None) -> bool:
+    """Whether two neighbouring places leave traces that are less than 0.8 alike."""
+    if first is None or second is None:
+        return False
+    scale = np.linalg.norm(first) * np.linalg.norm(second)
+    return bool(scale > 0 and abs(first @ second) < 0.8 * scale)
+
+
+def _changes(
+    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Mapping[str, float]]
+) -> list[Array | None]:
+    """Whitened change of all rows at each point; None where the model has no finite value there."""
+    extended = candidate.extended
+    start = extended.start({**fit.values, **_neutral_values(candidate)})
+    places = {name: k for k, name in enumerate(extended.names)}
+    many = []
+    for point in points:
+        theta = start.copy()
+        for name, value in point.items():
+            theta[places[name]] = value
+        many.append(extended.values_at(theta))
+    out: list[Array | None] = []
+    chunk = max(1, MOST_VALUES // problem.n_data)
+    for first in range(0, len(many), chunk):
+        out += _residual_changes(extended, fit, many[first : first + chunk], problem.n_data)
+    return out
+
+
+def _neutral_values(candidate: Candidate) -> dict[str, float]:
+    return {f"{candidate.use}.{n}": v for n, v in candidate.effect.neutral_si.items()}
+
+
+def _residual_changes(
+    extended: Problem, fit: Fit, many: Sequence[Mapping[str, Any]], n_data: int
+) -> list[Array | None]:
+    try:
+        table = extended.data_residuals(many)
+    except ComputationError:  # a loop that runs away at one point must not take the others with it
+        if len(many) == 1:
+            return [None]
+        return [c for values in many for c in _residual_changes(extended, fit, [values], n_data)]
+    change = np.zeros((fit.residual.size, len(many)))
+    change[:n_data] = table - fit.residual[:n_data, None]
+    return [c if np.all(np.isfinite(c)) else None for c in change.T]
