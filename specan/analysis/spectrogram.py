@@ -51,7 +51,7 @@ class SpectrogramSettings(BlockSettings):
         hop = hop_of(block, self.overlap)
         n_blocks = (stop - start - block) // hop + 1
         per_column = -(-n_blocks // self.columns)
-        frequency = np.fft.rfftfreq(block, 1 / rate)
+        frequency: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
         kept = lines_between(frequency, self)
         shape = window(self.window, block)
         scale = (2.0 / (rate * np.sum(shape**2))) * np.where(has_mirror(len(frequency), block), 1.0, 0.5)

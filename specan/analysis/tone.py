@@ -22,7 +22,10 @@ from specan.schema import Settings
 
 LOW_SNR_DEG = 1.0  # random uncertainty of a phase from which on it is flagged
 _LOOK_S = 2.0
-_NEAR = 0.01  # how far from a stated frequency the tone is looked for
+_NEAR, _FAR = (
+    0.01,
+    0.05,
+)  # how far from a stated frequency the tone is looked for, and at most in a short section
 _ROUNDING = 1e-12  # power relative to the whole that rounding leaves
 
 
@@ -37,7 +40,7 @@ class Tone(Settings):
         Names or patterns; all by default. The reference is always among them.
     frequency_hz : float or None
         By default from the recording's properties or its generator or vibrometer channel. A stated frequency
-        is refined within 1 % on the leading channel.
+        is refined within 1 % (5 % where the section is short) on the leading channel.
     harmonics : int
     start_s, stop_s : float
         Time section.
@@ -245,7 +248,7 @@ def _tone_near(x: NDArray[np.float64], rate: float, stated: float | None) -> tup
     x = x - x.mean()
     power = float(np.mean(x**2))
     if stated is not None:
-        width = max(_NEAR * stated, 2 * rate / len(x))
+        width = min(max(_NEAR * stated, 1.5 * rate / len(x)), _FAR * stated)
         low, high = stated - width, stated + width
     if not np.isfinite(power) or power == 0 or len(x) < 8:
         return -1.0, stated or rate / 8

@@ -57,7 +57,8 @@ def estimate(
     - H3c = S_ey / S_ex: unbiased by noise in both, given an instrument e that drives the system and
       shares no noise with them (instrumental variable; Goyder, IMAC II (1984) 437-446).
 
-    The uncertainty rests on the spectrum of what the estimate leaves, r = y - H x, smoothed over 15 lines:
+    The uncertainty rests on the spectrum of what the estimate leaves, r = y - H x, smoothed over 15 lines
+    (`smoothed_noise`):
 
     - H1, H2, Hv: u^2 = S_rr / (2 n |H1|^2 S_xx) with S_rr = (1 - coherence) S_yy: (1 - g^2) / (2 n g^2) per
       real component (Bendat and Piersol, Random Data, ch. 9). The magnitude of Hv scatters less, by the
@@ -102,11 +103,13 @@ def estimate(
             left = (1 - coherence) * auto_response
             # 1 / (|H1|^2 S_xx)
             gain = auto_reference / strength
-        left = np.maximum(left, 0.0)
-        smooth = smoothed(left)
-        relative = np.sqrt(smooth * gain / (2 * max(n_effective - 1, 1e-300)))
-    if n_effective <= 1:
-        relative = np.full(relative.shape, np.nan)  # one block says nothing about its own scatter
+        if n_effective <= 1:  # one block says nothing about its own scatter
+            return Estimate(response, coherence, np.full(coherence.shape, np.nan))
+        # Rounding leaves this much of a response without noise.
+        left = np.maximum(left, np.finfo(float).eps * auto_response)
+        # One complex parameter was fitted: n - 1 is left of n.
+        freedom = n_effective - 1
+        relative = np.sqrt(smoothed_noise(left, freedom) * gain / (2 * freedom))
     return Estimate(response, coherence, relative)
 
 
@@ -120,24 +123,26 @@ def _two_channel(estimator: Estimator, auto_reference: Real, auto_response: Real
     raise ValueError(f"unknown estimator {estimator!r}; known are {', '.join(ESTIMATORS)}")
 
 
-def smoothed(spectrum: Real, width: int = SMOOTHED_LINES) -> Real:
-    """Moving average over `width` lines, narrower towards the ends but never under five.
+def smoothed_noise(noise: Real, freedom: float, width: int = SMOOTHED_LINES) -> Real:
+    """Noise spectrum (..., n), smoothed over `width` lines; fewer towards the ends, but never under three.
 
-    A line's own estimate of its noise has heavy tails and goes with its own error; that of its
-    neighbourhood has neither.
+    A line's own estimate of its noise, from `freedom` complex degrees of freedom, has heavy tails and goes with
+    the line's own error; that of its neighbourhood has neither. The mean is that of the logarithm, which a steep
+    spectrum does not pull up, corrected for its bias psi(freedom) - ln(freedom). A line that stands above its
+    neighbourhood by five standard deviations (hum) keeps its own value.
     """
-    n = spectrum.shape[-1]
-    half = width // 2
-    reach = np.minimum(half, np.minimum(np.arange(n), np.arange(n)[::-1]))
-    low = np.maximum(np.arange(n) - np.maximum(reach, 2), 0)
-    high = np.minimum(np.arange(n) + np.maximum(reach, 2), n - 1)
-    total, count = np.zeros(spectrum.shape), np.zeros(n)
-    for offset in range(-half, half + 1):
-        source = np.arange(n) + offset
-        inside = (source >= low) & (source <= high)
-        total += np.where(inside, spectrum[..., np.clip(source, 0, n - 1)], 0.0)
+    n = noise.shape[-1]
+    line = np.arange(n)
+    reach = np.maximum(np.minimum(width // 2, np.minimum(line, line[::-1])), 1)
+    logarithm = np.log(np.maximum(noise, np.finfo(float).tiny))
+    total, count = np.zeros(noise.shape), np.zeros(n)
+    for offset in range(-(width // 2), width // 2 + 1):
+        inside = (np.abs(offset) <= reach) & (line + offset >= 0) & (line + offset < n)
+        total += np.where(inside, logarithm[..., np.clip(line + offset, 0, n - 1)], 0.0)
         count += inside
-    return total / count
+    bias = -1 / (2 * freedom) - 1 / (12 * freedom**2)
+    level = np.exp(total / count - bias)
+    return np.where(noise > level * (1 + 5 / np.sqrt(freedom)), noise, level)
 
 
 def u_phase_deg(u_relative: Real) -> Real:

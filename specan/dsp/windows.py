@@ -62,7 +62,7 @@ def window_properties(name: WindowName) -> WindowProperties:
     """Coherent gain, noise bandwidth, scallop loss and lobe of a window, in closed form.
 
     With the cosine coefficients a_0, a_1, ...: gain a_0, sum(w^2)/n = a_0^2 + sum(a_m^2)/2; a tone d lines
-    away is seen through sin(pi d)/pi * sum of a_m d/(d^2 - m^2) (large n).
+    away is seen through sin(pi d)/pi * sum of (-1)^m a_m d/(d^2 - m^2) (large n).
 
     Examples
     --------
@@ -73,7 +73,7 @@ def window_properties(name: WindowName) -> WindowProperties:
     power = a[0] ** 2 + np.sum(a[1:] ** 2) / 2
     m = np.arange(len(a))
     half = 0.5
-    response = np.sum(a * half / (half**2 - m**2)) / np.pi  # sin(pi/2) = 1
+    response = np.sum((-1.0) ** m * a * half / (half**2 - m**2)) / np.pi  # sin(pi/2) = 1
     return WindowProperties(
         coherent_gain=float(a[0]),
         enbw_lines=float(power / a[0] ** 2),
