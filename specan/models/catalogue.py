@@ -14,8 +14,8 @@ from specan.errors import RequestError, nearest
 from specan.models.effect import Effect
 from specan.models.model import Model
 
-# name -> package that holds `build(rig) -> Model`
-MODELS = {"worm-gear": "specan.models.worm_gear"}
+# name -> package that holds `build(rig) -> Model` and `EXAMPLE_RIG`
+MODELS = {"room": "specan.models.room", "worm-gear": "specan.models.worm_gear"}
 
 ENTRY_POINTS = "specan.effects"
 
@@ -33,11 +33,27 @@ def load_model(name: str, rig: Mapping[str, Any]) -> Model:
     RequestError
         Unknown model, or a rig that is incomplete or impossible.
     """
+    model: Model = _package(name).build(rig)
+    return model.with_effect(*_plugins(name))
+
+
+def example_model(name: str) -> Model:
+    """Build a model for the example rig that comes with it: to look at, not to compare with anything."""
+    rig = getattr(_package(name), "EXAMPLE_RIG", None)
+    if rig is None:
+        raise RequestError(f"the model {name!r} comes with no example rig", remedy="name a rig file")
+    return load_model(name, rig)
+
+
+def model_summary(name: str) -> str:
+    """What a model is, in a line."""
+    return (_package(name).__doc__ or "").split("\n")[0]
+
+
+def _package(name: str) -> Any:
     if name not in MODELS:
         raise RequestError(f"there is no model {name!r}", remedy=nearest(name, MODELS))
-    module = importlib.import_module(MODELS[name])
-    model: Model = module.build(rig)
-    return model.with_effect(*_plugins(name))
+    return importlib.import_module(MODELS[name])
 
 
 def effects_in(package: str) -> dict[str, Effect]:

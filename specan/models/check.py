@@ -68,7 +68,7 @@ def _check_neutral(use: Use, base: Assembly, active: Assembly, conditions: Mappi
     neutral = {name: value for name, value in active.neutral.items() if name.startswith(f"{use}.")}
     without, with_it = base.evaluate(conditions), active.evaluate(conditions, neutral)
     for name in base.model.quantities:
-        if base.model.quantities[name].collection:
+        if base.model.quantities[name].collection or base.model.quantities[name].opaque:
             continue
         if not np.allclose(without[name], with_it[name], rtol=1e-12, atol=0, equal_nan=True):
             _fail(use, f"changes {name} though it is neutral", "correct neutral= or the equation")
@@ -79,6 +79,8 @@ def _check_order(active: Assembly, conditions: Mapping[str, Any]) -> None:
     for order in list(permutations(active.uses))[1:7]:
         again = active.model.assemble(order).evaluate(conditions)
         for name in active.model.quantities:
+            if active.model.quantities[name].opaque or active.model.quantities[name].collection:
+                continue
             if not np.array_equal(np.asarray(reference[name]), np.asarray(again[name]), equal_nan=True):
                 raise RequestError(f"the order of effects changes {name}", remedy="report this: it must not")
 
@@ -90,6 +92,8 @@ def _check_values(use: Use, base: Assembly, active: Assembly, conditions: Mappin
     for name in active.model.quantities:
         if base.model.quantities[name].collection:
             changed |= len(without[name]) != len(with_it[name])
+            continue
+        if base.model.quantities[name].opaque:
             continue
         old, new = np.asarray(without[name]), np.asarray(with_it[name])
         if not np.all(np.isfinite(new) | ~np.isfinite(old)):

@@ -88,7 +88,12 @@ def signature_of(function: Callable[..., Any], owner: str) -> tuple[tuple[str, .
 
 
 def quantity(
-    *, unit: str, axes: tuple[str, ...] = (), reference: str = "", collection: bool = False, opaque: bool = False
+    *,
+    unit: str,
+    axes: tuple[str, ...] = (),
+    reference: str = "",
+    collection: bool = False,
+    opaque: bool = False,
 ) -> Callable[[Callable[..., Any]], Quantity]:
     """Make a function a Quantity of its own name; its docstring's first line says what it is.
 
@@ -107,7 +112,7 @@ def quantity(
         reads, parameters = signature_of(function, name)
         doc = inspect.getdoc(function) or ""
         return Quantity(
-            name, unit, doc.split("\n")[0], function, reads, parameters, axes, reference, collection
+            name, unit, doc.split("\n")[0], function, reads, parameters, axes, reference, collection, opaque
         )
 
     return make

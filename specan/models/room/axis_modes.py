@@ -40,6 +40,13 @@ class AxisModes:
         """Squared wave numbers, 1/m^2."""
         return self.w / self.length**2
 
+    def slope_at(self, x: NDArray[np.float64]) -> Complex:
+        """Derivatives of the eigenfunctions at positions `x`: array (lines, modes, positions), 1/m."""
+        part = np.asarray(x, dtype=float) / self.length
+        cosine, sine = _cos_sinc(self.w[..., None] * part**2)
+        found: Complex = (self.a0[..., None] * cosine - self.w[..., None] * part * sine) / self.length
+        return found
+
     def lines(self, part: slice) -> AxisModes:
         """The same at some lines only."""
         return AxisModes(self.length, self.w[part], self.a0[part], self.norm[part])

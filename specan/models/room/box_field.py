@@ -11,7 +11,7 @@ where ``Psi_N`` is a product of three axis modes. What lies above the truncation
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,12 @@ Real = NDArray[np.float64]
 _LINES_AT_ONCE = 64  # keeps the (lines, nx, ny, nz) array in the cache
 
 
+def point(values: Sequence[float] | Real) -> tuple[float, float, float]:
+    """Three numbers as a tuple that can be a key."""
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
 @dataclass(frozen=True)
 class Port:
     """A place where sound enters, leaves or is picked up: a point, or a round patch of a wall.
@@ -36,12 +42,18 @@ class Port:
     axis : int
         Number of the axis normal to the patch; for a point the axis that is summed in closed form.
     radius : float
-        Radius of the patch, m; 0 for a point.
+        Radius of the patch or ball, m; 0 for a point.
+    ball : bool
+        Averaged over a ball instead of a patch.
+    slope : int or None
+        Number of the axis along which the field's derivative is meant instead of the field.
     """
 
     position: tuple[float, float, float]
     axis: int
     radius: float = 0.0
+    ball: bool = False
+    slope: int | None = None
 
 
 @dataclass
@@ -64,17 +76,26 @@ class BoxField:
     k2: Complex
     axes: tuple[AxisModes, AxisModes, AxisModes]
     soft: Complex
+    _done: dict[object, Complex] = field(default_factory=dict, repr=False)
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
-        points = np.array([port.position for port in receivers])
-        radii = np.array([port.radius for port in receivers])
-        return self._modal(source, receivers) + self._rest(source, points, radii)
+        key = (source, tuple(receivers))
+        if key not in self._done:
+            found = self._modal(source, receivers)
+            # A ball averages away what lies above the truncation.
+            plain = [i for i, port in enumerate(receivers) if not port.ball]
+            if not source.ball and plain:
+                points = np.array([receivers[i].position for i in plain])
+                radii = np.array([receivers[i].radius for i in plain])
+                found[:, plain] += self._rest(source, points, radii)
+            self._done[key] = found
+        return self._done[key]
 
     def _modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
         points = np.array([port.position for port in receivers])
         out = np.empty((len(self.k2), len(receivers)), dtype=complex)
-        patches = [i for i, port in enumerate(receivers) if port.radius > 0]
+        special = [i for i, port in enumerate(receivers) if port.radius > 0 or port.slope is not None]
         for first in range(0, len(self.k2), _LINES_AT_ONCE):
             part = slice(first, first + _LINES_AT_ONCE)
             axes = [a.lines(part) for a in self.axes]
@@ -83,8 +104,8 @@ class BoxField:
             along_z = amplitudes @ at[2][:, None]
             along_y = np.einsum("fxyr,fyr->fxr", along_z, at[1])
             out[part] = np.einsum("fxr,fxr->fr", along_y, at[0])
-            for i in patches:
-                out[part, i] = _patch_sum(axes, amplitudes, receivers[i])
+            for i in special:
+                out[part, i] = _port_sum(axes, amplitudes, receivers[i])
         return out
 
     def _rest(self, source: Port, points: Real, radii: Real) -> Complex:
@@ -130,25 +151,41 @@ _ALONG = (
 
 
 def _mean_over(axes: Sequence[AxisModes], port: Port) -> NDArray:
-    """Factor (lines, nx, ny, nz) that averages the modes over a patch; 1 for a point."""
+    """Factor (lines, nx, ny, nz) that averages the modes over a patch or ball; 1 for a point."""
     if port.radius == 0:
         return np.ones((1, 1, 1, 1))
+    if port.ball:
+        return ball_mean(axes[0].q2[_ALONG[0]] + axes[1].q2[_ALONG[1]] + axes[2].q2[_ALONG[2]], port.radius)
     i, j = (axis for axis in range(3) if axis != port.axis)
     return disc_mean(axes[i].q2[_ALONG[i]] + axes[j].q2[_ALONG[j]], port.radius)
 
 
+def ball_mean(big_k2: NDArray, radius: float) -> NDArray:
+    """Mean over a ball of a field with wave number squared `big_k2`: ``3 j1(K a) / (K a)``."""
+    z2 = np.asarray(big_k2) * radius**2
+    z = np.sqrt(z2 + 0j)
+    small = np.abs(z2) < 1e-3
+    safe = np.where(small, 1.0, z)
+    return np.where(small, 1 - z2 / 10 + z2**2 / 280, 3 * (np.sin(safe) - safe * np.cos(safe)) / safe**3)
+
+
+def _along(axes: Sequence[AxisModes], port: Port) -> list[Complex]:
+    """Axis functions, or the derivative along one axis, at a port; ready to be multiplied."""
+    return [
+        (axis.slope_at if port.slope == i else axis.at)(np.array([port.position[i]]))[..., 0]
+        for i, axis in enumerate(axes)
+    ]
+
+
 def _amplitudes(axes: Sequence[AxisModes], k2: Complex, source: Port) -> Complex:
     """Psi_N(source) / (Lambda_N (K_N^2 - k^2)), array (lines, nx, ny, nz)."""
-    at = [
-        (axis.at(np.array([c]))[..., 0] / axis.norm)[where]
-        for axis, c, where in zip(axes, source.position, _ALONG, strict=True)
-    ]
+    at = [(x / axis.norm)[w] for x, axis, w in zip(_along(axes, source), axes, _ALONG, strict=True)]
     big_k2 = sum(axis.q2[where] for axis, where in zip(axes, _ALONG, strict=True))
     found: Complex = at[0] * at[1] * at[2] * _mean_over(axes, source) / (big_k2 - k2[:, None, None, None])
     return found
 
 
-def _patch_sum(axes: Sequence[AxisModes], amplitudes: Complex, patch: Port) -> Complex:
-    at = [axis.at(np.array([c]))[..., 0][w] for axis, c, w in zip(axes, patch.position, _ALONG, strict=True)]
-    found: Complex = (amplitudes * at[0] * at[1] * at[2] * _mean_over(axes, patch)).sum(axis=(1, 2, 3))
+def _port_sum(axes: Sequence[AxisModes], amplitudes: Complex, port: Port) -> Complex:
+    at = [x[w] for x, w in zip(_along(axes, port), _ALONG, strict=True)]
+    found: Complex = (amplitudes * at[0] * at[1] * at[2] * _mean_over(axes, port)).sum(axis=(1, 2, 3))
     return found

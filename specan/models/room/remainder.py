@@ -100,13 +100,14 @@ class _Terms:
     kt2: Real
     weight: Real
     low: NDArray[np.bool_]
+    top: float
     rigid: AxisModes  # along the closed axis
     softer: AxisModes  # the same with the source's wall a little soft, and a little active
     harder: AxisModes
 
     STEP = 1e-4  # 1/m, of j k beta: for a derivative
     REACH = 30.0  # exp(-30): a mode that has died out
-    PATCH = 120.0  # kappa a at which the means over two patches have fallen to 1e-6
+    LIMIT = 900.0  # 1/m; beyond, only ports less than 3 cm apart couple
 
     @classmethod
     def prepare(
@@ -118,8 +119,7 @@ class _Terms:
         radius: float,
     ) -> _Terms:
         i, j = (a for a in range(3) if a != axis)
-        limit = cls.PATCH / radius if radius > 0 else cls.REACH / 0.02
-        limit = max(limit, np.pi * counts[i] / lengths[i], np.pi * counts[j] / lengths[j])
+        limit = max(cls.LIMIT, 1.5 * np.pi * counts[i] / lengths[i], 1.5 * np.pi * counts[j] / lengths[j])
         m, n = np.arange(int(limit * lengths[i] / np.pi) + 1), np.arange(int(limit * lengths[j] / np.pi) + 1)
         qm, qn = (
             np.ravel(q) for q in np.meshgrid(np.pi * m / lengths[i], np.pi * n / lengths[j], indexing="ij")
@@ -136,31 +136,53 @@ class _Terms:
             axis_modes(lengths[axis], *((step, 0.0) if nearby else (0.0, step)), counts[axis])
             for step in (0.0, cls.STEP * lengths[axis], -cls.STEP * lengths[axis])
         ]
-        return cls(lengths, counts, source, axis, radius, (i, j), qm, qn, kt2, weight, low, *modes)
+        return cls(lengths, counts, source, axis, radius, (i, j), qm, qn, kt2, weight, low, limit, *modes)
 
     def sums(self, k2: complex, point: Real, radius: float) -> tuple[complex, complex]:
         """Remainder of the rigid box, and its change by a soft source wall."""
         length, here, there = self.lengths[self.axis], self.source[self.axis], float(point[self.axis])
         gap = abs(there - here)
-        reach = self.REACH / max(gap, 1e-9)
-        if radius == 0 and self.radius == 0 and gap < 0.02:
-            reach = self.REACH / 0.02
-        last = max(int(np.searchsorted(self.kt2, reach**2)), int(np.flatnonzero(self.low)[-1]) + 1)
+        last = int(np.searchsorted(self.kt2, (self.REACH / max(gap, 1e-9)) ** 2))
+        last = max(last, int(np.flatnonzero(self.low)[-1]) + 1)
         some = slice(0, last)
         kt2, low = self.kt2[some], self.low[some]
         i, j = self.plane
         weight = self.weight[some] * np.cos(self.qm[some] * point[i]) * np.cos(self.qn[some] * point[j])
         if radius > 0:
             weight = weight * _bessel_mean(kt2, radius)
+        if last == len(self.kt2):
+            weight = weight * _fade(np.sqrt(kt2), self.top)
         kappa = np.sqrt(kt2 - k2 + 0j)
         along = _closed_form(kappa, length, here, there)
         wall = 0.0 if here < length / 2 else length
-        softer = -along * _closed_form(kappa, length, wall, wall)
+        softer = -_closed_form(kappa, length, here, wall) * _closed_form(kappa, length, wall, there)
         gaps = kt2[low] - k2
         along[low] -= _modes_of_axis(self.rigid, gaps, here, there)
         stepped = [_modes_of_axis(modes, gaps, here, there) for modes in (self.softer, self.harder)]
         softer[low] -= (stepped[0] - stepped[1]) / (2 * self.STEP)
-        return complex((weight * along).sum()), complex((weight * softer).sum())
+        rest = _beyond(self.top, k2, radius) if radius > 0 and tuple(point) == self.source else 0.0
+        return complex((weight * along).sum()) + rest, complex((weight * softer).sum())
+
+
+def _fade(kappa: Real, top: float) -> Real:
+    """1 up to half the top wave number, from there smoothly to 0: a sharp end would ring."""
+    part = np.clip(2 * kappa / top - 1, 0.0, 1.0)
+    return 0.5 + 0.5 * np.cos(np.pi * part)
+
+
+def _beyond(top: float, k2: complex, radius: float) -> complex:
+    """What the faded sum leaves out of a patch's coupling with itself: there the room is a half-space.
+
+    ``(1 / 2 pi) int (1 - fade) (2 J1(kappa a)/(kappa a))^2 kappa / sqrt(kappa^2 - k^2) dkappa``; without
+    the fade and for k = 0 it would be 8 / (3 pi^2 a), the radiation mass of a baffled piston.
+    """
+    edge = np.linspace(top / 2, top, 400)
+    far = np.geomspace(top, max(400 / radius, 10 * top), 20_000)
+    total = 0j
+    for kappa, left in ((edge, 1 - _fade(edge, top)), (far, np.ones_like(far))):
+        value = left * _bessel_mean(kappa**2, radius) ** 2 * kappa / np.sqrt(kappa**2 - k2)
+        total += np.trapezoid(value, kappa)
+    return complex(total / (2 * np.pi))
 
 
 def _bessel_mean(kt2: Real, radius: float) -> Real:
@@ -179,7 +201,7 @@ def _closed_form(kappa: Complex, length: float, x: float, y: float) -> Complex:
     return found
 
 
-def _modes_of_axis(modes: AxisModes, gap: Complex, x: float, y: float) -> Complex:
+def _modes_of_axis(modes: AxisModes, gap: NDArray[np.complexfloating], x: float, y: float) -> Complex:
     """The terms of the same sum that the truncated one has."""
     at = modes.at(np.array([x, y]))[0]
     weight = at[:, 0] * at[:, 1] / modes.norm[0]

@@ -1,0 +1,124 @@
+"""From a rig file to the room model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from specan.errors import RequestError
+from specan.models.catalogue import effects_in
+from specan.models.model import Model, Nuisance, Observable
+from specan.models.quantity import Condition, Quantity, constant
+from specan.models.room import air, field, instruments
+from specan.models.room.rig import WALLS, Rig, read_rig
+
+MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
+MOST_MODES = 60_000  # about 60 MB a block of lines
+
+
+def build(rig: Mapping[str, Any]) -> Model:
+    """Build the model of a rectangular room.
+
+    Raises
+    ------
+    RequestError
+        The rig file has an unknown key, lacks one, says something impossible, or needs too many modes.
+    """
+    settings = read_rig(rig)
+    if settings.room.dims_m is None:
+        raise RequestError(
+            "[room] mesh names a mesh, which needs a finite-element solution", expected="dims_m"
+        )
+    _check_size(settings)
+    microphones = tuple(f"Mic {i}" for i in range(1, len(settings.mics.position_m) + 1))
+    cards = settings.mics.cards or ((1, len(microphones)),)
+    quantities = [*_constants(settings, cards), *air.QUANTITIES, *field.QUANTITIES, *instruments.QUANTITIES]
+    return Model(
+        name="room",
+        title="Sound field of a rectangular room with a piston in one wall",
+        conditions={
+            "frequency": Condition("frequency", "Hz", "Frequency of each line.", "frequency_hz", "Hz"),
+            "velocity_psd": Condition(
+                "velocity_psd",
+                "m^2/s",
+                "Power spectral density of the vibrometer's signal.",
+                "velocity_psd",
+                "m^2/s",
+            ),
+        },
+        quantities={q.name: q for q in quantities},
+        effects=effects_in("specan.models.room.effects"),
+        observables={
+            "frf": Observable("frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity."),
+        },
+        nuisances=_nuisances(settings),
+        axes={
+            "wall": WALLS,
+            "microphone": microphones,
+            "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
+            "dimension": ("x", "y", "z"),
+        },
+        settings={"rig": settings.model_dump(), "uncertainty": settings.uncertainty.model_dump()},
+    )
+
+
+def _check_size(rig: Rig) -> None:
+    assert rig.room.dims_m is not None
+    k_max = 2 * np.pi * rig.band.f_max_hz / 343.0
+    counts = field.mode_counts(rig.room.dims_m, k_max, MODE_MARGIN)
+    modes = int(np.prod(counts))
+    if modes > MOST_MODES:
+        # 16 bytes a mode and line, 64 lines at once
+        raise RequestError(
+            f"the room of {list(rig.room.dims_m)} m has {modes} modes up to {MODE_MARGIN} times "
+            f"{rig.band.f_max_hz:.0f} Hz, which would take {modes * 64 * 16 * 4 / 1e9:.1f} GB",
+            expected=f"at most {MOST_MODES} modes",
+            remedy="lower [band] f_max_hz",
+        )
+
+
+def _constants(rig: Rig, cards: tuple[tuple[int, int], ...]) -> list[Quantity]:
+    positions = np.array(rig.mics.position_m, dtype=float)
+    card_of = np.zeros(len(positions), dtype=int)
+    for number, (low, high) in enumerate(cards):
+        card_of[low - 1 : high] = number
+    listed = [
+        ("room_dimensions", np.array(rig.room.dims_m), "m", "Edges of the room.", ("dimension",)),
+        (
+            "mode_margin",
+            MODE_MARGIN,
+            "1",
+            "Reach of the truncated modal sum over the band's wave number.",
+            (),
+        ),
+        (
+            "air_temperature",
+            rig.air.nominal_temperature_C + air.ZERO_CELSIUS,
+            "K",
+            "Temperature of the air.",
+            (),
+        ),
+        ("air_pressure", rig.air.nominal_pressure_Pa, "Pa", "Static pressure.", ()),
+        ("relative_humidity", rig.air.relative_humidity_percent / 100, "1", "Relative humidity.", ()),
+        ("receiver_position", positions, "m", "Positions of the microphones.", ("microphone",)),
+        ("receiver_nominal_gain", np.ones(len(positions)), "1", "Gain after calibration.", ("microphone",)),
+        ("card_nominal_delay", np.zeros(len(cards)), "s", "Delay of each card as it should be.", ("card",)),
+        ("card_of_microphone", card_of, "1", "Number of the card of each microphone.", ("microphone",)),
+        ("source_position", np.array(rig.piston.centre_m), "m", "Centre of the piston.", ()),
+        ("piston_wall", WALLS.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
+        ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
+    ]
+    return [constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed]
+
+
+def _nuisances(rig: Rig) -> tuple[Nuisance, ...]:
+    """Instrument errors and the state of the air, held by what the rig file says of them."""
+    given = rig.uncertainty
+    listed = [
+        ("temperature", "offset", given.temperature_K, "temperature_K"),
+        ("vibrometer-delay", "delay", given.vibrometer_delay_s, "vibrometer_delay_s"),
+        ("vibrometer-gain", "gain", given.vibrometer_gain_percent / 100, "vibrometer_gain_percent"),
+    ]
+    return tuple(Nuisance(e, p, sd, f"[uncertainty] {key}") for e, p, sd, key in listed if sd)

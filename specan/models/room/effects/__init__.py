@@ -1,0 +1,1 @@
+"""Effects that a room model may lack, one a file."""

@@ -1,0 +1,19 @@
+"""R6: the air is warmer or colder than assumed."""
+
+from specan.models import Parameter, effect
+
+
+@effect(
+    "temperature",
+    adds_to="air_temperature",
+    neutral={"offset": 0.0},
+    aliases=("dimension-error",),
+    separate_by="a thermometer",
+    reference="ISO 9613-1:1993, annex A: c = 343.2 sqrt(T / 293.15)",
+    instrument=True,
+)
+def temperature(
+    *, offset=Parameter(1.0, "K", min=-5.0, max=5.0, lower=-15.0, upper=15.0, doc="true less nominal")
+):
+    """All natural frequencies move by the same part, 0.17 % a kelvin: so they do in a room of other size."""
+    return offset

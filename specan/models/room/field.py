@@ -1,0 +1,196 @@
+"""Sound pressure at the microphones per velocity of the piston."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.parameter import Parameter
+from specan.models.quantity import quantity
+from specan.models.room.axis_modes import axis_modes
+from specan.models.room.box_field import BoxField, Port, point
+from specan.models.room.rig import WALLS
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class WallPlace:
+    """A round patch of the wall at which an effect acts, in parts of the wall's edges."""
+
+    across: float
+    along: float
+    radius: float
+
+    def port(self, wall: str, lengths: tuple[float, ...]) -> Port:
+        """The patch in a wall of a box with these edges."""
+        axis = "xyz".index(wall[0])
+        position = [0.0, 0.0, 0.0]
+        position[axis] = lengths[axis] if wall[1] == "1" else 0.0
+        for other, part in zip((i for i in range(3) if i != axis), (self.across, self.along), strict=True):
+            position[other] = part * lengths[other]
+        return Port((position[0], position[1], position[2]), axis, self.radius)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A second place where sound enters: volume velocity per velocity of the piston, m^2."""
+
+    port: Port | WallPlace
+    strength: Complex
+
+
+@dataclass(frozen=True)
+class LocalLoad:
+    """What takes volume velocity at a place: ``q = -admittance * p`` (m^3/(s Pa))."""
+
+    port: Port | WallPlace
+    admittance: Complex
+
+
+def opening(area: float, impedance: Complex, mass_factor: Complex, radius: float) -> Complex:
+    """Admittance of an opening whose `impedance` (Pa s/m) counts the air on the room's side already.
+
+    The coupling of a patch with itself holds the mass of that air once more, ``8 / (3 pi^2 a)`` for a
+    patch in a baffle; it is taken off. `mass_factor` is ``j w rho``.
+    """
+    return area / (impedance - area * mass_factor * 8 / (3 * np.pi**2 * radius))
+
+
+@quantity(unit="1", axes=("wall",))
+def wall_admittance(
+    frequency, *, common=Parameter(0.005, "1", min=0.0, max=0.03, doc="the same on all walls")
+):
+    """Specific admittance rho c / Z of each wall, array (walls, lines)."""
+    return np.full((len(WALLS), len(frequency)), common, dtype=complex)
+
+
+@quantity(unit="1", opaque=True)
+def box(frequency, sound_speed, air_attenuation, wall_admittance, room_dimensions, mode_margin):
+    """The room's modes, and the couplings that were asked of them."""
+    key: tuple[bytes, ...] = tuple(
+        np.asarray(a).tobytes()
+        for a in (frequency, sound_speed, air_attenuation, wall_admittance, room_dimensions, mode_margin)
+    )
+    if key not in _BOXES:
+        while len(_BOXES) >= 3:
+            _BOXES.popitem(last=False)
+        _BOXES[key] = _make_box(
+            frequency, sound_speed, air_attenuation, wall_admittance, room_dimensions, float(mode_margin)
+        )
+    return _BOXES[key]
+
+
+# A fit changes one parameter at a time, most of which leave the modes alone.
+_BOXES: OrderedDict[tuple[bytes, ...], BoxField] = OrderedDict()
+
+
+def mode_counts(lengths: tuple[float, ...], k_max: float, margin: float) -> tuple[int, ...]:
+    """Modes along each axis, so that the truncated sum reaches `margin` times the largest wave number."""
+    return tuple(int(np.ceil(margin * k_max * length / np.pi)) + 2 for length in lengths)
+
+
+def _make_box(
+    frequency: Any, sound_speed: float, attenuation: Any, admittance: Any, dimensions: Any, margin: float
+) -> BoxField:
+    lengths = point(dimensions)
+    k = 2 * np.pi * np.asarray(frequency, dtype=float) / sound_speed
+    soft = 1j * k * admittance
+    counts = mode_counts(lengths, float(k.max()), margin)
+    axes = [
+        axis_modes(lengths[i], soft[2 * i] * lengths[i], soft[2 * i + 1] * lengths[i], counts[i])
+        for i in range(3)
+    ]
+    return BoxField(lengths, (k - 1j * attenuation) ** 2, (axes[0], axes[1], axes[2]), soft)
+
+
+@quantity(unit="Pa*s/m", axes=("microphone",))
+def field(
+    frequency,
+    box,
+    density,
+    sound_speed,
+    wall_admittance,
+    receiver_position,
+    source_position,
+    piston_wall,
+    piston_radius,
+    piston_velocity_profile,
+    sources,
+    local_loads,
+):
+    """Sound pressure over the velocity at the vibrometer's point, array (microphones, lines).
+
+    ``p = j w rho sum_s G(r, s) q_s``: the piston with its area times mean velocity, further sources, and
+    what local loads give back. The piston itself does not yield to the pressure as the wall around it
+    does: it is a load with the negative admittance of its area.
+    """
+    omega = 2 * np.pi * frequency
+    axis = WALLS[int(piston_wall)]
+    piston = Port(point(source_position), "xyz".index(axis[0]), float(piston_radius))
+    area = np.pi * piston.radius**2
+    microphones = [Port(point(p), piston.axis) for p in receiver_position]
+    given = [(piston, area * piston_velocity_profile)]
+    given += [(port, item.strength) for port, item in _placed(sources, box.lengths)]
+    rigid = -area * wall_admittance[int(piston_wall)] / (density * sound_speed)
+    loads = [(piston, rigid)] + [(port, item.admittance) for port, item in _placed(local_loads, box.lengths)]
+    factor = 1j * omega * density
+    strengths = _load_strengths(box, factor, given, loads)
+    total = np.zeros((len(frequency), len(microphones)), dtype=complex)
+    for port, strength in [*given, *zip((port for port, _ in loads), strengths, strict=True)]:
+        if np.any(strength):
+            total += strength[:, None] * box.coupling(port, microphones)
+    return (factor[:, None] * total).T
+
+
+def _placed(collection: Any, lengths: tuple[float, ...]) -> list[tuple[Port, Any]]:
+    """Ports of what joined a collection; an effect at one wall comes as ``(wall, thing)``."""
+    found = []
+    for item in collection:
+        wall, thing = item if isinstance(item, tuple) and isinstance(item[0], str) else ("", item)
+        for one in thing if isinstance(thing, tuple) else (thing,):
+            found.append((one.port.port(wall, lengths) if isinstance(one.port, WallPlace) else one.port, one))
+    return found
+
+
+def _load_strengths(
+    box: BoxField, factor: Complex, sources: list[tuple[Port, Complex]], loads: list[tuple[Port, Complex]]
+) -> list[Complex]:
+    """Volume velocity that each load returns: ``(1 + F G Y) p = F G q`` at the loads, ``q = -Y p``."""
+    ports = [port for port, _ in loads]
+    lines, count = len(factor), len(loads)
+    if not any(np.any(admittance) for _, admittance in loads):
+        return [np.zeros(lines, dtype=complex)] * count
+    driven = np.zeros((lines, count), dtype=complex)
+    for port, strength in sources:
+        driven += strength[:, None] * box.coupling(port, ports)
+    between = np.stack([box.coupling(port, ports) for port in ports], axis=2)  # (lines, at, from)
+    admittance = np.stack([y * np.ones(lines) for _, y in loads], axis=1)
+    matrix = np.eye(count) + factor[:, None, None] * between * admittance[:, None, :]
+    pressure = np.linalg.solve(matrix, (factor[:, None] * driven)[..., None])[..., 0]
+    return list((-admittance * pressure).T)
+
+
+@quantity(unit="1", collection=True)
+def sources():
+    """Further sources of sound."""
+    return ()
+
+
+@quantity(unit="1", collection=True)
+def local_loads():
+    """Resonators, openings, objects: each condensed to what it does at its place."""
+    return ()
+
+
+@quantity(unit="1")
+def piston_velocity_profile(frequency):
+    """Mean velocity of the diaphragm over that at the vibrometer's point."""
+    return np.ones(len(frequency), dtype=complex)
+
+
+QUANTITIES = (wall_admittance, box, field, sources, local_loads, piston_velocity_profile)

@@ -1,0 +1,162 @@
+"""The room's rig file: dimensions, piston, microphones, cards and what is uncertain about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from specan.errors import RequestError
+from specan.schema import Settings, parse
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Point = tuple[float, float, float]
+WALLS = ("x0", "x1", "y0", "y1", "z0", "z1")
+
+
+class Room(Settings):
+    """A box, or a mesh whose walls are named surfaces."""
+
+    dims_m: tuple[Positive, Positive, Positive] | None = None
+    mesh: str | None = None
+
+
+class Piston(Settings):
+    """The loudspeaker's diaphragm."""
+
+    wall: Literal["x0", "x1", "y0", "y1", "z0", "z1"]
+    centre_m: Point
+    radius_m: Positive
+
+
+class Air(Settings):
+    """State of the air."""
+
+    nominal_temperature_C: Annotated[float, Field(gt=-50, lt=80)] = 20.0
+    nominal_pressure_Pa: Annotated[float, Field(gt=5e4, lt=2e5)] = 101325.0
+    relative_humidity_percent: Annotated[float, Field(ge=0, le=100)] = 50.0
+
+
+class Band(Settings):
+    """Frequencies that the study looks at."""
+
+    f_max_hz: Positive
+    f_min_hz: NotNegative = 20.0
+
+
+class Mics(Settings):
+    """Microphones in the order of their channels."""
+
+    position_m: tuple[Point, ...]
+    nominal_sensitivity_mV_per_Pa: Positive = 50.0
+    cards: tuple[tuple[int, int], ...] = ()
+
+
+class Vibrometer(Settings):
+    """The laser vibrometer on the diaphragm."""
+
+    sensitivity_mm_s_per_V: Positive = 50.0
+    point: str = "diaphragm centre"
+
+
+class Identity(Settings):
+    """Recordings of one rig share a calibration."""
+
+    id: int | str = 1
+
+
+class Uncertainty(Settings):
+    """Standard uncertainties."""
+
+    temperature_K: NotNegative = 0.5
+    position_m: NotNegative = 0.002
+    dimension_percent: NotNegative = 0.1
+    calibration_dB: NotNegative = 0.1
+    calibration_phase_deg: NotNegative = 0.3
+    card_delay_s: NotNegative = 8e-8
+    vibrometer_delay_s: NotNegative = 1e-5
+    vibrometer_gain_percent: NotNegative = 1.0
+    model_discrepancy_percent: NotNegative = 0.5
+
+
+class Rig(Settings):
+    """Everything that a room's rig file says."""
+
+    room: Room
+    piston: Piston
+    air: Air = Air()
+    band: Band
+    mics: Mics
+    vibrometer: Vibrometer = Vibrometer()
+    rig: Identity = Identity()
+    uncertainty: Uncertainty = Uncertainty()
+
+
+def read_rig(content: Mapping[str, Any]) -> Rig:
+    """Check a parsed rig file.
+
+    Raises
+    ------
+    RequestError
+        Unknown or missing key, a microphone outside the room or two in one place, a piston off its wall.
+    """
+    rig = parse(Rig, content, "the rig file")
+    if (rig.room.dims_m is None) == (rig.room.mesh is None):
+        raise RequestError("[room] gives neither or both of dims_m and mesh", expected="one of them")
+    if rig.band.f_max_hz <= rig.band.f_min_hz:
+        raise RequestError(
+            f"[band] f_max_hz is {rig.band.f_max_hz}, f_min_hz {rig.band.f_min_hz}",
+            expected="f_max_hz above f_min_hz",
+        )
+    if rig.room.dims_m is not None:
+        _check_places(rig, np.array(rig.room.dims_m))
+    _check_cards(rig)
+    return rig
+
+
+def _check_places(rig: Rig, dims: np.ndarray) -> None:
+    points = np.array(rig.mics.position_m)
+    for number, point in enumerate(points, 1):
+        if np.any(point < 0) or np.any(point > dims):
+            raise RequestError(
+                f"microphone {number} stands at {point.tolist()} m, outside the room",
+                expected=f"coordinates between 0 and {dims.tolist()} m",
+                remedy="correct [mics] position_m or [room] dims_m",
+            )
+    for first in range(len(points)):
+        near = np.flatnonzero(np.linalg.norm(points[first + 1 :] - points[first], axis=1) < 1e-3)
+        if near.size:
+            raise RequestError(
+                f"microphones {first + 1} and {first + 2 + near[0]} stand in the same place",
+                expected="places at least 1 mm apart",
+                remedy="correct [mics] position_m",
+            )
+    axis, far = "xyz".index(rig.piston.wall[0]), rig.piston.wall[1] == "1"
+    centre = np.array(rig.piston.centre_m)
+    if abs(centre[axis] - (dims[axis] if far else 0.0)) > 1e-6:
+        raise RequestError(
+            f"the piston's centre {centre.tolist()} m does not lie in wall {rig.piston.wall}",
+            expected=f"{'xyz'[axis]} = {dims[axis] if far else 0.0}",
+        )
+    for other in {0, 1, 2} - {axis}:
+        if not rig.piston.radius_m <= centre[other] <= dims[other] - rig.piston.radius_m:
+            raise RequestError(
+                f"the piston of radius {rig.piston.radius_m} m at {centre.tolist()} m reaches over the wall's edge",
+                remedy="correct [piston] centre_m or radius_m",
+            )
+
+
+def _check_cards(rig: Rig) -> None:
+    count = len(rig.mics.position_m)
+    seen: set[int] = set()
+    for low, high in rig.mics.cards:
+        numbers = set(range(low, high + 1))
+        if low < 1 or high > count or low > high or numbers & seen:
+            raise RequestError(
+                f"[mics] cards says [{low}, {high}] for {count} microphones",
+                expected="ranges that do not overlap",
+            )
+        seen |= numbers

@@ -1,0 +1,103 @@
+"""The sound field of a box against solutions that are found in another way."""
+
+import numpy as np
+import pytest
+from scipy.special import j1
+
+from specan.models.room.axis_modes import axis_modes
+from specan.models.room.box_field import BoxField, Port, ball_mean, disc_mean
+
+LENGTHS = (0.9, 0.6, 0.7)
+PISTON = Port((0.0, 0.246, 0.3229), 0, 0.05)
+K = np.linspace(0.5, 27.0, 40)
+
+
+def field_of(beta, counts, k=K):
+    soft = np.array([1j * k * b for b in beta])
+    axes = tuple(
+        axis_modes(LENGTHS[i], soft[2 * i] * LENGTHS[i], soft[2 * i + 1] * LENGTHS[i], counts[i])
+        for i in range(3)
+    )
+    return BoxField(LENGTHS, (k**2).astype(complex), axes, soft)
+
+
+def summed_across(beta0, beta1, points):
+    """Both x walls soft, the others rigid: in-plane modes, and the x axis solved in closed form."""
+    m = np.arange(260)
+    qm, qn = np.pi * m / LENGTHS[1], np.pi * m / LENGTHS[2]
+    kt2 = qm[:, None] ** 2 + qn**2
+    z = np.sqrt(kt2) * PISTON.radius
+    mean = np.where(z < 1e-9, 1.0, 2 * j1(z) / np.where(z < 1e-9, 1.0, z))
+    double = np.where(m == 0, 1, 2)
+    weight = double[:, None] * double / (LENGTHS[1] * LENGTHS[2]) * mean
+    weight = weight * np.cos(qm * PISTON.position[1])[:, None] * np.cos(qn * PISTON.position[2])
+    out = np.empty((len(K), len(points)), dtype=complex)
+    for i, k in enumerate(K):
+        kappa, a0, a1 = np.sqrt(kt2 - k**2 + 0j), 1j * k * beta0, 1j * k * beta1
+        back = (kappa - a1) / (kappa + a1)
+        for r, (x, y, z) in enumerate(points):
+            wave = np.exp(-kappa * x) + back * np.exp(-kappa * (2 * LENGTHS[0] - x))
+            wave = wave / ((kappa + a0) - (kappa - a0) * back * np.exp(-2 * kappa * LENGTHS[0]))
+            out[i, r] = (weight * wave * np.cos(qm * y)[:, None] * np.cos(qn * z)).sum()
+    return out
+
+
+@pytest.mark.parametrize(
+    ("beta", "tolerance"), [((0.005, 0.01), 5e-5), ((0.3, 0.1), 1e-3), ((0.2 + 0.3j, 0.02), 1e-3)]
+)
+def test_field_agrees_with_a_sum_in_closed_form(beta, tolerance):
+    points = np.array([[0.02, 0.25, 0.33], [0.5, 0.1, 0.6], [0.85, 0.55, 0.05]])
+    got = field_of((*beta, 0, 0, 0, 0), (14, 10, 12)).coupling(PISTON, [Port(tuple(p), 0) for p in points])
+    expected = summed_across(*beta, points)
+    size = np.sqrt(np.mean(np.abs(expected) ** 2, axis=0))
+    assert np.max(np.abs(got - expected) / size) < tolerance
+
+
+@pytest.mark.parametrize("beta", [(0.0, 0.0), (0.01, 0.3), (0.5 + 0.8j, 0.05), (-2j, 0.1), (20j, 1.0)])
+def test_axis_modes_are_orthogonal_and_complete(beta):
+    k, count = np.array([1.0, 14.0, 27.0]), 20
+    modes = axis_modes(0.9, 0.9j * k * beta[0], 0.9j * k * beta[1], count)
+    x, weight = np.polynomial.legendre.leggauss(200)
+    at = modes.at(0.45 * (x + 1))
+    gram = np.einsum("fmx,fnx,x->fmn", at, at, 0.45 * weight)
+    for line in range(3):
+        size = np.sqrt(np.abs(np.outer(np.diag(gram[line]), np.diag(gram[line]))))
+        off = gram[line] - np.diag(np.diag(gram[line]))
+        assert np.max(np.abs(off) / size) < 1e-8
+        np.testing.assert_allclose(np.diag(gram[line]), modes.norm[line], rtol=1e-7)
+    # Zeros of an entire function of order 1/2 are as dense as those of the rigid axis: none is skipped.
+    assert np.max(np.sort(modes.w.real, axis=1)[:, -1]) < (np.pi * count) ** 2 * 1.15
+
+
+def test_slope_is_the_derivative():
+    modes = axis_modes(0.9, np.array([0.3j]), np.array([0.2 + 1j]), 6)
+    x, h = np.array([0.31]), 1e-6
+    numeric = (modes.at(x + h) - modes.at(x - h)) / (2 * h)
+    np.testing.assert_allclose(modes.slope_at(x), numeric, rtol=1e-6)
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.01])
+def test_a_patchs_own_coupling_does_not_depend_on_the_truncation(radius):
+    patch = Port((0.0, 0.246, 0.3229), 0, radius)
+    few, many = (
+        field_of((0,) * 6, counts).coupling(patch, [patch]) for counts in ((12, 9, 10), (28, 24, 26))
+    )
+    np.testing.assert_allclose(few, many, rtol=3e-4 * np.abs(many).max() / np.abs(many).min())
+    assert np.max(np.abs(few - many)) < 1e-3 * np.median(np.abs(many))
+
+
+def test_coupling_is_reciprocal():
+    box = field_of((0.1, 0.02, 0.05, 0, 0.2j, 0), (14, 10, 12))
+    a, b = Port((0.3, 0.2, 0.5), 0), Port((0.7, 0.45, 0.1), 0)
+    np.testing.assert_allclose(box.coupling(a, [b]), box.coupling(b, [a]), rtol=1e-4)
+
+
+def test_means_over_disc_and_ball_are_the_averages_they_claim():
+    rng = np.random.default_rng(5)
+    u = rng.uniform(-1, 1, (400_000, 3))
+    disc = u[np.hypot(u[:, 0], u[:, 1]) < 1][:, :2]
+    ball = u[np.linalg.norm(u, axis=1) < 1]
+    assert disc_mean(np.array(4.0), 1.0) == pytest.approx(np.cos(disc @ [1.2, 1.6]).mean(), abs=3e-3)
+    assert ball_mean(np.array(4.0), 1.0).real == pytest.approx(
+        np.cos(ball @ [1.2, 1.6, 0.0]).mean(), abs=3e-3
+    )
