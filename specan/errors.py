@@ -47,6 +47,10 @@ class InputError(SpecanError):
     exit_code = 3
 
 
+class NoSignalError(InputError):
+    """An input that is whole but holds no time signal: a spectrum, a table. A batch puts it aside, no failure."""
+
+
 class ComputationError(SpecanError):
     """A computation did not converge or gave something that is not finite."""
 

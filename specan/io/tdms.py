@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from specan.data.recording import Channel, Recording
-from specan.errors import InputError
+from specan.errors import InputError, NoSignalError
 from specan.io import sampling_rate as rates
 from specan.io.channel_table import ChannelTable, Row, apply_row
 from specan.io.full_scale import full_scale_of
@@ -19,9 +19,10 @@ from specan.io.tdms_scaling import scaling_of
 from specan.io.tdms_source import Feed, TdmsSource
 from specan.io.time_axis import Axis, axis_of, is_frequency, is_time
 
+_EMPTY, _CUT_OFF = "it has no samples", "it was cut off"
 _NO_NUMBERS = {
     "String": "it holds text", "ComplexSingleFloat": "its samples are complex",
-    "ComplexDoubleFloat": "its samples are complex", "": "it has no samples", "Void": "it has no samples",
+    "ComplexDoubleFloat": "its samples are complex", "": _EMPTY, "Void": _EMPTY,
 }  # fmt: skip
 
 
@@ -114,7 +115,8 @@ class _Opening:
         first = next(iter(self.set_aside), "")
         more = f" (and {len(self.set_aside) - 1} more channels)" if len(self.set_aside) > 1 else ""
         what = f"{first!r}: {reasons[0]}{more}" if reasons else "it has no channel"
-        raise InputError(f"{self.label} holds no time signal; {what}", expected="numbers sampled in time")
+        kind = NoSignalError if set(reasons) - {_EMPTY, _CUT_OFF} else InputError
+        raise kind(f"{self.label} holds no time signal; {what}", expected="numbers sampled in time")
 
     def _unfit(self, found: TdmsObject) -> str:
         """Why an object is no signal, as far as its headers say; empty for none."""
@@ -122,7 +124,7 @@ class _Opening:
         if found.type_name in _NO_NUMBERS:
             return _NO_NUMBERS[found.type_name]
         if track is None:
-            return "it was cut off" if found.path in self.headers.layout.cut_off else "it has no samples"
+            return _CUT_OFF if found.path in self.headers.layout.cut_off else _EMPTY
         if found.type_name == "TimeStamp" or is_time(found.name, found.type_name, found.properties):
             return "it is the time axis of its group"
         if track.n_samples == 1:
