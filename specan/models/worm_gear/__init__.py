@@ -1,5 +1,6 @@
 """The worm gear: losses of tooth engagement, bearings and oil, and what instruments indicate of them."""
 
 from specan.models.worm_gear.build import build
+from specan.models.worm_gear.example import EXAMPLE_RIG
 
-__all__ = ["build"]
+__all__ = ["EXAMPLE_RIG", "build"]

@@ -21,6 +21,7 @@ from specan.models.worm_gear.rig import (
     placed_bearings,
     read_rig,
 )
+from specan.units import base_unit, convert
 
 BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
 
@@ -60,18 +61,19 @@ def build(rig: Mapping[str, Any]) -> Model:
     ]
     if settings.model.mesh == "article":
         quantities += article_quantities(settings)  # of the same names, and later ones win
+    conditions = _conditions(settings.operation)
     effects = effects_in("specan.models.worm_gear.effects")
     return Model(
         name="worm-gear",
         title="Worm gear: losses in steady operation",
-        conditions=_conditions(settings.operation),
+        conditions=conditions,
         quantities={quantity.name: quantity for quantity in quantities},
         effects=effects,
         observables={o.name: o for o in OBSERVABLES},
         base_effects=BASE_EFFECTS,
         nuisances=_nuisances(settings),
         axes={"bearing": _bearing_names(bearings)},
-        settings=_for_studies(settings),
+        settings=_for_studies(settings, conditions),
     )
 
 
@@ -122,11 +124,46 @@ def _bearing_names(bearings: tuple[PlacedBearing, ...]) -> tuple[str, ...]:
     return tuple(f"{b.shaft} {i % 2 + 1}: {b.bearing.designation}" for i, b in enumerate(bearings))
 
 
-def _for_studies(rig: Rig) -> dict[str, Any]:
-    """What a study reads: uncertainties that are given, limits, the defaults that were assumed."""
+# key of [uncertainty]: condition, whether relative to its value, unit
+SETTING_ERRORS = {
+    "torque_setting_percent": ("indicated_output_torque", True, "percent"),
+    "speed_setting_percent": ("worm_speed", True, "percent"),
+    "oil_temperature_setting_K": ("indicated_oil_temperature", False, "kelvin"),
+}
+
+
+def _for_studies(rig: Rig, conditions: Mapping[str, Condition]) -> dict[str, Any]:
+    """What a study reads; SI, by the names of conditions and observables.
+
+    limits
+        ``{condition: (low, high)}`` that the bench can run.
+    setting_errors
+        ``{condition: (standard uncertainty, whether relative)}`` of setting a condition again.
+    reading_errors
+        ``{observable: standard uncertainty}`` of one reading, ``{condition: ...}`` likewise.
+    discrepancy
+        Declared standard model discrepancy, relative to the observable.
+    uncertainty, defaults_used
+        The rig file's own keys: what it gives, and the defaults that were assumed.
+    """
+    columns = {c.column: c for c in conditions.values()}
+    limits = rig.limits.model_dump(exclude_none=True)
+    given = rig.uncertainty
+    readings = {"input_torque": given.input_torque_Nm, "indicated_output_torque": given.output_torque_Nm}
     return {
-        "uncertainty": rig.uncertainty.model_dump(exclude_none=True),
-        "limits": rig.limits.model_dump(exclude_none=True),
-        "operation": rig.operation.model_dump(),
+        "limits": {
+            columns[key].name: tuple(
+                float(convert(value, columns[key].column_unit, columns[key].unit)) for value in span
+            )
+            for key, span in limits.items()
+        },
+        "setting_errors": {
+            condition: (float(convert(sd, unit, base_unit(unit))), relative)
+            for key, (condition, relative, unit) in SETTING_ERRORS.items()
+            if (sd := getattr(given, key))
+        },
+        "reading_errors": {name: sd for name, sd in readings.items() if sd},
+        "discrepancy": 0.01 * given.model_discrepancy_percent,
+        "uncertainty": given.model_dump(exclude_none=True),
         "defaults_used": defaults_used(rig),
     }

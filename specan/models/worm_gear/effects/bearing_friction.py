@@ -13,7 +13,7 @@ from specan.models.worm_gear.forces import WHEEL, WORM
 def bearing_friction(
     bearing_moment,
     *,
-    scale=Parameter(1.0, "1", min=0.7, max=1.3, lower=0.0, upper=4.0, doc="measured over catalogue moment"),
+    scale=Parameter(1.0, "1", min=0.0, max=1.5, lower=0.0, upper=4.0, doc="measured over catalogue moment"),
 ):
     """Balls roll in oil and slide a little in their grooves.
 

@@ -1,0 +1,176 @@
+"""``specan model``: which models there are, and what they are made of."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+from specan_cli.output import emit_json, table
+
+
+@click.group("model")
+def command() -> None:
+    """Look at the models: their quantities, effects, parameters and sources."""
+
+
+@command.command("list")
+@click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
+def list_models(as_json: bool) -> None:
+    """List the models."""
+    from specan.models.catalogue import MODELS, effects_in, model_names, model_summary
+
+    rows = [
+        {
+            "name": name,
+            "summary": model_summary(name),
+            "effects": list(effects_in(f"{MODELS[name]}.effects")),
+        }
+        for name in model_names()
+    ]
+    if as_json:
+        emit_json(rows)
+        return
+    table(
+        "", ["model", "what it is", "effects"], [[r["name"], r["summary"], len(r["effects"])] for r in rows]
+    )
+    click.echo("\nMore about one of them: specan model show NAME")
+
+
+@command.command("show")
+@click.argument("name")
+@click.argument("part", required=False, metavar="[EFFECT|QUANTITY]")
+@click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
+    """Show a model, or one of its effects or quantities."""
+    from specan.models.catalogue import example_model, load_model
+    from specan.models.describe import describe_effect, describe_model, describe_quantity, find_part
+    from specan.models.effect import Effect
+    from specan.schema import read_toml
+
+    model = load_model(name, read_toml(rig)) if rig else example_model(name)
+    if part is None:
+        content = describe_model(model)
+        emit_json(content) if as_json else _print_model(content)
+        return
+    found = find_part(model, part)
+    if isinstance(found, Effect):
+        content = describe_effect(model, found)
+        emit_json(content) if as_json else _print_effect(content)
+    else:
+        content = describe_quantity(model, found)
+        emit_json(content) if as_json else _print_quantity(content)
+
+
+def _print_model(model: Mapping[str, Any]) -> None:
+    click.echo(f"{model['name']}: {model['title']}\n")
+    table(
+        "Conditions",
+        ["column", "default", "what it is"],
+        [[c["column"] or n, _default(c), c["doc"]] for n, c in model["conditions"].items()],
+    )
+    click.echo()
+    table(
+        "Observables",
+        ["name", "unit", "what it is"],
+        [[n, o["unit"], o["doc"]] for n, o in model["observables"].items()],
+    )
+    click.echo()
+    table(
+        "Effects",
+        ["name", "", "what it is"],
+        [[name, _kind(e), _first_sentence(e["explanation"])] for name, e in model["effects"].items()],
+    )
+    click.echo()
+    table(
+        "Quantities",
+        ["name", "unit", "what it is"],
+        [[n, q["unit"], q["doc"]] for n, q in model["quantities"].items()],
+    )
+    click.echo(f"\nMore about one of them: specan model show {model['name']} NAME")
+
+
+KINDS = {"base": "part of the base model", "instrument": "an instrument's error", "": "an effect to be found"}
+
+
+def _kind(effect: Mapping[str, Any]) -> str:
+    return "base" if effect["in_base"] else "instrument" if effect["instrument"] else ""
+
+
+def _first_sentence(text: str) -> str:
+    return re.split(r"[.:] ", text, maxsplit=1)[0].rstrip(".") + "."
+
+
+def _default(condition: Mapping[str, Any]) -> str:
+    default = condition["default"]
+    if default is None:
+        return "needed"
+    if default != default:  # not known unless the data have it
+        return "unknown"
+    return f"{default:g} {condition['column_unit']}"
+
+
+def _print_effect(effect: Mapping[str, Any]) -> None:
+    click.echo(f"{effect['name']}: {KINDS[_kind(effect)]}\n")
+    click.echo(click.wrap_text(effect["explanation"], width=100) + "\n")
+    _print_parameters(effect["parameters"])
+    click.echo()
+    lines = {
+        "Adds to": ", ".join(effect["adds_to"]),
+        "Scales": ", ".join(effect["scales"]),
+        "Joins": ", ".join(effect["joins"]),
+        "Reads": ", ".join(effect["reads"]),
+        "Acts at one": effect["at"],
+        "Holds for": "; ".join(
+            f"{name} {v['low']:g} to {v['high']:g} {v['unit']}" for name, v in effect["valid"].items()
+        ),
+        "Needs": ", ".join(effect["needs"]),
+        "Looks like": ", ".join(effect["aliases"]),
+        "Told apart by": effect["separate_by"],
+        "Reference": effect["reference"],
+    }
+    _print_lines(lines)
+
+
+def _print_quantity(quantity: Mapping[str, Any]) -> None:
+    click.echo(f"{quantity['name']} [{quantity['unit']}]\n")
+    click.echo(quantity["doc"] + "\n")
+    if quantity["parameters"]:
+        _print_parameters(quantity["parameters"])
+        click.echo()
+    _print_lines(
+        {
+            "Reads": ", ".join(quantity["reads"]),
+            "Changed by": ", ".join(quantity["changed_by"]),
+            "One for each": ", ".join(quantity["axes"]),
+            "Reference": quantity["reference"],
+        }
+    )
+
+
+def _print_parameters(parameters: Mapping[str, Any]) -> None:
+    rows = []
+    for name, p in parameters.items():
+        marks = [
+            "" if p["neutral"] is None else f"neutral at {p['neutral']:g}",
+            "fixed" if p["fixed"] else "",
+            f"one per {p['per']}" if p["per"] else "",
+        ]
+        rows.append(
+            [name, f"{p['default']:g}", p["unit"], _span(p["plausible"]), _span(p["domain"]), p["doc"],
+             ", ".join(mark for mark in marks if mark)]
+        )  # fmt: skip
+    table("Parameters", ["name", "default", "unit", "plausible", "domain", "what it is", ""], rows)
+
+
+def _span(ends: list[float]) -> str:
+    return f"{ends[0]:g} to {ends[1]:g}"
+
+
+def _print_lines(lines: Mapping[str, str]) -> None:
+    for title, text in lines.items():
+        if text:
+            click.echo(click.wrap_text(f"{title}: {text}", width=100, subsequent_indent="    "))
