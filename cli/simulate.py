@@ -1,0 +1,73 @@
+"""``specan simulate``: what a model predicts, as a table, a look-up map or a figure."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import click
+
+# model -> module of this package with `run(model, options) -> None`
+SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear"}
+
+
+@click.command("simulate")
+@click.argument("model_name", metavar="MODEL")
+@click.argument("rig", type=click.Path(path_type=Path), metavar="RIG.toml")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="File to write (a table, or the figure)."
+)
+@click.option(
+    "--effects",
+    "-e",
+    multiple=True,
+    metavar="NAME[.PARAMETER][=VALUE]",
+    help="An effect to switch on, or a parameter of one: seal-drag=0.2, churning.exponent=1.6; repeatable.",
+)
+@click.option(
+    "--without", multiple=True, metavar="NAME", help="An effect of the base to switch off; repeatable."
+)
+@click.option(
+    "--grid",
+    multiple=True,
+    metavar="COLUMN=VALUES",
+    help="Values of a condition: speed_rpm=1200,1500 or speed_rpm=300:3000:10 (ten values); repeatable.",
+)
+@click.option(
+    "--conditions", type=click.Path(path_type=Path), help="Take the conditions from a table's rows."
+)
+@click.option(
+    "--noise", type=float, default=0.0, metavar="SD", help="Standard deviation of one reading, N*m."
+)
+@click.option("--repeats", type=click.IntRange(min=1), default=1, help="Readings of each condition.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
+@click.option(
+    "--table",
+    "lookup",
+    type=click.Path(path_type=Path),
+    help="Write a look-up table: speed, torque, temperature -> efficiency, loss.",
+)
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw the efficiency map into this file.")
+@click.option("--figure", "number", type=int, help="Draw the article's figure 4, 5, 6, 7 or 11 into -o.")
+@click.option(
+    "--measurement",
+    type=click.Path(path_type=Path),
+    help="A measured table, drawn over the figure as points.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
+def command(model_name: str, rig: Path, **options: Any) -> None:
+    """Predict what a test bench would measure if the rig were as MODEL says.
+
+    Without --grid or --conditions the conditions run over the limits of the rig file.
+    """
+    from specan.errors import RequestError, nearest
+    from specan.models.catalogue import load_model, model_names
+    from specan.schema import read_toml
+
+    if model_name not in model_names():
+        raise RequestError(f"there is no model {model_name!r}", remedy=nearest(model_name, model_names()))
+    if model_name not in SIMULATORS:
+        raise RequestError(f"the model {model_name!r} cannot be simulated from the command line")
+    model = load_model(model_name, read_toml(rig))
+    importlib.import_module(SIMULATORS[model_name]).run(model, options)
