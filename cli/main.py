@@ -16,6 +16,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "Everything in a directory of recordings, as text tables."),
     "export": ("export", "Samples for other tools: CSV, UFF58, WAV, Parquet."),
+    "model": ("model", "The models: their quantities, effects, parameters and sources."),
+    "simulate": ("simulate", "What a model predicts, as a table, a look-up map or a figure."),
 }
 
 
