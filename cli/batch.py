@@ -1,0 +1,103 @@
+"""``specan batch``: everything in a directory, as text tables."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+from specan_cli.output import emit_json, say, table
+
+# Below this many bytes of recordings a second process costs more than it gains.
+WORTH_A_PROCESS = 100_000_000
+
+
+@click.command("batch")
+@click.argument("directories", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="Directory for the tables."
+)
+@click.option("--settings", type=click.Path(path_type=Path), help="Settings of the analyses, a TOML file.")
+@click.option(
+    "--calibration", type=click.Path(path_type=Path), help="For all files, instead of the directory's."
+)
+@click.option(
+    "--reference", metavar="CH", help="Channel of reference, such as 'Mic 1' [default: the vibrometer]."
+)
+@click.option(
+    "--excitation", type=click.Choice(["sine", "noise"]), help="Of all files [default: recognised]."
+)
+@click.option("--lines", type=int, help="Lines of a transfer function up to fs/2.56 [default: 3200].")
+@click.option("--jobs", type=int, help="Number of processes [default: as many as are worth it].")
+@click.option("--json", "as_json", is_flag=True, help="Print a summary as JSON.")
+def command(
+    directories: tuple[Path, ...],
+    output: Path,
+    settings: Path | None,
+    calibration: Path | None,
+    reference: str | None,
+    excitation: str | None,
+    lines: int | None,
+    jobs: int | None,
+    as_json: bool,
+) -> int:
+    """Analyse every recording (*.tdms, *.wav) below DIR and write sine.txt, noise.txt and the other tables.
+
+    Calibrations that lie in DIR are applied: a calibration.toml, or recordings of a calibrator.
+    """
+    from specan.analysis.batch.inputs import find_inputs
+    from specan.analysis.batch.run import run_batch
+    from specan.analysis.batch.settings import read_settings
+
+    chosen = read_settings(
+        settings,
+        {"reference": reference, "excitation": excitation, "transfer_function": {"lines": lines}},
+    )
+    if jobs is None:
+        worth = sum(entry.size for entry in find_inputs(directories)) // WORTH_A_PROCESS
+        jobs = max(1, min(os.cpu_count() or 1, worth))
+    report = run_batch(
+        directories, output, chosen, calibration=calibration, jobs=jobs, progress=progress_line()
+    )
+    failed = report.of_kind("failed")
+    for result in failed:
+        say(f"Failed: {result.label}: {result.reason}")
+    done, aside = len(report.of_kind("done")), len(report.of_kind("aside"))
+    if as_json:
+        emit_json(
+            {
+                "done": done,
+                "aside": aside,
+                "failed": {result.label: result.reason for result in failed},
+                "tables": [str(path) for path in report.tables],
+                "settings": chosen.model_dump(mode="json"),
+                "settings_hash": chosen.fingerprint,
+            }
+        )
+    else:
+        rows = [
+            [path.name, sum(1 for line in path.open(encoding="utf-8") if line[0] != "#") - 1]
+            for path in report.tables
+        ]
+        table(f"{done} analysed, {aside} put aside, {len(failed)} failed", ["table", "rows"], rows)
+        click.echo(f"Written to {output}.")
+    if failed:
+        return 1 if done or aside else 3
+    return 0
+
+
+def progress_line() -> Callable[[int, int, float], None] | None:
+    """Shows files done and the time that remains, on a terminal only."""
+    if not sys.stderr.isatty():
+        return None
+    began = time.monotonic()
+
+    def show(count: int, total: int, part: float) -> None:
+        remaining = (time.monotonic() - began) * (1 - part) / max(part, 1e-9)
+        end = "\n" if count == total else ""
+        click.echo(f"\r{count}/{total} files, about {remaining:.0f} s left   {end}", err=True, nl=False)
+
+    return show

@@ -1,0 +1,1 @@
+"""The main job: a directory of recordings in, tables of results out."""

@@ -1,0 +1,73 @@
+"""Lines of `bands.txt` and `other.txt`: band levels and totals of each channel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from specan.data.band_levels import BandLevels
+from specan.io import results_text as text
+
+
+@dataclass(frozen=True)
+class _Line:
+    row: int
+    band: str
+    level: float
+    u_level: float
+    rms: float
+    flags: tuple[str, ...]
+
+
+def band_lines(levels: BandLevels) -> str:
+    """Lines of `bands.txt`: the bands of each channel, then its totals with every weighting."""
+    lines = list(_lines(levels))
+    return text.rows(
+        [
+            [text.word(levels.label)] * len(lines),
+            [text.word(levels.channels[line.row]) for line in lines],
+            [line.band for line in lines],
+            text.levels([line.level for line in lines]),
+            text.levels([line.u_level for line in lines]),
+            [" ".join(line.flags) for line in lines],
+        ]
+    )
+
+
+def other_lines(levels: BandLevels, roles: tuple[str, ...]) -> str:
+    """Lines of `other.txt`: the same with role, unit, and the RMS value of each channel."""
+    lines = list(_lines(levels))
+    return text.rows(
+        [
+            [text.word(levels.label)] * len(lines),
+            [text.word(levels.channels[line.row]) for line in lines],
+            [roles[line.row] for line in lines],
+            [text.word(levels.units[line.row]) for line in lines],
+            [line.band for line in lines],
+            text.significant([line.rms for line in lines]),
+            text.levels([line.level for line in lines]),
+            text.levels([line.u_level for line in lines]),
+            [" ".join(line.flags) for line in lines],
+        ]
+    )
+
+
+def _lines(levels: BandLevels) -> Iterator[_Line]:
+    for row in range(len(levels.channels)):
+        for band, nominal in enumerate(levels.nominal_hz):
+            yield _Line(
+                row,
+                f"{nominal:g}",
+                float(levels.level_db[row, band]),
+                float(levels.u_db[band]),
+                np.nan,
+                levels.band_flags(row, band),
+            )
+        for weighting, totals in levels.overall_db.items():
+            if not np.isnan(totals[row]) or weighting == "Z":
+                rms = levels.references[row].value * 10 ** (totals[row] / 20) if weighting == "Z" else np.nan
+                yield _Line(
+                    row, f"total-{weighting}", float(totals[row]), np.nan, float(rms), levels.flags[row]
+                )

@@ -1,0 +1,130 @@
+"""Which calibration applies to which file of a batch."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from specan.analysis.batch.inputs import Input
+from specan.analysis.batch.result import FileResult
+from specan.analysis.calibration import join_insertions
+from specan.analysis.excitation import stated_excitation
+from specan.analysis.insertion import CalibrationSettings, Insertion, evaluate_insertion
+from specan.data.recording import Recording
+from specan.errors import SpecanError
+from specan.io.calibration_file import read_calibration, write_calibration
+
+FILE_NAME = "calibration.toml"
+_USED = "calibrator recording: used for the calibration, not analysed"
+_UNUSED = "calibrator recording: not analysed, and not used because a calibration was given"
+
+
+@dataclass(frozen=True)
+class Assigned:
+    """Files with their calibrations, results of calibrator recordings, and lines for the headers."""
+
+    inputs: list[Input]
+    calibrators: list[FileResult]
+    header: list[str]
+
+
+def assign_calibrations(
+    inputs: Sequence[Input],
+    given: Path | None,
+    out: Path,
+    settings: CalibrationSettings,
+    open_headers: Callable[[Input], Recording],
+) -> Assigned:
+    """Give each file its calibration; calibrator recordings become results of their own.
+
+    The first that there is counts: the calibration that was given; a `calibration.toml` in the file's
+    directory or in one above it, up to the directory of the batch; the calibrator recordings of that
+    directory, all of them together, from which `calibration.toml` is written into `out`.
+
+    Raises
+    ------
+    RequestError
+        A calibration file is missing or not valid.
+    """
+    calibrators: list[Input] = []
+    others: list[Input] = []
+    for entry in inputs:
+        try:
+            stated = stated_excitation(open_headers(entry))
+        except SpecanError:
+            stated = None  # it will be opened again for its own sake, and then this is its reason
+        (calibrators if stated is not None and stated.kind == "calibrator" else others).append(entry)
+    if given is not None:
+        read_calibration(given)
+        aside = [FileResult(entry.label, "aside", _UNUSED) for entry in calibrators]
+        line = f"calibration: {given.name} ({fingerprint(given)}), given"
+        return Assigned([replace(e, calibration=str(given)) for e in others], aside, [line])
+    results: list[FileResult] = []
+    made: dict[str, Path] = {}
+    header: dict[str, None] = {}
+    roots = list(dict.fromkeys(entry.root for entry in inputs))
+    for root in roots:
+        target = out / (FILE_NAME if len(roots) == 1 else f"calibration-{Path(root).resolve().name}.toml")
+        mine = [entry for entry in calibrators if entry.root == root]
+        outcome, notes = _calibrate(mine, target, settings, open_headers)
+        results += outcome
+        if notes is not None:
+            made[root] = target
+            header[
+                f"calibration: {target.name} ({fingerprint(target)}), from {len(mine)} calibrator recordings"
+            ] = None
+            header |= dict.fromkeys(f"calibration: {note}" for note in notes)
+    assigned = []
+    for entry in others:
+        beside = _nearest(entry)
+        if beside is not None:
+            read_calibration(beside)
+            place = beside.relative_to(entry.root).as_posix()
+            header[f"calibration: {place} ({fingerprint(beside)}), from the directory"] = None
+        chosen = beside or made.get(entry.root)
+        assigned.append(replace(entry, calibration="" if chosen is None else str(chosen)))
+    return Assigned(assigned, results, list(header) or ["calibration: none"])
+
+
+def _nearest(entry: Input) -> Path | None:
+    """The `calibration.toml` closest above the file, not above the directory of the batch."""
+    root, place = Path(entry.root), Path(entry.path).parent
+    while True:
+        if (place / FILE_NAME).is_file():
+            return place / FILE_NAME
+        if place == root or place == place.parent:
+            return None
+        place = place.parent
+
+
+def _calibrate(
+    entries: Sequence[Input],
+    target: Path,
+    settings: CalibrationSettings,
+    open_headers: Callable[[Input], Recording],
+) -> tuple[list[FileResult], tuple[str, ...] | None]:
+    """Results of the calibrator recordings, and the notes of the calibration if there is one."""
+    results, insertions = [], list[Insertion]()
+    for entry in entries:
+        try:
+            insertions.append(evaluate_insertion(open_headers(entry), settings))
+            results.append(FileResult(entry.label, "aside", _USED))
+        except SpecanError as fault:
+            results.append(FileResult(entry.label, "failed", entry.neutral(str(fault))))
+    if not insertions:
+        return results, None
+    calibration = join_insertions(insertions, settings)
+    write_calibration(calibration, target)
+    bad = [
+        f"{c.channel} {c.verdict}: {', '.join(c.reasons)}"
+        for c in calibration.channels
+        if c.verdict != "good"
+    ]
+    return results, (*calibration.notes, *bad)
+
+
+def fingerprint(path: Path) -> str:
+    """First twelve digits of the SHA-256 of a file's bytes."""
+    return "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()[:12]

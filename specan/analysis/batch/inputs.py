@@ -1,0 +1,121 @@
+"""Which files a batch takes, what they are called in its results, and whether there is a place for these."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from specan.errors import InputError, RequestError
+from specan.io.open import find_recordings
+
+
+@dataclass(frozen=True)
+class Input:
+    """One file of a batch.
+
+    Attributes
+    ----------
+    path : str
+        Where it lies.
+    label : str
+        Path relative to the directory that was named, with forward slashes.
+    root : str
+        That directory.
+    size : int
+        Bytes.
+    calibration : str
+        File of the calibration that applies; empty for none.
+    """
+
+    path: str
+    label: str
+    root: str
+    size: int
+    calibration: str = ""
+
+    def neutral(self, reason: str) -> str:
+        """A message as it goes into results: without the place of the file on this machine."""
+        return reason.replace(self.path, self.label).replace(self.root, "").removeprefix(f"{self.label}: ")
+
+
+def find_inputs(directories: Sequence[Path]) -> list[Input]:
+    """All recordings below the directories, sorted by label.
+
+    Raises
+    ------
+    RequestError
+        A directory does not exist.
+    InputError
+        There is no recording at all.
+    """
+    found = []
+    for recording in find_recordings(directories):
+        below = recording.label if len(directories) == 1 else recording.label.split("/", 1)[1]
+        root = recording.path.parents[below.count("/")]
+        found.append(Input(str(recording.path), recording.label, str(root), recording.path.stat().st_size))
+    if not found:
+        listed = ", ".join(str(directory) for directory in directories)
+        raise InputError(
+            f"{listed} holds no recording", expected="files that end in .tdms or .wav, at any depth"
+        )
+    return found
+
+
+@contextlib.contextmanager
+def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
+    """Make sure before the work that `tables` can be written to `out`, and that no other batch writes there.
+
+    Raises
+    ------
+    RequestError
+        The place is a file, cannot be written to, or is in use.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        lock = (out / ".specan-lock").open("a")
+        for name in tables:
+            if (out / name).exists():
+                (out / name).open("a").close()  # a spreadsheet may hold it, or it may be a directory
+    except OSError as fault:
+        raise RequestError(
+            f"the output directory {out} cannot be written to ({fault.strerror or fault})",
+            expected="a directory, or a place where one can be made",
+            remedy="choose another with -o",
+        ) from None
+    with lock:
+        if not _locked(lock.fileno()) or not _still_there(lock.fileno(), lock.name):
+            raise RequestError(
+                f"another batch is writing to {out}", remedy="wait for it, or choose another place with -o"
+            )
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):  # Windows keeps an open file; the next batch takes it over
+                os.unlink(lock.name)
+
+
+def _still_there(handle: int, name: str) -> bool:
+    """Whether the locked file is the one that a third batch would find under its name."""
+    try:
+        return os.path.samestat(os.fstat(handle), os.stat(name))
+    except OSError:
+        return False
+
+
+def _locked(handle: int) -> bool:
+    """Take the lock, which the system frees when the process ends in whatever way."""
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        else:
+            import fcntl
+
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,46 @@
+"""Lines of `noise.txt`: transfer function and coherence of each channel, line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from specan.data.frequency_response import FrequencyResponse
+from specan.io import results_text as text
+
+
+def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -> str:
+    """Lines of all channels; `quality` holds the words that the samples of each gave rise to."""
+    frequency = text.frequencies(response.frequency_hz)
+    u_percent = np.hypot(response.u_magnitude_percent, response.u_common_percent)
+    n = len(frequency)
+    blocks = []
+    for row, name in enumerate(response.channels):
+        words = tuple(dict.fromkeys((*quality[row], *response.flags[row])))
+        blocks.append(
+            text.rows(
+                [
+                    [text.word(response.label)] * n,
+                    [text.word(name)] * n,
+                    frequency,
+                    text.significant(response.magnitude[row]),
+                    text.phases(response.phase_deg[row]),
+                    text.fixed(response.coherence[row], 4),
+                    text.significant(u_percent[row], 3),
+                    _line_words(response, row, words),
+                ]
+            )
+        )
+    return "".join(blocks)
+
+
+def _line_words(response: FrequencyResponse, row: int, words: tuple[str, ...]) -> list[str]:
+    """Words of the channel and of each of its lines; every combination is put together once."""
+    extra = {name: holds[row] for name, holds in response.line_flags.items() if name not in words}
+    code = sum((holds.astype(int) << bit for bit, holds in enumerate(extra.values())), np.zeros(1, dtype=int))
+    texts = [
+        " ".join((*words, *(name for bit, name in enumerate(extra) if combination >> bit & 1)))
+        for combination in range(1 << len(extra))
+    ]
+    return [texts[c] for c in np.broadcast_to(code, len(response.frequency_hz)).tolist()]

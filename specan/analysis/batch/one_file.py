@@ -1,0 +1,209 @@
+"""What a batch does with one file: open, decide what it is, analyse in one pass, write down as lines."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TypeVar
+
+from specan.analysis.batch.band_lines import band_lines, other_lines
+from specan.analysis.batch.inputs import Input
+from specan.analysis.batch.noise_lines import noise_lines
+from specan.analysis.batch.one_pass import Accumulator, feed
+from specan.analysis.batch.result import FileResult, Kind
+from specan.analysis.batch.settings import BatchSettings
+from specan.analysis.batch.tone_lines import tone_lines, with_flags
+from specan.analysis.excitation import recognise
+from specan.analysis.octave import Octave, OctaveAccumulator
+from specan.analysis.quality import QualityAccumulator
+from specan.analysis.tone import ToneAccumulator
+from specan.analysis.transfer_function import TransferFunctionAccumulator
+from specan.data.calibration import Calibration, apply
+from specan.data.excitation import Excitation
+from specan.data.levels import Quality
+from specan.data.recording import Recording
+from specan.errors import NoSignalError, SpecanError
+from specan.io.open import open_recording
+
+Made = TypeVar("Made")
+
+
+class QualityPass:
+    """Dead, clipped and missing samples of the channels that another analysis reads anyway."""
+
+    def __init__(self, like: Accumulator) -> None:
+        self.channels, self.start, self.stop = like.channels, like.start, like.stop
+        self._quality = QualityAccumulator(like.channels)
+        self.add = self._quality.add
+
+    def by_channel(self) -> dict[int, Quality]:
+        """Quality by the identity of the channel."""
+        return {id(c): q for c, q in zip(self.channels, self._quality.result(), strict=True)}
+
+
+def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration | None) -> FileResult:
+    """Result of one file; whatever is wrong with it becomes a reason, never an exception.
+
+    An error that nobody foresaw is a reason as well, with its type: it must not cost the other files
+    their results, and it makes the batch end with exit code 1.
+    """
+    try:
+        recording = open_headers(entry)
+        if calibration is not None:
+            recording = apply(calibration, recording)
+        return _analyse(recording, settings)
+    except SpecanError as fault:
+        kind: Kind = "aside" if isinstance(fault, NoSignalError) else "failed"
+        return FileResult(entry.label, kind, entry.neutral(str(fault)))
+    except Exception as fault:
+        reason = f"specan met something it does not know: {type(fault).__name__}: {fault}"
+        return FileResult(entry.label, "failed", entry.neutral(reason))
+
+
+def open_headers(entry: Input) -> Recording:
+    """The recording under its label, without a calibration."""
+    return open_recording(entry.path, root=entry.root, label=entry.label)
+
+
+def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:
+    excitation = recognise(recording, said=settings.excitation)
+    description = _description(recording)
+    found = FileResult(
+        recording.label,
+        "done",
+        excitation.reason,
+        about=(f"excitation {excitation.kind} ({excitation.reason})", *description),
+        set_aside=tuple(sorted(recording.set_aside.items())),
+    )
+    if excitation.kind == "sine":
+        return _sine(recording, settings, excitation, found)
+    if excitation.kind == "noise":
+        return _noise(recording, settings, found)
+    return _other(recording, settings, found)
+
+
+def _description(recording: Recording) -> tuple[str, ...]:
+    """`Description` of the file and of its groups."""
+    places = [recording.properties, *recording.group_properties.values()]
+    texts = (str(p["Description"]).strip() for p in places if str(p.get("Description", "")).strip())
+    return tuple(f"Description: {text}" for text in dict.fromkeys(texts))
+
+
+def _sine(
+    recording: Recording, settings: BatchSettings, excitation: Excitation, found: FileResult
+) -> FileResult:
+    tone = settings.tone
+    if tone.frequency_hz is None:
+        tone = tone.model_copy(update={"frequency_hz": excitation.frequency_hz})
+    accumulator = ToneAccumulator(recording, tone)
+    quality = QualityPass(accumulator)
+    feed(recording, [accumulator, quality])
+    table, words = accumulator.result(), quality.by_channel()
+    table = with_flags(table, [words[id(c)].flags for c in accumulator.channels if c.name in table.channels])
+    return replace(
+        found,
+        blocks={"sine.txt": tone_lines(table)},
+        tone=table,
+        about=(*found.about, *table.notes),
+        set_aside=(*found.set_aside, *_left_out(recording, [accumulator])),
+    )
+
+
+def _noise(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
+    faults: list[str] = []
+    transfer = attempt(partial(TransferFunctionAccumulator, recording, settings.transfer_function), faults)
+    bands = _band_passes(recording, settings.octave, faults)
+    used: list[Accumulator] = [*([] if transfer is None else [transfer]), *bands]
+    qualities = [QualityPass(accumulator) for accumulator in used]
+    feed(recording, [*used, *qualities])
+    words = {key: q for quality in qualities for key, q in quality.by_channel().items()}
+    blocks: dict[str, str] = {}
+    notes: list[str] = []
+    if transfer is not None:
+        response = transfer.result()
+        blocks["noise.txt"] = noise_lines(response, [words[id(c)].flags for c in transfer.responses])
+        notes.append(
+            f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
+            f"{response.n_effective:.1f} independent"
+        )
+        notes += response.notes
+    if bands:
+        blocks["bands.txt"] = "".join(band_lines(b.result([words[id(c)] for c in b.channels])) for b in bands)
+    if not blocks:
+        return replace(found, kind="failed", reason="; ".join(faults))
+    return replace(
+        found,
+        blocks=blocks,
+        about=(*found.about, *notes),
+        set_aside=(
+            *found.set_aside,
+            *(("", fault.removeprefix(f"{recording.label}: ")) for fault in faults),
+            *_left_out(recording, used),
+        ),
+    )
+
+
+def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
+    faults: list[str] = []
+    bands = _band_passes(recording, settings.octave, faults)
+    if not bands:
+        return replace(found, kind="failed", reason="; ".join(faults))
+    qualities = [QualityPass(accumulator) for accumulator in bands]
+    feed(recording, [*bands, *qualities])
+    words = {key: q for quality in qualities for key, q in quality.by_channel().items()}
+    lines = [
+        other_lines(b.result([words[id(c)] for c in b.channels]), tuple(c.role for c in b.channels))
+        for b in bands
+    ]
+    return replace(
+        found,
+        blocks={"other.txt": "".join(lines)},
+        set_aside=(
+            *found.set_aside,
+            *(("", fault.removeprefix(f"{recording.label}: ")) for fault in faults),
+            *_left_out(recording, bands),
+        ),
+    )
+
+
+def _band_passes(recording: Recording, settings: Octave, faults: list[str]) -> list[OctaveAccumulator]:
+    """One for all channels of one sampling rate and length."""
+    together: dict[tuple[float, int], list[str]] = defaultdict(list)
+    for channel in recording.select(settings.channels):
+        if channel.sampling_rate > 0 and channel.n_samples > 0:
+            together[channel.sampling_rate, channel.n_samples].append(f"{channel.group}/{channel.name}")
+    passes = []
+    for names in together.values():
+        mine = settings.model_copy(update={"channels": tuple(names)})
+        found = attempt(partial(OctaveAccumulator, recording, mine), faults)
+        passes += [] if found is None else [found]
+    return passes
+
+
+def attempt(make: Callable[[], Made], faults: list[str]) -> Made | None:
+    """An analysis, or None and the reason why it cannot be done on this recording."""
+    try:
+        return make()
+    except SpecanError as fault:
+        faults.append(str(fault))
+        return None
+
+
+def _left_out(recording: Recording, used: Sequence[Accumulator]) -> list[tuple[str, str]]:
+    """Channels that no analysis took, and what of them speaks against it."""
+    taken = {id(c) for accumulator in used for c in accumulator.channels}
+    rate = used[0].channels[0].sampling_rate
+    return [
+        (
+            f"{c.group}/{c.name}",
+            "holds no samples"
+            if c.n_samples == 0
+            else f"sampled at {c.sampling_rate:g} Hz, not at {rate:g} Hz as the others"
+            if c.sampling_rate != rate
+            else "not among the chosen channels",
+        )
+        for c in recording.channels
+        if id(c) not in taken
+    ]

@@ -1,0 +1,80 @@
+"""Files spread over processes; results come back as they are ready, and a dead worker costs one file."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def spread(
+    items: Sequence[Item],
+    work: Callable[[Item], Result],
+    prepare: Callable[..., None],
+    context: tuple[Any, ...],
+    jobs: int,
+    on_death: Callable[[Item], Result],
+) -> Iterator[tuple[int, Result]]:
+    """Position and result of every item, in the order in which they are ready.
+
+    Parameters
+    ----------
+    work : callable
+        Called with one item; a function of a module, since processes are spawned (as Windows does).
+    prepare, context : callable and tuple
+        Called once in each process as ``prepare(*context)`` before any work.
+    jobs : int
+        Number of processes; with 1 the work is done in this one.
+    on_death : callable
+        Gives the result of an item whose process was ended from outside (out of memory, killed).
+    """
+    if jobs == 1 or len(items) < 2:
+        prepare(*context)
+        for position, item in enumerate(items):
+            yield position, work(item)
+        return
+    waiting = list(range(len(items)))
+    waiting, suspects = yield from _round(items, waiting, work, prepare, context, jobs)
+    while waiting or suspects:
+        # Some process died, and nobody knows over which item: those in work are tried one at a time.
+        for position in suspects:
+            _, dead = yield from _round(items, [position], work, prepare, context, 1)
+            if dead:
+                yield position, on_death(items[position])
+        waiting, suspects = yield from _round(items, waiting, work, prepare, context, jobs)
+
+
+def _round(
+    items: Sequence[Item],
+    positions: Sequence[int],
+    work: Callable[[Item], Result],
+    prepare: Callable[..., None],
+    context: tuple[Any, ...],
+    jobs: int,
+) -> Generator[tuple[int, Result], None, tuple[list[int], list[int]]]:
+    """Work until done or until a process dies; returns what was not begun and what was in work then."""
+    waiting = list(positions)[::-1]
+    running: dict[Future[Result], int] = {}
+    if not waiting:
+        return [], []
+    spawn = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(jobs, len(waiting)), spawn, prepare, context)
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                position = waiting.pop()
+                running[pool.submit(work, items[position])] = position
+            ready, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in ready:
+                result = future.result()
+                yield running.pop(future), result
+    except BrokenProcessPool:
+        return waiting[::-1], sorted(running.values())
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+    return [], []

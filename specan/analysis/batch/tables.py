@@ -1,0 +1,121 @@
+"""The result tables of a batch, put together from the results of its files."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path, PurePosixPath
+
+from specan import __version__
+from specan.analysis.batch.result import FileResult
+from specan.analysis.batch.tone_lines import joined_lines
+from specan.analysis.stepped_sine import join_stepped_sine
+from specan.data.frequency_response import FrequencyResponse
+from specan.data.tone import ToneTable
+from specan.errors import InputError
+from specan.io import results_text as text
+from specan.units import LEVEL_REFERENCES
+
+# Stands in the place of a file's name: all sine recordings of a directory joined.
+ALL = "*"
+
+UNITS = {
+    "sine.txt": "rms, tone_rms: unit; level_dB: 20 log10(rms / reference of the unit); phase_deg: channel minus "
+    "reference at the tone, positive when the channel leads; u_phase_deg: standard uncertainty; "
+    "magnitude_re_reference: tone_rms over reference_rms",
+    "noise.txt": "magnitude: channel over reference; phase_deg: channel minus reference, positive when the channel "
+    "leads; u_magnitude_percent: standard uncertainty, random part",
+    "bands.txt": "band_hz: nominal mid-band frequency, or total with its weighting; level_dB re the reference of "
+    "the unit; u_dB: standard uncertainty",
+    "other.txt": "rms: unit; level_dB re the reference of the unit; u_dB: standard uncertainty",
+    "skipped.txt": "kind: aside (no failure) or failed; channel is empty where it is the whole file",
+}
+
+
+def write_tables(
+    out: Path, header: Sequence[str], results: Sequence[FileResult], parts: Mapping[str, Mapping[str, Path]]
+) -> None:
+    """Write every table, those without a row as well.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Lines on settings and calibration.
+    results : sequence of FileResult
+        Sorted by label, without their blocks.
+    parts : mapping
+        Label to table to the file that holds the block of lines.
+    """
+    for name, columns in text.COLUMNS.items():
+        here = [r for r in results if name in parts.get(r.label, {})]
+        about = [f"file {r.label}: {line}" for r in here for line in r.about]
+        if name == "skipped.txt":
+            lines: Iterator[str] = _skipped(results)
+        elif name == "sine.txt":
+            lines = _sine_lines(results, _blocks(name, here, parts))
+        else:
+            lines = (block for _, block in _blocks(name, here, parts))
+        text.write_table(out / name, [*_head(name, header), *about], columns, lines)
+
+
+def _head(name: str, header: Sequence[str]) -> list[str]:
+    references = ", ".join(f"{unit} re {ref.text}" for unit, ref in LEVEL_REFERENCES.items())
+    return [
+        f"specan {__version__} {name}",
+        *header,
+        f"units: {UNITS[name]}",
+        f"level references: {references}",
+    ]
+
+
+def _blocks(
+    name: str, results: Sequence[FileResult], parts: Mapping[str, Mapping[str, Path]]
+) -> Iterator[tuple[str, str]]:
+    for result in results:
+        yield result.label, parts[result.label][name].read_text(encoding="utf-8")
+
+
+def _skipped(results: Sequence[FileResult]) -> Iterator[str]:
+    rows = []
+    for result in results:
+        if result.kind != "done":
+            rows.append((result.label, "", result.kind, result.reason))
+        rows += [(result.label, channel, "aside", reason) for channel, reason in result.set_aside]
+    for label, tables in _directories(results).items():
+        joined = _join(label, tables)
+        if isinstance(joined, InputError):
+            rows.append((label, "", "aside", f"no stepped-sine characteristic: {joined}"))
+    for row in sorted(rows, key=lambda row: row[0]):
+        yield text.rows([[text.word(cell)] for cell in row])
+
+
+def _directories(results: Sequence[FileResult]) -> dict[str, list[ToneTable]]:
+    """Directories that hold several sine recordings."""
+    together: dict[str, list[ToneTable]] = defaultdict(list)
+    for result in results:
+        if result.tone is not None:
+            together[str(PurePosixPath(result.label).with_name(ALL))].append(result.tone)
+    return {label: tables for label, tables in together.items() if len(tables) > 1}
+
+
+def _join(label: str, tables: Sequence[ToneTable]) -> FrequencyResponse | InputError:
+    """The stepped-sine characteristic of a directory, or why there is none."""
+    try:
+        return join_stepped_sine(tables, label)
+    except InputError as fault:
+        return fault
+
+
+def _sine_lines(results: Sequence[FileResult], blocks: Iterator[tuple[str, str]]) -> Iterator[str]:
+    """Lines of the files and of the directories of stepped sines, in order of labels."""
+    lines = list(blocks)
+    for label, tables in _directories(results).items():
+        joined = _join(label, tables)
+        if not isinstance(joined, InputError):
+            roles: dict[str, str] = {}
+            units: dict[str, str] = {}
+            for tone in tables:
+                roles |= zip(tone.channels, tone.roles, strict=True)
+                units |= zip(tone.channels, tone.units, strict=True)
+            lines.append((label, joined_lines(joined, roles, units)))
+    yield from (block for _, block in sorted(lines, key=lambda entry: entry[0]))
