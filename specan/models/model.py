@@ -42,6 +42,22 @@ class Nuisance:
 
 
 @dataclass(frozen=True)
+class LawSpace:
+    """Where a law is looked for when something unknown is missing.
+
+    Attributes
+    ----------
+    quantity : str
+        Quantity that the unknown would add to.
+    variables : mapping
+        ``{symbol: name}`` of the positive quantities or conditions that it may be a power of.
+    """
+
+    quantity: str
+    variables: Mapping[str, str]
+
+
+@dataclass(frozen=True)
 class Model:
     """A graph of quantities with the effects that may change it.
 
@@ -55,6 +71,8 @@ class Model:
         Instrument errors with a certificate.
     settings : mapping
         What the rig file says and a study needs (limits, uncertainties), untouched.
+    law : LawSpace, optional
+        Where a law is looked for when something unknown is missing.
     """
 
     name: str
@@ -67,6 +85,7 @@ class Model:
     nuisances: tuple[Nuisance, ...] = ()
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    law: LawSpace | None = None
 
     def __post_init__(self) -> None:
         known = {*self.quantities, *self.conditions}

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from specan.models.catalogue import effects_in
-from specan.models.model import Model, Nuisance, Observable
+from specan.models.model import LawSpace, Model, Nuisance, Observable
 from specan.models.quantity import Condition
 from specan.models.worm_gear import kinematics, mesh, power
 from specan.models.worm_gear.article import article_quantities
