@@ -74,6 +74,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         nuisances=_nuisances(settings),
         axes={"bearing": _bearing_names(bearings)},
         settings=_for_studies(settings, conditions),
+        law=LawSpace("power_loss", {"T": "output_torque", "n": "worm_speed", "nu": "kinematic_viscosity"}),
     )
 
 
