@@ -50,10 +50,10 @@ def identify(name: str, properties: Mapping[str, Any]) -> Identity:
     is applied to samples in volts only: to samples in pascals it is a remark.
     """
     raw_unit, raw_scale, said = sample_unit(properties)
-    decisions = {"unit": said}
+    decisions = {"unit": said + _private_gain(properties, raw_unit)}
     unit, gain = raw_unit or "1", raw_scale
     if not raw_unit:
-        decisions["unit"] = said + "; the samples are taken as they are"
+        decisions["unit"] += "; the samples are taken as they are"
     sensitivity = _sensitivity(properties)
     if sensitivity is not None and raw_unit in ("V", ""):
         try:
@@ -84,6 +84,18 @@ def sample_unit(properties: Mapping[str, Any]) -> tuple[str, float, str]:
             unit, scale = si_unit(text)
             return unit, scale, f"property {key} {text!r}"
     return "", 1.0, "no property names the unit of the samples"
+
+
+def _private_gain(properties: Mapping[str, Any], raw_unit: str) -> str:
+    """A remark on scaling properties of an acquisition program that are no part of TDMS."""
+    gain, unit = properties.get("Gain"), str(properties.get("Units", "")).strip()
+    if gain is None or not unit or si_unit(unit)[0] == raw_unit:
+        return ""
+    offset = properties.get("Offset", 0.0)
+    return (
+        f"; the private properties Gain {gain:g}, Offset {offset:g}, Units {unit!r} are not applied "
+        "(give the gain in the channel table)"
+    )
 
 
 def role_of(name: str, properties: Mapping[str, Any], unit: str, quantity: str) -> tuple[Role, str]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any
 
 from specan.errors import InputError
@@ -32,6 +34,7 @@ _NOMINAL = sorted(
     | {65536.0 * 2.0**k for k in range(-6, 3)}
 )
 
+_SPECTRUM = re.compile(r"spectr|spektr|widmo|\bfft\b|\bpsd\b|\bfrf\b|coherence", re.IGNORECASE)
 _SAME = 1e-4  # two statements that differ by more contradict each other
 
 
@@ -47,8 +50,21 @@ class NoTimeSignal(InputError):
     """The channel is a spectrum or a table, whatever its sampling rate would be."""
 
 
-def from_increment(properties: Mapping[str, Any], n_samples: int, tried: list[str]) -> Rate | None:
+def from_increment(
+    properties: Mapping[str, Any], n_samples: int, tried: list[str], names: str = ""
+) -> Rate | None:
     """Rate from the waveform properties of a channel; None, with the reason in `tried`.
+
+    Parameters
+    ----------
+    properties : mapping
+        Properties of the channel.
+    n_samples : int
+        Its length; `wf_samples` is the size of one write and says nothing about it.
+    tried : list of str
+        Receives the reason where there is no rate.
+    names : str
+        Names of the channel and its group: a spectrum may be known by nothing else.
 
     Raises
     ------
@@ -61,7 +77,8 @@ def from_increment(properties: Mapping[str, Any], n_samples: int, tried: list[st
         return None
     unit = str(properties.get("wf_xunit_string", "")).strip()
     dimension = str(properties.get("NI_ExpXDimension", "")).strip()
-    if dimension == "f" or unit.lower() in _FREQUENCY_UNITS:
+    axis = str(properties.get("wf_xname", "")).strip().lower()
+    if dimension == "f" or unit.lower() in _FREQUENCY_UNITS or axis.startswith("freq"):
         raise NoTimeSignal(f"its increment is {increment} Hz: a spectrum, not a time signal")
     step = float(increment)
     offset = float(properties.get("wf_start_offset", 0.0))
@@ -72,6 +89,8 @@ def from_increment(properties: Mapping[str, Any], n_samples: int, tried: list[st
         raise NoTimeSignal(
             f"its increment is {step:g} and its offset {offset:g}: a two-sided spectrum, not a time signal"
         )
+    elif _SPECTRUM.search(names) and step > 1e-3 and dimension != "t" and not (unit or axis):
+        raise NoTimeSignal(f"it is called a spectrum, and nothing says that its increment {step:g} is a time")
     elif scale is None:
         tried.append(f"wf_increment is in {unit!r}, which is no time")
     elif step == 1.0:
@@ -171,19 +190,18 @@ def _snap(step: float) -> tuple[float, bool]:
     hz = 1.0 / step
     candidates = [r for r in _NOMINAL if abs(r - hz) < 1e-3 * hz]
     candidates += [float(f"{hz:.{digits}g}") for digits in range(2, 8)]
+    digits = len(Decimal(repr(step)).normalize().as_tuple().digits)
     for rate in candidates:
         exact = 1.0 / rate
         if exact == step:
             return rate, False
         bits = abs(exact - step) < 1e-12 * step or _single(exact) == _single(step) == step
         # Fewer digits would take one rate for another; common rates lie further apart than any.
-        fewest = 4 if rate in _NOMINAL else 5
-        if bits or any(float(f"{exact:.{digits}g}") == step for digits in range(fewest, 16)):
+        enough = digits >= (4 if rate in _NOMINAL else 5)
+        if bits or (enough and float(f"{exact:.{digits}g}") == step):
             return rate, True
     return hz, False
 
 
 def _single(value: float) -> float:
-    import struct
-
     return float(struct.unpack("f", struct.pack("f", value))[0])

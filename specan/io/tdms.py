@@ -174,7 +174,9 @@ class _Opening:
         )  # fmt: skip
         tried: list[str] = []
         try:
-            increment = rates.from_increment(found.properties, n_samples, tried)
+            increment = rates.from_increment(
+                found.properties, n_samples, tried, f"{found.group} {found.name}"
+            )
         except rates.NoTimeSignal as fault:
             raise _Aside(fault.found) from None
         if row is not None and row.sampling_rate_hz is not None:

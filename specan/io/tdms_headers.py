@@ -65,8 +65,9 @@ def read_headers(path: Path) -> Headers:
     InputError
         The headers are damaged.
     """
-    size = path.stat().st_size
     with path.open("rb") as file, quiet():
+        size = file.seek(0, 2)
+        file.seek(0)
         try:
             reader = TdmsReader(file)
             reader.read_metadata()

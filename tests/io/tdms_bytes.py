@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
 META, RAW, NEW_LIST, INTERLEAVED, BIG_ENDIAN, DAQMX = 2, 8, 4, 32, 64, 128
 TYPES = {
@@ -107,3 +108,11 @@ def linear(
 def wave(rate: float, unit: str = "V", **more: Any) -> dict[str, Any]:
     """Waveform properties of a channel."""
     return {"wf_increment": 1.0 / rate, "wf_start_offset": 0.0, "unit_string": unit, **more}
+
+
+def write(path, channels, *, root=None, group=None, name="g"):
+    """A file by npTDMS: channels are (name, data, properties)."""
+    with TdmsWriter(path) as writer:
+        objects = [ChannelObject(name, n, np.asarray(d), p) for n, d, p in channels]
+        writer.write_segment([RootObject(root or {}), GroupObject(name, group or {}), *objects])
+    return path
