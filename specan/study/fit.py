@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError, RequestError, nearest
+from specan.study.descent import descend
 from specan.study.observation import Array
 from specan.study.problem import Problem
 
@@ -60,7 +61,7 @@ def fit(
     problem: Problem,
     start: Array | Mapping[str, Any] | None = None,
     starts: int = 1,
-    max_evaluations: int = 200,
+    max_evaluations: int = 60,
 ) -> Fit:
     """Fit the free parameters of a problem.
 
@@ -73,7 +74,7 @@ def fit(
         Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
         so that the same problem always gives the same answer.
     max_evaluations : int
-        Evaluations of the model that one start may take.
+        Trust-region steps that one start may take before another method is tried.
 
     Raises
     ------
@@ -107,6 +108,7 @@ def fit(
 
 
 def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[float, Array]:
+    """Trust-region steps; in a valley that bends too much for them, those of `descent` from where they got."""
     if theta0.size == 0:
         return float(np.sum(_finite(problem.residual(theta0)) ** 2)), theta0
     from scipy.optimize import least_squares
@@ -121,16 +123,17 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[flo
             bounds=(low, high),
             x_scale=problem.scale,
             method="trf",
-            xtol=1e-10,
-            ftol=1e-10,
-            gtol=1e-10,
+            xtol=1e-9,
+            ftol=1e-9,
+            gtol=1e-9,
             max_nfev=max_evaluations,
         )
     except np.linalg.LinAlgError as fault:
         raise ComputationError(f"linear algebra failed ({fault})") from None
-    if found.status <= 0:
-        raise ComputationError(f"it did not converge within {max_evaluations} evaluations")
-    return 2 * float(found.cost), found.x
+    if found.status > 0:
+        return 2 * float(found.cost), found.x
+    minimum = descend(problem, found.x)
+    return minimum.chi2, minimum.theta
 
 
 def _finite(array: Array) -> Array:
@@ -184,7 +187,7 @@ def describe(problem: Problem, theta: Array) -> Fit:
         n_effective=problem.n_effective,
         dof=dof,
         reduced_chi2=reduced,
-        p_value=misfit_p_value(chi2, dof, problem.noise_dof),
+        p_value=misfit_p_value(chi2, dof, problem.noise_dof, problem.pure_dof),
     )
 
 
@@ -223,15 +226,36 @@ def covariance(jacobian: Array, scale: Array) -> Array:
     return root @ root.T
 
 
-def misfit_p_value(chi2: float, dof: float, noise_dof: float) -> float:
-    """Probability that a true model fits worse: chi-square, or F where the noise was estimated."""
+def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_dof: float = 0.0) -> float:
+    """Probability that a true model fits worse.
+
+    Chi-square where the noise is known; else the lack of fit over the pure error,
+    F = ((chi2 - pure_dof) / (dof - pure_dof)) with dof - pure_dof and noise_dof degrees of freedom.
+
+    Parameters
+    ----------
+    chi2, dof : float
+        Sum of squares and degrees of freedom of the whole fit.
+    noise_dof : float
+        Degrees of freedom of the noise estimate.
+    pure_dof : float
+        Those of them that are part of `dof` (see `Observation.pure_dof`).
+
+    Examples
+    --------
+    >>> round(misfit_p_value(124.342, 100), 3)
+    0.05
+    >>> misfit_p_value(150.0, 100, 60, 60) < misfit_p_value(150.0, 100, 60)
+    True
+    """
     from scipy.special import chdtrc, fdtrc
 
-    if dof <= 0:
+    lack, own = chi2 - pure_dof, dof - pure_dof
+    if own <= 0:
         return float("nan")
     if np.isinf(noise_dof):
-        return float(chdtrc(dof, chi2))
-    return float(fdtrc(dof, noise_dof, chi2 / dof))
+        return float(chdtrc(own, max(lack, 0.0)))
+    return float(fdtrc(own, noise_dof, max(lack, 0.0) / own))
 
 
 def profile_interval(

@@ -125,6 +125,11 @@ class Problem:
         return 1 / spread if spread > 0 else float("inf")
 
     @cached_property
+    def pure_dof(self) -> float:
+        """Degrees of freedom that only compare repeats with each other."""
+        return float(sum(o.pure_dof for o in self.observations))
+
+    @cached_property
     def n_priors(self) -> int:
         """Number of pseudo-residuals after the data."""
         return len(self._prior_index)

@@ -187,7 +187,9 @@ def test_a_profile_interval_of_a_linear_problem_is_the_symmetric_one():
     found = fit(problem)
     low, high = profile_interval(problem, found, "loss.drag")
     se = found.standard_error("loss.drag")
-    np.testing.assert_allclose([low, high], found.values["loss.drag"] + np.array([-1, 1]) * 1.95996 * se, rtol=1e-4)
+    np.testing.assert_allclose(
+        [low, high], found.values["loss.drag"] + np.array([-1, 1]) * 1.95996 * se, rtol=1e-4
+    )
 
 
 def test_a_profile_interval_ends_at_the_domain():
@@ -209,9 +211,15 @@ def test_what_is_not_finite_is_an_error_and_no_verdict():
         fit(problem)
 
 
-def test_a_fit_that_does_not_converge_is_an_error():
-    with pytest.raises(ComputationError, match="did not converge"):
-        fit(base_problem(MODEL, [table(noisy(SPEED**2 + SPEED))]), max_evaluations=1)
+def test_a_fit_that_does_not_converge_is_an_error(monkeypatch):
+    def gives_up(problem, start):
+        raise ComputationError("it did not settle")
+
+    problem = base_problem(MODEL, [table(noisy(SPEED**2 + SPEED))])
+    assert fit(problem, max_evaluations=1).converged  # the second method takes over
+    monkeypatch.setattr("specan.study.fit.descend", gives_up)
+    with pytest.raises(ComputationError, match=r"loss\.drag.* failed: it did not settle"):
+        fit(problem, max_evaluations=1)
 
 
 def test_more_parameters_than_values_are_refused():

@@ -59,6 +59,13 @@ class Observation(Protocol):
     def noise_dof(self) -> float:
         """Degrees of freedom of the noise estimate; inf where the noise is known."""
 
+    @property
+    def pure_dof(self) -> float:
+        """Degrees of freedom of the residual that only compare repeats, and that the noise was estimated from.
+
+        They are spent: whatever the model, their share of chi-square equals their number.
+        """
+
     def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """What the model expects in place of `measured`.
 

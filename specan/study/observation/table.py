@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from specan.errors import InputError
 from specan.models import Assembly
 from specan.study.observation import Array
+from specan.study.observation.rowwise import knowledge, rows_are_coupled
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +30,10 @@ class TableObservation:
         Standard uncertainty of each row by origin (``reading``, ``setting``, ``discrepancy``).
     recording : array of int, shape (n,)
         Index into `recordings`.
+    known : bool
+        False where nothing tells the uncertainty: residuals can be shown, but nothing be concluded.
+    series, position
+        Conditions of the whole table that these rows were taken from, and their places in it.
     """
 
     name: str
@@ -41,8 +45,12 @@ class TableObservation:
     recordings: tuple[str, ...] = ("",)
     recording: NDArray[np.intp] | None = None
     noise_dof: float = np.inf
+    pure_dof: float = 0.0
     parts: Mapping[str, Array] = field(default_factory=dict)
     available: frozenset[str] = frozenset()
+    known: bool = True
+    series: tuple[Mapping[str, Array], NDArray[np.intp]] | None = None
+    position: NDArray[np.intp] | None = None
 
     def __post_init__(self) -> None:
         if not np.all(np.isfinite(self.measured)):
@@ -65,42 +73,63 @@ class TableObservation:
 
     @cached_property
     def _root(self) -> Array:
-        try:
-            return np.linalg.cholesky(self.covariance)
-        except np.linalg.LinAlgError:
+        """C^(-1/2) D^(-1) for V = D C D with the correlations C: of all roots of V^(-1) the one whose
+        rows stay closest to the rows of the table."""
+        correlation = self.covariance / np.outer(self.sigma, self.sigma)
+        if not np.all(self.sigma > 0) or not np.all(np.isfinite(correlation)):
             raise InputError(
                 f"{self.name}: the uncertainty of some rows is zero or not a number",
                 remedy="give a standard uncertainty above zero for what is measured",
-            ) from None
+            )
+        values, vectors = np.linalg.eigh(correlation)
+        if values[0] < 1e-10:
+            raise InputError(
+                f"{self.name}: the rows are so strongly correlated that they cannot be told apart",
+                remedy="declare a smaller model discrepancy or a larger reading uncertainty",
+            )
+        return (vectors / np.sqrt(values)) @ vectors.T / self.sigma
 
     @cached_property
     def _diagonal(self) -> bool:
         return not np.any(self.covariance[~np.eye(self.n, dtype=bool)])
 
     def whiten(self, array: Array) -> Array:
-        """Apply V^(-1/2) (the inverse Cholesky factor) along axis 0."""
+        """Apply V^(-1/2) along axis 0."""
         if self._diagonal:
             return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
-        from scipy.linalg import solve_triangular
-
-        return solve_triangular(self._root, array, lower=True, check_finite=False)
+        return self._root @ array
 
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
-        """Keep some of the rows."""
+        """Keep some of the rows; effects that look at earlier readings still see those left out.
+
+        How many degrees of freedom the kept repeats hold is not followed: `pure_dof` becomes 0.
+        """
+        keep = np.flatnonzero(mask) if np.asarray(mask).dtype == bool else np.asarray(mask)
         return replace(
             self,
-            observable=self.observable[mask],
-            measured=self.measured[mask],
-            conditions={name: values[mask] for name, values in self.conditions.items()},
-            covariance=self.covariance[np.ix_(mask, mask)],
-            labels={name: values[mask] for name, values in self.labels.items()},
-            recording=self._recording[mask],
-            parts={name: values[mask] for name, values in self.parts.items()},
+            observable=self.observable[keep],
+            measured=self.measured[keep],
+            conditions={name: values[keep] for name, values in self.conditions.items()},
+            covariance=self.covariance[np.ix_(keep, keep)],
+            labels={name: values[keep] for name, values in self.labels.items()},
+            recording=self._recording[keep],
+            parts={name: values[keep] for name, values in self.parts.items()},
+            series=self._series,
+            position=self._position[keep],
+            pure_dof=0.0,
         )
 
     @cached_property
     def _recording(self) -> NDArray[np.intp]:
         return np.zeros(self.n, dtype=np.intp) if self.recording is None else self.recording
+
+    @cached_property
+    def _series(self) -> tuple[Mapping[str, Array], NDArray[np.intp]]:
+        return (self.conditions, self._recording) if self.series is None else self.series
+
+    @cached_property
+    def _position(self) -> NDArray[np.intp]:
+        return np.arange(self.n) if self.position is None else self.position
 
     @cached_property
     def _rows(self) -> dict[str, NDArray[np.bool_]]:
@@ -113,32 +142,51 @@ class TableObservation:
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values, all in one pass where the model's parts allow it.
 
-        The conditions are repeated once for each set and every parameter becomes one value a row. An
-        effect that cannot take a parameter as an array (it asks ``if parameter > 0``) is found out on
-        first use, and evaluated set by set from then on.
+        The conditions are repeated once for each set and every parameter becomes one value a row. What
+        cannot be had so is found out on first use, and evaluated set by set from then on.
         """
+        if rows_are_coupled(assembly, self.conditions):
+            return np.stack([self._in_order(assembly, values) for values in many], axis=1)
         if len(many) == 1:
-            return self._evaluate(assembly, many[0], 1)[:, None]
+            return self._evaluate(assembly, many[0])[:, None]
         varying = _varying(many)
-        trust = _trust(assembly)
-        trust.update({n: False for n in varying if assembly.parameters[n].per not in ("", "recording")})
-        if all(trust.get(name, True) for name in varying):
-            try:
-                together = self._evaluate(assembly, self._spread(many, varying), len(many))
-            except (TypeError, ValueError):
-                trust.update(dict.fromkeys(varying, False))
-            else:
-                table = together.reshape(len(many), self.n).T
-                if all(name in trust for name in varying):
-                    return table
-                single = self._one_by_one(assembly, many)
-                same = np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)
-                trust.update(dict.fromkeys(varying, same))
-                return single
-        return self._one_by_one(assembly, many)
+        vector = knowledge(assembly).vector
+        vector.update({n: False for n in varying if assembly.parameters[n].per not in ("", "recording")})
+        if not all(vector.get(name, True) for name in varying):
+            return self._one_by_one(assembly, many)
+        try:
+            together = self._evaluate(assembly, self._spread(many, varying), len(many))
+        except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
+            vector.update(dict.fromkeys(varying, False))
+            return self._one_by_one(assembly, many)
+        table = together.reshape(len(many), self.n).T
+        if all(name in vector for name in varying):
+            return table
+        single = self._one_by_one(assembly, many)
+        same = np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)
+        vector.update(dict.fromkeys(varying, same))
+        return single
 
     def _one_by_one(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        return np.stack([self._evaluate(assembly, values, 1) for values in many], axis=1)
+        return np.stack([self._evaluate(assembly, values) for values in many], axis=1)
+
+    def _in_order(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
+        """Predictions of an effect that looks at earlier rows: whole recordings, one after the other."""
+        conditions, recording = self._series
+        predicted = np.empty(self.n)
+        for number in np.unique(self._recording):
+            inside = np.flatnonzero(recording == number)
+            mine = self._recording == number
+            rows = np.searchsorted(inside, self._position[mine])
+            own = {n: v[number] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
+            found = self._quantities(
+                assembly, {n: c[inside] for n, c in conditions.items()}, own, inside.size
+            )
+            predicted[mine] = [found[name][k] for name, k in zip(self.observable[mine], rows, strict=True)]
+        return predicted
+
+    def _is_vector(self, assembly: Assembly, name: str, value: Any) -> bool:
+        return np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
 
     def _spread(self, many: Sequence[Mapping[str, Any]], varying: frozenset[str]) -> dict[str, Any]:
         """One set of values whose varying members hold one value a row of the repeated table."""
@@ -151,36 +199,31 @@ class TableObservation:
         value = np.asarray(value, dtype=float)
         return value[self._recording] if value.ndim else np.full(self.n, value)
 
-    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int) -> Array:
+    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
         """Predictions for the conditions repeated `times` times."""
-        conditions = {
-            name: np.tile(column, times) if times > 1 else column for name, column in self.conditions.items()
-        }
-        prepared = {}
+        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+        prepared = dict(values)
         for name, value in values.items():
-            vector = np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
-            prepared[name] = self._per_row(value) if vector and np.size(value) != self.n * times else value
-        observables = assembly.model.observables
-        wanted = [observables[name].quantity for name in self._rows]
-        with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
-            found = assembly.evaluate(conditions, prepared, wanted)
+            if self._is_vector(assembly, name, value) and np.size(value) != self.n * times:
+                prepared[name] = np.tile(self._per_row(value), times)
+        found = self._quantities(assembly, conditions, prepared, self.n * times)
         predicted = np.empty(self.n * times)
         for name, rows in self._rows.items():
             rows = np.tile(rows, times)
-            value = np.asarray(found[observables[name].quantity], dtype=float)
-            predicted[rows] = np.broadcast_to(value, rows.shape)[rows]
+            predicted[rows] = found[name][rows]
         return predicted
 
-
-# model id -> (the model, {parameter: whether it may be an array over the rows}); forgotten with the model.
-_TRUST: dict[int, tuple[weakref.ref[Any], dict[str, bool]]] = {}
-
-
-def _trust(assembly: Assembly) -> dict[str, bool]:
-    key = id(assembly.model)
-    if key not in _TRUST:
-        _TRUST[key] = (weakref.ref(assembly.model, lambda _: _TRUST.pop(key, None)), {})
-    return _TRUST[key][1]
+    def _quantities(
+        self, assembly: Assembly, conditions: Mapping[str, Array], values: Mapping[str, Any], size: int
+    ) -> dict[str, Array]:
+        """Every observable of this table at `size` operating points."""
+        observables = {name: assembly.model.observables[name].quantity for name in self._rows}
+        with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
+            found = assembly.evaluate(conditions, values, list(observables.values()))
+        return {
+            name: np.broadcast_to(np.asarray(found[quantity], dtype=float), (size,))
+            for name, quantity in observables.items()
+        }
 
 
 def _varying(many: Sequence[Mapping[str, Any]]) -> frozenset[str]:

@@ -1,0 +1,138 @@
+"""From table files to observations: what is fitted, what is held out, what only validates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError, nearest
+from specan.models import Model
+from specan.study.levels import Setting
+from specan.study.measurement import Measurement, read_measurement
+from specan.study.observation.table import TableObservation
+from specan.study.rows import ASSUMED, ASSUMED_KELVIN, Rows, check_varied, join, setting_of
+from specan.study.uncertainty import Uncertainty, uncertainty
+from specan.units import convert
+
+
+@dataclass(frozen=True, eq=False)
+class TableData:
+    """The tables of a study as observations of one uncertainty.
+
+    Attributes
+    ----------
+    fitted : TableObservation
+        What parameters are fitted to.
+    held_out : TableObservation or None
+        Rows of the measurement that are put aside, then those of validation files.
+    """
+
+    fitted: TableObservation
+    held_out: TableObservation | None
+    uncertainty: Uncertainty
+
+
+def read_tables(
+    model: Model,
+    measurements: Sequence[Measurement | Path],
+    validations: Sequence[Measurement | Path] = (),
+    hold_out: Sequence[tuple[str | None, str]] = (),
+) -> TableData:
+    """Read the tables of a study and work out their uncertainty on the rows that are fitted.
+
+    Parameters
+    ----------
+    model : Model
+    measurements, validations : sequence of Measurement or Path
+        Tables to fit and tables to predict only.
+    hold_out : sequence of (file name or None, condition)
+        Rows of the measurements to put aside, ``(None, "torque=60,90")``.
+
+    Raises
+    ------
+    InputError
+        See `read_measurement`; or all rows are alike.
+    RequestError
+        A condition that no row meets, or nothing left to fit.
+    """
+    fitted = [_read(m, model) for m in measurements]
+    checked = [_read(m, model) for m in validations]
+    rows = join([*fitted, *checked], model)
+    aside = rows.recording >= len(fitted)
+    for file, where in hold_out:
+        aside |= matching(rows, model, where, file)
+    if np.all(aside):
+        raise RequestError(
+            "all rows are held out", expected="some to fit", remedy="hold out fewer conditions"
+        )
+    check_varied(rows.take(~aside))
+    found = uncertainty(model, rows.take(~aside))
+    whole = found.observe(rows)
+    return TableData(
+        fitted=replace(whole.take(~aside), pure_dof=whole.pure_dof),
+        held_out=whole.take(aside) if np.any(aside) else None,
+        uncertainty=found,
+    )
+
+
+def _read(measurement: Measurement | Path, model: Model) -> Measurement:
+    return measurement if isinstance(measurement, Measurement) else read_measurement(measurement, model)
+
+
+def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:
+    """Rows that meet a condition such as ``torque=60,90`` or ``speed_rpm=2400``.
+
+    A value stands for the level nearest to it, as far as the scatter of setting allows.
+
+    Raises
+    ------
+    RequestError
+        No such column or level; what there is, is named.
+    """
+    key, _, text = where.partition("=")
+    name = _condition_named(key.strip(), rows, model)
+    condition = model.conditions[name]
+    setting = setting_of(model, condition) or (ASSUMED_KELVIN if condition.unit == "K" else ASSUMED)
+    found = np.zeros(rows.n, dtype=bool)
+    for word in text.split(","):
+        try:
+            value = float(convert(float(word), condition.column_unit, condition.unit))
+        except ValueError:
+            raise RequestError(
+                f"{word!r} in {where!r} is no number", expected=f"{condition.column}=value,value,..."
+            ) from None
+        found |= _at_level(rows, name, value, setting)
+        if not np.any(_at_level(rows, name, value, setting)):
+            levels = convert(np.unique(rows.levels[name]), condition.unit, condition.column_unit)
+            raise RequestError(
+                f"no row has {condition.column} = {word.strip()}",
+                expected="one of " + ", ".join(f"{level:.4g}" for level in levels[:20]),
+            )
+    if file is not None:
+        if file not in rows.recordings:
+            raise RequestError(f"no measurement {file!r}", remedy=nearest(file, rows.recordings))
+        found &= rows.recording == rows.recordings.index(file)
+    return found
+
+
+def _at_level(rows: Rows, name: str, value: float, setting: Setting) -> NDArray[np.bool_]:
+    distance = np.abs(rows.levels[name] - value)
+    reach = max(2 * float(setting.at(np.array(value))), 1e-6 * abs(value), 1e-12)
+    return (distance <= reach) & (distance == distance.min())
+
+
+def _condition_named(key: str, rows: Rows, model: Model) -> str:
+    """Condition that a column, or a part of its name, stands for."""
+    columns = {model.conditions[name].column: name for name in rows.conditions}
+    if key in columns:
+        return columns[key]
+    close = [name for column, name in columns.items() if key and key in column]
+    if len(close) != 1:
+        raise RequestError(
+            f"{key!r} names no single column", expected="one of " + ", ".join(columns), remedy="write it out"
+        )
+    return close[0]

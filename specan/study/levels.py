@@ -1,0 +1,135 @@
+"""Which readings were meant to be at the same setting, and whether a column was set or read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.study.observation import Array
+
+MOST_LEVELS = 12  # more values than this are cut into groups of neighbours
+GROUPS = 6
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Standard deviation of setting an operating variable: a fraction of the value, and as it is."""
+
+    relative: float = 0.0
+    absolute: float = 0.0
+
+    def at(self, value: Array) -> Array:
+        """Standard deviation at a value."""
+        return np.hypot(self.relative * np.abs(value), self.absolute)
+
+
+def levels(values: Array, setting: Setting) -> tuple[Array, bool]:
+    """The level that each value was meant to be at, and whether the column holds set values.
+
+    Values on a round grid that is coarser than the scatter of setting are set values and levels as they
+    stand. Otherwise neighbours within the scatter form a level; where the values of a level hardly ever
+    differ they were set, else read.
+
+    Parameters
+    ----------
+    values : array
+        One value for each different operating point (repeats count once).
+    setting : Setting
+        Scatter of setting this variable.
+
+    Returns
+    -------
+    level : array
+        Mean of the values that were meant to be equal.
+    is_set : bool
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> levels(np.array([5.0, 20.0, 5.0, 20.0]), Setting(0.05))
+    (array([ 5., 20.,  5., 20.]), True)
+    >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), Setting(0.05))
+    (array([ 5., 20.,  5., 20.]), False)
+    """
+    distinct = np.unique(values)
+    step = round_step(distinct)
+    span = float(distinct[-1] - distinct[0])
+    if span == 0:
+        return values.copy(), True
+    scatter = float(setting.at(np.median(np.abs(values))))
+    if step >= scatter and distinct.size >= 0.3 * (span / step + 1):
+        return values.copy(), True
+    order = np.argsort(values, kind="stable")
+    out = np.empty_like(values)
+    kinds = []
+    for part in _parts(values[order], setting):
+        where = order[part]
+        out[where] = np.mean(values[where])
+        if where.size > 1:
+            kinds.append(np.unique(values[where]).size)
+    is_set = bool(kinds) and float(np.mean(kinds)) <= 1.3
+    return (values.copy() if is_set else out), is_set
+
+
+def round_step(distinct: Array) -> float:
+    """Largest of 1, 2, 2.5, 5 times a power of ten that divides all values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round_step(np.array([5.0, 20.0, 35.0]))
+    5.0
+    """
+    top = float(np.max(np.abs(distinct)))
+    if top == 0:
+        return 1.0
+    for power in range(int(np.ceil(np.log10(top))), -10, -1):
+        for factor in (5.0, 2.5, 2.0, 1.0):
+            step = factor * 10.0**power
+            if np.allclose(distinct / step, np.round(distinct / step), rtol=0, atol=1e-6):
+                return step
+    return 1e-10
+
+
+def _parts(ordered: Array, setting: Setting) -> list[slice]:
+    """Part sorted values at their widest gap while a part is wider than six standard deviations of the
+    setting, or has a gap of more than two and a half of them."""
+    done, rest = [], [slice(0, ordered.size)]
+    while rest:
+        part = rest.pop()
+        inside = ordered[part]
+        gaps = np.diff(inside)
+        width = float(setting.at(np.mean(np.abs(inside))))
+        if gaps.size and gaps.max() > 0 and (inside[-1] - inside[0] > 6 * width or gaps.max() > 2.5 * width):
+            cut = part.start + int(np.argmax(gaps)) + 1
+            rest += [slice(part.start, cut), slice(cut, part.stop)]
+        else:
+            done.append(part)
+    return done
+
+
+def grouped(values: Array) -> Array:
+    """Levels as they are where they are few, means of groups of neighbours where they are many."""
+    distinct, index = np.unique(values, return_inverse=True)
+    if distinct.size <= MOST_LEVELS:
+        return values
+    group = index * GROUPS // distinct.size
+    return np.array([values[group == g].mean() for g in range(GROUPS)])[group]
+
+
+def cells(*columns: NDArray[np.generic]) -> NDArray[np.intp]:
+    """Number of the combination of levels that each row belongs to.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> cells(np.array([1.0, 1.0, 2.0]), np.array([5.0, 6.0, 5.0]))
+    array([0, 1, 2])
+    """
+    index = np.zeros(columns[0].size, dtype=np.intp)
+    for column in columns:
+        _, inside = np.unique(column, return_inverse=True)
+        _, index = np.unique(index * (inside.max() + 1) + inside, return_inverse=True)
+    return index
