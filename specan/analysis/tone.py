@@ -26,7 +26,6 @@ _NEAR, _FAR = (
     0.01,
     0.05,
 )  # how far from a stated frequency the tone is looked for, and at most in a short section
-_ROUNDING = 1e-12  # power relative to the whole that rounding leaves
 
 
 class Tone(Settings):
@@ -159,10 +158,7 @@ class ToneAccumulator:
         correction = np.stack([c.correction(f * order) for c in channels])
         harmonics = np.abs(fitted.harmonics[shown] * correction) / np.sqrt(2)
         phasors = fitted.phasors[shown] * correction[:, 0]
-        raw = np.sum(np.abs(fitted.harmonics[shown]) ** 2, axis=1) / 2
-        noise = fitted.power[shown] - raw
-        noise = np.sqrt(np.where(noise > _ROUNDING * fitted.power[shown], noise, 0.0))
-        rms = np.sqrt(fitted.power[shown])
+        noise, rms = np.sqrt(fitted.residual[shown]), np.sqrt(fitted.power[shown])
         for i, c in enumerate(channels):
             if c.derivatives:  # noise cannot be turned into a velocity by one factor
                 rms[i], noise[i] = np.sqrt(np.sum(harmonics[i] ** 2)), np.nan
@@ -212,7 +208,7 @@ class ToneAccumulator:
         common_percent = np.array([np.hypot(c.u_gain_percent, base_gain) for c in channels])
         common_phase[itself], common_percent[itself] = 0.0, 0.0
         return {
-            "phase_deg": phase_deg(ratio),
+            "phase_deg": np.where(itself & usable, 0.0, phase_deg(ratio)),
             "magnitude": np.abs(ratio),
             "magnitude_units": tuple(
                 quotient(c.target_unit, self.reference.target_unit) if self.reference else ""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from specan.errors import RequestError
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -82,6 +84,30 @@ class FrequencyResponse:
     flags: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def between(self, fmin_hz: float, fmax_hz: float) -> FrequencyResponse:
+        """The lines from `fmin_hz` to `fmax_hz`.
+
+        Raises
+        ------
+        RequestError
+            There are none.
+        """
+        kept = (self.frequency_hz >= fmin_hz) & (self.frequency_hz <= fmax_hz)
+        if not kept.any():
+            raise RequestError(
+                f"no line lies between {fmin_hz:g} and {fmax_hz:g} Hz",
+                expected=f"a range within {self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz",
+            )
+        tables = (
+            "response", "coherence", "u_magnitude_percent", "u_phase_deg", "u_common_percent",
+            "u_common_phase_deg",
+        )  # fmt: skip
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz[kept],
+            **{name: getattr(self, name)[:, kept] for name in tables},
+        )
 
     @property
     def magnitude(self) -> Real:

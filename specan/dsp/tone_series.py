@@ -15,6 +15,7 @@ Complex = NDArray[np.complex128]
 
 _BLOCK_S, _BLOCK_CYCLES, _LEAST_BLOCKS, _LEAST_CYCLES = 0.1, 10.0, 8, 3.0
 _LINES = 12  # of the block series from which the noise at the tone is taken
+_ROUNDING = 1e-13  # of the power, which the difference of two sums leaves
 _WANDER = 0.002  # loss of power by a wandering frequency above which block phases are followed
 
 
@@ -34,6 +35,8 @@ class Tone(NamedTuple):
         Relative deviation of each block from the mean, (Y_b - Y) / Y.
     mean, power : arrays (channels,)
         Mean and mean square about it.
+    residual : array (channels,)
+        Mean square of what the fits leave.
     wandering : bool
         The frequency does not stay where it is; phases of the leading channel were followed.
     """
@@ -44,6 +47,7 @@ class Tone(NamedTuple):
     deviations: Complex
     mean: Real
     power: Real
+    residual: Real
     wandering: bool
 
 
@@ -92,15 +96,21 @@ class ToneSeries:
         self._gram = products(self._basis, self._basis)
         self._grid = BlockGrid(n_channels, block)
         self._series: list[Complex] = []
-        self._sum, self._square, self._count = np.zeros(n_channels), np.zeros(n_channels), 0
+        self._sum, self._square, self._residual = np.zeros((3, n_channels))
+        self._count = 0
 
     def add(self, samples: Real) -> None:
         """Take the next samples (channels, m), m of any length."""
         for block in self._grid.add(samples):
             found = products(self._basis, block)
             self._sum += found[:, -1]
-            self._square += np.add.reduce(block * block, axis=-1)
-            phasors = phasors_of(solve_normal(self._gram, found))
+            square = np.add.reduce(block * block, axis=-1)
+            self._square += square
+            fitted = solve_normal(self._gram, found)
+            explained = np.add.reduce(fitted * found, axis=-1)
+            left = square - explained
+            self._residual += np.where(left > _ROUNDING * square, left, 0.0)
+            phasors = phasors_of(fitted)
             # Phases as they are at the first sample of the record.
             order = np.arange(1, phasors.shape[1] + 1)
             cycles = (self._count * (self.frequency_hz / self.rate)) % 1.0
@@ -130,6 +140,7 @@ class ToneSeries:
             deviations = fundamental / phasors[:, None] - 1
             harmonics = np.mean(still, axis=1) * np.conj(lead) ** order
         mean = self._sum / self._count
+        freedom = 1 - len(self._basis) / self.block
         return Tone(
             frequency_hz=self.frequency_hz + deviation_hz,
             # Turns are counted from the middle of the first block.
@@ -138,6 +149,7 @@ class ToneSeries:
             deviations=deviations,
             mean=mean,
             power=np.maximum(self._square / self._count - mean**2, 0.0),
+            residual=self._residual / self._count / freedom,
             wandering=wandering,
         )
 

@@ -159,7 +159,7 @@ def phase_deg(response: Complex) -> Real:
     [180.0, 180.0]
     """
     phase = np.degrees(np.angle(response))
-    return np.where(phase <= -180.0, 180.0, phase)
+    return np.where(phase <= -180.0, 180.0, phase + 0.0)  # no -0.0
 
 
 def delays_of(response: Complex, block: int, rate: float) -> Real:

@@ -1,0 +1,252 @@
+"""``specan fft``: magnitude and phase spectra of one recording, and spectrograms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from specan_cli.output import emit_json, table
+from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+
+if TYPE_CHECKING:
+    from specan.data.recording import Recording
+    from specan.data.spectrum import Spectrogram, Spectrum
+
+
+@click.command("fft")
+@click.argument("file", type=click.Path(path_type=Path))
+@section_options
+@click.option(
+    "--scaling",
+    type=click.Choice(["amplitude", "rms", "psd"]),
+    help="Peak amplitude or RMS of a line (tones), or power spectral density (noise).  [default: amplitude]",
+)
+@click.option("--lines", type=int, help="Lines up to fs/2.56.  [default: 3200]")
+@click.option("--whole", is_flag=True, help="The whole section is one block.")
+@click.option(
+    "--window",
+    help="rectangular, hann, hamming, blackman, blackman-harris, nuttall, flat-top.  [default: hann]",
+)
+@click.option("--overlap", type=float, help="Overlap of the blocks, 0 to 0.95.  [default: 0.5]")
+@click.option(
+    "--averaging",
+    type=click.Choice(["linear", "exponential", "max", "min", "none"]),
+    help="Average or hold over the blocks; none: the first block alone.  [default: linear]",
+)
+@click.option("--blocks", "n_exponential", type=int, help="Blocks of an exponential average.  [default: 10]")
+@click.option("--reference", metavar="CH", help="Give phases over this channel; an average has no others.")
+@click.option("--fmin", "fmin_hz", type=float, metavar="HZ", help="Lowest line.")
+@click.option("--fmax", "fmax_hz", type=float, metavar="HZ", help="Highest line.")
+@click.option(
+    "--peaks", type=click.IntRange(min=1), default=1, show_default=True, help="Highest lines printed."
+)
+@click.option("--spectrogram", is_flag=True, help="Spectra against time.")
+@click.option("--columns", type=int, help="Most columns of a spectrogram.  [default: 1000]")
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw to a .png, .svg or .pdf.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all lines as text.")
+@click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
+@opening_options
+def command(
+    file: Path,
+    peaks: int,
+    spectrogram: bool,
+    columns: int | None,
+    plot: Path | None,
+    output: Path | None,
+    as_json: bool,
+    channel_table: Path | None,
+    calibration: Path | None,
+    sampling_rate: float | None,
+    **options: Any,
+) -> int:
+    """Find magnitude and phase spectra.
+
+    Phases are those of exp(+j w t). A single block (--whole, --averaging none) has phases of its own, of cosines
+    with time zero at its first sample; an average has phases only over a --reference.
+    """
+    from specan.io.open import open_recording
+    from specan.report.figure_style import figure_format
+
+    if plot is not None:
+        figure_format(plot)
+    recording = open_recording(
+        file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
+    )
+    found = _spectrogram(recording, columns, options) if spectrogram else _spectrum(recording, options)
+    if plot is not None:
+        _draw(found, plot)
+    if output is not None:
+        write_text(found, output)
+    if as_json:
+        emit_json(content(found))
+    else:
+        show(found, peaks)
+        for written in (plot, output):
+            if written is not None:
+                click.echo(f"Written to {written}.")
+    say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
+    return 0
+
+
+def _spectrum(recording: Recording, options: dict[str, Any]) -> Spectrum:
+    from specan.analysis.spectrum import FourierSpectrum
+    from specan.schema import parse
+
+    settings = parse(FourierSpectrum, given(**options), "fft")
+    if settings.whole or settings.averaging == "none":
+        return settings(recording)
+    accumulator = settings.accumulator(recording)
+    feed(accumulator, recording)
+    return accumulator.result()
+
+
+def _spectrogram(recording: Recording, columns: int | None, options: dict[str, Any]) -> Spectrogram:
+    from specan.analysis.spectrogram import SpectrogramSettings
+    from specan.errors import RequestError
+    from specan.schema import parse
+
+    wanted = given(columns=columns, **options)
+    for name in ("averaging", "n_exponential", "reference"):
+        if name in wanted:
+            raise RequestError(f"a spectrogram has no {name}", remedy="leave that option out")
+    if wanted.pop("whole"):
+        raise RequestError("a spectrogram of one block has one column", remedy="leave out --whole")
+    return parse(SpectrogramSettings, wanted, "fft --spectrogram")(recording)
+
+
+def _draw(found: Spectrum | Spectrogram, path: Path) -> None:
+    from specan.data.spectrum import Spectrogram
+    from specan.report.figure_style import save_figure
+    from specan.report.figures_spectra import figure_spectrogram, figure_spectrum
+
+    save_figure(figure_spectrogram(found) if isinstance(found, Spectrogram) else figure_spectrum(found), path)
+
+
+def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
+    """All there is, for JSON."""
+    from specan.data.spectrum import Spectrogram
+
+    scale = found.scale
+    common = {
+        "file": found.label,
+        "scaling": scale.scaling,
+        "window": {
+            "name": scale.window,
+            "coherent_gain": scale.coherent_gain,
+            "enbw_hz": scale.enbw_hz,
+            "line_spacing_hz": scale.line_spacing_hz,
+        },
+        "frequency_hz": found.frequency_hz,
+        "notes": found.notes,
+        "settings": found.settings,
+    }
+    values, levels = found.values, found.level_db
+    channels = [
+        {
+            "channel": name,
+            "unit": scale.unit_of(unit),
+            "values": values[row],
+            "level_dB": levels[row],
+            "level_reference": scale.level_text(unit),
+        }
+        for row, (name, unit) in enumerate(zip(found.channels, found.units))
+    ]
+    if isinstance(found, Spectrogram):
+        return {
+            **common,
+            "time_s": found.time_s,
+            "blocks_per_column": found.blocks_per_column,
+            "channels": channels,
+        }
+    for row, channel in enumerate(channels):
+        channel["phase_deg"] = None if found.phase_deg is None else found.phase_deg[row]
+        channel["rms"], channel["flags"] = found.rms[row], found.flags[row]
+    return {
+        **common,
+        "averaging": found.averaging,
+        "n_blocks": found.n_blocks,
+        "n_effective": found.n_effective,
+        "u_dB": found.u_db,
+        "phase_reference": found.phase_reference,
+        "channels": channels,
+    }
+
+
+def show(found: Spectrum | Spectrogram, peaks: int) -> None:
+    """RMS and highest lines of every channel."""
+    import numpy as np
+
+    from specan.data.spectrum import Spectrogram
+
+    scale = found.scale
+    title = f"{found.label}: {scale.scaling}, {scale.window}, lines {scale.line_spacing_hz:.6g} Hz apart, "
+    title += f"noise bandwidth {scale.enbw_hz:.6g} Hz, "
+    if isinstance(found, Spectrogram):
+        title += f"{len(found.time_s)} columns of {found.blocks_per_column} blocks"
+        values, levels, phase, rms = found.values.max(axis=1), found.level_db.max(axis=1), None, None
+    else:
+        title += f"{found.n_blocks} blocks, averaging {found.averaging}"
+        values, levels, phase, rms = found.values, found.level_db, found.phase_deg, found.rms
+    rows = []
+    for row, (name, unit) in enumerate(zip(found.channels, found.units)):
+        for rank, k in enumerate(highest(values[row], peaks)):
+            first = rank == 0
+            rows.append(
+                [
+                    name if first else "",
+                    f"{rms[row]:.5g} {unit}" if first and rms is not None else "",
+                    f"{found.frequency_hz[k]:.6g}",
+                    f"{values[row, k]:.5g} {scale.unit_of(unit)}",
+                    f"{levels[row, k]:.2f} {scale.level_text(unit)}" if np.isfinite(levels[row, k]) else "",
+                    "" if phase is None else f"{phase[row, k]:.2f}",
+                ]
+            )
+    table(title, ["channel", "RMS", "peak Hz", scale.scaling, "level", "phase deg"], rows)
+
+
+def highest(values: Any, count: int) -> list[int]:
+    """Lines of the highest local maxima, highest first; the highest line of all where there is none."""
+    import numpy as np
+
+    clean = np.nan_to_num(values, nan=-1.0)
+    padded = np.concatenate([[-np.inf], clean, [-np.inf]])
+    maxima = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:]))
+    ordered = maxima[np.argsort(-clean[maxima], kind="stable")]
+    return [int(k) for k in ordered[:count]] or [0]
+
+
+def write_text(found: Spectrum | Spectrogram, path: Path) -> None:
+    """All lines, tab-separated, the channels one after the other."""
+    from specan.data.spectrum import Spectrogram
+    from specan.io import results_text as text
+
+    scale, count = found.scale, len(found.frequency_hz)
+    frequencies = text.frequencies(found.frequency_hz)
+    values, levels = found.values, found.level_db
+    blocks, columns = [], ["channel", "frequency_hz", scale.scaling, "level_dB", "phase_deg"]
+    for row, name in enumerate(found.channels):
+        named = [text.word(name)] * count
+        if isinstance(found, Spectrogram):
+            for column, time in enumerate(text.fixed(found.time_s, 4)):
+                parts = [text.significant(values[row, column]), text.levels(levels[row, column])]
+                blocks.append(text.rows([named, [time] * count, frequencies, *parts]))
+            continue
+        phase = [""] * count if found.phase_deg is None else text.phases(found.phase_deg[row])
+        parts = [text.significant(values[row]), text.levels(levels[row]), phase]
+        blocks.append(text.rows([named, frequencies, *parts]))
+    if isinstance(found, Spectrogram):
+        columns = ["channel", "time_s", "frequency_hz", scale.scaling, "level_dB"]
+    units = ", ".join(
+        f"{name} in {scale.unit_of(unit)}, {scale.level_text(unit)}"
+        for name, unit in zip(found.channels, found.units)
+    )
+    header = [
+        f"{'spectrogram' if isinstance(found, Spectrogram) else 'spectra'} of {found.label}",
+        units,
+        f"window {scale.window}: coherent gain {scale.coherent_gain:.6g} (allowed for), noise bandwidth "
+        f"{scale.enbw_hz:.6g} Hz",
+        f"settings: {found.settings}",
+        *found.notes,
+    ]
+    text.write_table(path, header, columns, blocks)

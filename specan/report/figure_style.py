@@ -1,0 +1,91 @@
+"""How figures look, and how they are written: the same bytes for the same result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import cycle
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from specan.errors import RequestError, nearest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito, Color Universal Design (2008): told apart by every kind of colour vision. Their yellow is left out:
+# it is too light for a line on white.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+_DASHES = ("-", "--", ":", "-.")
+FORMATS = ("png", "svg", "pdf")
+
+_OCTAVES = 1000.0 * 2.0 ** np.arange(-10, 8)
+_NOMINAL = (
+    "1", "2", "4", "8", "16", "31.5", "63", "125", "250", "500", "1k", "2k", "4k", "8k", "16k", "31.5k", "63k",
+    "125k",
+)  # fmt: skip
+
+
+def line_styles() -> Iterator[dict[str, Any]]:
+    """Colour and dash of one line after the other; 28 before they repeat."""
+    styles = [{"color": colour, "linestyle": dash} for dash in _DASHES for colour in COLOURS]
+    return cycle(styles)
+
+
+def octave_axis(axes: Axes, low_hz: float, high_hz: float, which: Literal["x", "y"] = "x") -> None:
+    """Logarithmic frequency axis with a tick at each octave."""
+    from matplotlib.ticker import NullLocator
+
+    axes.set(**{f"{which}scale": "log", f"{which}lim": (low_hz, high_hz)})
+    shown = [(f, text) for f, text in zip(_OCTAVES, _NOMINAL, strict=True) if low_hz <= f <= high_hz]
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_ticks([f for f, _ in shown], labels=[text for _, text in shown])
+    axis.set_minor_locator(NullLocator())
+
+
+def figure_format(path: Path) -> str:
+    """Format by the suffix of a file, checked before the work is done.
+
+    Raises
+    ------
+    RequestError
+        The suffix is not one of `FORMATS`, or the directory does not exist.
+
+    Examples
+    --------
+    >>> figure_format(Path("spectrum.SVG"))
+    'svg'
+    """
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in FORMATS:
+        raise RequestError(
+            f"a figure cannot be written as {path.name!r}",
+            expected="a name that ends in ." + ", .".join(FORMATS),
+            remedy=nearest(kind, FORMATS) if kind else "",
+        )
+    if not path.absolute().parent.is_dir():
+        raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+    return kind
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG, SVG or PDF; without a clock time, so that results can be compared.
+
+    Raises
+    ------
+    RequestError
+        The suffix is unknown, or the file cannot be written.
+    """
+    import matplotlib
+
+    kind = figure_format(path)
+    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    try:
+        with matplotlib.rc_context({"svg.hashsalt": "specan"}):
+            figure.savefig(path, format=kind, dpi=150, metadata=undated.get(kind))
+    except OSError as fault:
+        raise RequestError(
+            f"{path} cannot be written ({fault.strerror or fault})", remedy="choose another place"
+        ) from None
