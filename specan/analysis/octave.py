@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from specan.analysis.band_results import band_levels, weighted_levels
 from specan.analysis.quality import BLOCK, QualityAccumulator
 from specan.analysis.section import of_one_rate, section
 from specan.data.band_levels import BandLevels
@@ -16,18 +17,17 @@ from specan.data.levels import Quality
 from specan.data.recording import Channel, Recording
 from specan.dsp import bands
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
+from specan.dsp.band_history import BandHistoryAccumulator, band_filter, weighting_filter
 from specan.dsp.multirate import LOWEST_BAND
-from specan.dsp.weighting import WEIGHTINGS, Weighting, power_weighting
+from specan.dsp.time_weighting import FAST, IMPULSE, IMPULSE_DECAY, SLOW
+from specan.dsp.weighting import WEIGHTINGS, Weighting
 from specan.errors import RequestError
 from specan.schema import Settings
-from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
 
 Fraction = Literal[1, 3, 6, 12, 24]
 AUDIO_RANGE = (20.0, 20000.0)
-LINEAR_SETTLING = (
-    "filters at rest at the start of the section; all energy at their outputs, ring-out after its end "
-    "included, over the length of the section"
-)
+TIME_CONSTANTS = {"fast": FAST, "slow": SLOW, "impulse": IMPULSE}
+READINGS = 1000  # of a history, unless an interval is asked for
 
 
 class Octave(Settings):
@@ -40,6 +40,14 @@ class Octave(Settings):
     weighting : {"A", "B", "C", "Z"}
         Of the band levels. A, B and C are for sound pressure; the overall levels with all of them stand
         beside every spectrum of sound pressure anyway.
+    averaging : {"linear", "fast", "slow", "impulse"} or float
+        Linear over the section, or exponential: 0.125 s, 1 s, 35 ms with a peak detector that falls with
+        1.5 s, or any time constant in s.
+    hold : {"max", "min"} or None
+        Of an exponential average: the largest or smallest level instead of that at the end of the section.
+    interval_s : float or None
+        Distance of the readings of an exponential average's history; by default the time constant
+        (0.125 s for impulse), or a multiple of it that gives at most 1000 readings.
     fmin, fmax : float
         The bands from the one that contains `fmin` to the one that contains `fmax`; by default 20 Hz to
         20 kHz, or to the highest band below half the sampling rate.
@@ -64,6 +72,9 @@ class Octave(Settings):
 
     fraction: Fraction = 3
     weighting: Weighting = "Z"
+    averaging: Literal["linear", "fast", "slow", "impulse"] | Annotated[float, Field(gt=0.0)] = "linear"
+    hold: Literal["max", "min"] | None = None
+    interval_s: float | None = Field(default=None, gt=0.0)
     fmin: float | None = Field(default=None, ge=LOWEST_BAND)
     fmax: float | None = Field(default=None, gt=0.0)
     band: float | None = Field(default=None, ge=LOWEST_BAND)
@@ -76,9 +87,28 @@ class Octave(Settings):
     def _consistent(self) -> Octave:
         if self.band is not None and (self.fmin is not None or self.fmax is not None):
             raise ValueError("either one band or a range from fmin to fmax")
+        if self.averaging == "linear" and (self.hold is not None or self.interval_s is not None):
+            raise ValueError("hold and interval with an exponential average: fast, slow, impulse or seconds")
         if self.fmin is not None and self.fmax is not None and self.fmin > self.fmax:
             raise ValueError(f"fmin not above fmax ({self.fmin:g} Hz, {self.fmax:g} Hz)")
         return self
+
+    @property
+    def time_constant(self) -> float:
+        """Of the exponential average, in s."""
+        return self.averaging if isinstance(self.averaging, float) else TIME_CONSTANTS[self.averaging]
+
+    @property
+    def averaging_name(self) -> str:
+        """The averaging in words."""
+        return f"{self.averaging:g} s" if isinstance(self.averaging, float) else self.averaging
+
+    def reading_interval(self, duration: float) -> float:
+        """Distance in s of the readings of a history over `duration` seconds."""
+        if self.interval_s is not None:
+            return self.interval_s
+        step = max(self.time_constant, FAST) if self.averaging == "impulse" else self.time_constant
+        return step * max(1, int(np.ceil(duration / step / READINGS)))
 
     def accumulator(self, recording: Recording) -> OctaveAccumulator:
         """For a pass over the recording that serves several analyses."""
@@ -139,105 +169,72 @@ class OctaveAccumulator:
         self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
         self.sampling_rate = self.channels[0].sampling_rate
         self.bands = settings.bands(self.sampling_rate)
-        self._energy = BandEnergyAccumulator(len(self.channels), self.sampling_rate)
+        self._at_work: BandEnergyAccumulator | BandHistoryAccumulator
+        if settings.averaging == "linear":
+            self._at_work = BandEnergyAccumulator(len(self.channels), self.sampling_rate)
+        else:
+            self._at_work = self._history()
+
+    def _history(self) -> BandHistoryAccumulator:
+        settings, n = self.settings, self.stop - self.start
+        pressure = any(channel.target_unit == "Pa" for channel in self.channels)
+        self._overall = WEIGHTINGS if pressure else ("Z",)
+        filters = [band_filter(int(k), settings.fraction, settings.weighting) for k in self.bands]
+        filters += [weighting_filter(weighting) for weighting in self._overall]
+        self._duration = n / self.sampling_rate
+        interval = settings.reading_interval(self._duration)
+        count = int(self._duration / interval + 1e-9)
+        self._times = np.linspace(interval, interval * count, count)
+        return BandHistoryAccumulator(
+            len(self.channels),
+            self.sampling_rate,
+            n,
+            filters,
+            settings.time_constant,
+            IMPULSE_DECAY if settings.averaging == "impulse" else None,
+            np.append(self._times, self._duration),
+            [channel.derivatives for channel in self.channels],
+        )
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples (channels, m) of `channels`."""
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
-            self._energy.add(samples)
+            self._at_work.add(samples)
 
     def spectrum(self) -> EnergySpectrum:
-        """What was added so far, in a form that can be divided into other bands; call it once."""
+        """What was added, in a form that can be divided into other bands (linear averages only); call it once."""
+        assert isinstance(self._at_work, BandEnergyAccumulator)
         with np.errstate(invalid="ignore", over="ignore"):
-            return self._energy.result()
+            return self._at_work.result()
 
     def result(self, quality: Sequence[Quality] | None = None) -> BandLevels:
         """Band levels of what was added; call it once. `quality` gives the channels' flags."""
-        return band_levels(
-            self.spectrum(),
+        label, flags = self.recording.label, self.recording.flags
+        if isinstance(self._at_work, BandEnergyAccumulator):
+            return band_levels(
+                self.spectrum(),
+                self.channels,
+                self.settings,
+                label=label,
+                file_flags=flags,
+                quality=quality,
+                notes=self.notes,
+            )
+        with np.errstate(invalid="ignore", over="ignore"):
+            histories = self._at_work.result()
+        return weighted_levels(
+            histories,
+            self._overall,
+            self.settings.start_s + self._times,
+            self._duration,
+            self.sampling_rate,
             self.channels,
             self.settings,
-            label=self.recording.label,
-            file_flags=self.recording.flags,
+            label=label,
+            file_flags=flags,
             quality=quality,
             notes=self.notes,
         )
-
-
-def band_levels(
-    spectrum: EnergySpectrum,
-    channels: Sequence[Channel],
-    settings: Octave,
-    *,
-    label: str = "",
-    file_flags: Sequence[str] = (),
-    quality: Sequence[Quality] | None = None,
-    notes: Sequence[str] = (),
-) -> BandLevels:
-    """Divide an energy spectrum into bands; no sample is read again.
-
-    Parameters
-    ----------
-    spectrum : EnergySpectrum
-        Linear average over a section; see `OctaveAccumulator.spectrum`.
-    channels : sequence of Channel
-        In the order of its rows.
-    settings : Octave
-        The fraction, weighting and range to use.
-    """
-    index = settings.bands(spectrum.sampling_rate)
-    frequencies = spectrum.frequencies
-    quantity = _as_quantity(channels, frequencies)
-    weights = power_weighting(frequencies, settings.weighting)
-    with np.errstate(invalid="ignore"):
-        mean_square = spectrum.band_mean_square(
-            index, settings.fraction, weights if quantity is None else weights * quantity
-        )
-        overall = _overall(spectrum, channels, quantity, index, settings.fraction)
-    references = tuple(_reference(channel, settings) for channel in channels)
-    zero = np.array([reference.value**2 for reference in references])
-    lower, upper = bands.band_edges(index, settings.fraction)
-    duration = spectrum.n_samples / spectrum.sampling_rate
-    return BandLevels(
-        label=label,
-        channels=tuple(channel.name for channel in channels),
-        groups=tuple(channel.group for channel in channels),
-        units=tuple(channel.target_unit for channel in channels),
-        references=references,
-        fraction=settings.fraction,
-        weighting=settings.weighting,
-        averaging="linear",
-        hold=None,
-        exact_hz=bands.mid_frequencies(index, settings.fraction),
-        nominal_hz=np.array([bands.nominal_frequency(int(k), settings.fraction) for k in index]),
-        lower_hz=lower,
-        upper_hz=upper,
-        level_db=level(mean_square, zero[:, None]),
-        u_db=scatter_of_noise(upper - lower, duration),
-        overall_db={name: level(values, zero) for name, values in overall.items()},
-        start_s=settings.start_s,
-        duration_s=duration,
-        sampling_rate=spectrum.sampling_rate,
-        settling=LINEAR_SETTLING,
-        flags=_flags(channels, file_flags, quality),
-        notes=tuple(notes),
-        settings=settings.model_dump(mode="json"),
-    )
-
-
-def level(mean_square: NDArray[np.float64], zero: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """10 lg(mean square / `zero`) in dB; minus infinity for nothing, NaN for NaN."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return 10.0 * np.log10(np.asarray(mean_square) / zero)
-
-
-def scatter_of_noise(bandwidth: NDArray[np.float64], duration: float) -> NDArray[np.float64]:
-    """Standard deviation in dB of the level of stationary Gaussian noise: 4.34 / sqrt(B T).
-
-    The mean square of a band of width B over a time T has B T pairs of degrees of freedom, so its
-    relative standard deviation is 1 / sqrt(B T); 10 / ln 10 = 4.34.
-    """
-    return 10.0 / np.log(10.0) / np.sqrt(bandwidth * duration)
 
 
 def _weightable(recording: Recording, settings: Octave) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
@@ -257,46 +254,3 @@ def _weightable(recording: Recording, settings: Octave) -> tuple[tuple[Channel, 
         *notes,
         *(f"{c.name} is left out: {settings.weighting} is for Pa, not {c.target_unit}" for c in other),
     )
-
-
-def _as_quantity(channels: Sequence[Channel], frequencies: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """|j w|^2 or its inverse for channels whose samples have to be differentiated or integrated."""
-    if not any(channel.derivatives for channel in channels):
-        return None
-    return np.stack([np.square(2 * np.pi * frequencies) ** channel.derivatives for channel in channels])
-
-
-def _overall(
-    spectrum: EnergySpectrum,
-    channels: Sequence[Channel],
-    quantity: NDArray[np.float64] | None,
-    index: NDArray[np.int64],
-    fraction: int,
-) -> dict[str, NDArray[np.float64]]:
-    """Mean square of the whole signal, with each weighting."""
-    whole = spectrum.alternating_mean_square
-    if quantity is not None:
-        # Integration makes drift infinite: from the lowest band upwards, for channels that need it.
-        above = spectrum.frequencies >= bands.band_edges(index[0], fraction)[0]
-        converted = np.add.reduce(spectrum.nodes * quantity * above, axis=1)
-        whole = np.where([channel.derivatives != 0 for channel in channels], converted, whole)
-    pressure = np.array([channel.target_unit == "Pa" for channel in channels])
-    overall = {"Z": whole}
-    for name in WEIGHTINGS:
-        if name != "Z":
-            weighted = spectrum.through(lambda f, name=name: power_weighting(f, name))  # type: ignore[misc]
-            overall[name] = np.where(pressure, weighted, np.nan)
-    return overall
-
-
-def _reference(channel: Channel, settings: Octave) -> LevelReference:
-    if channel.target_unit == "m/s" and settings.velocity_reference == "50 nm/s":
-        return VELOCITY_50_NM_S
-    return level_reference(channel.target_unit)
-
-
-def _flags(
-    channels: Sequence[Channel], file_flags: Sequence[str], quality: Sequence[Quality] | None
-) -> tuple[tuple[str, ...], ...]:
-    found = [()] * len(channels) if quality is None else [q.flags for q in quality]
-    return tuple((*words, *file_flags) for words in found)

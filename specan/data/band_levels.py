@@ -34,7 +34,7 @@ class BandLevels:
     weighting : str
         Frequency weighting of the band levels: "A", "B", "C" or "Z".
     averaging : str
-        "linear", "fast", "slow", "impulse", or "exponential 0.5 s".
+        "linear", "fast", "slow", "impulse", or the time constant: "0.5 s".
     hold : str or None
         "max" or "min" of the time-weighted level; None for the reading at the end of the section.
     exact_hz, nominal_hz, lower_hz, upper_hz : arrays (bands,)
@@ -53,12 +53,16 @@ class BandLevels:
         What was done with the filters' settling, in a sentence.
     flags : tuple of tuples of str
         Words for each channel.
-    history : BandHistory or None
+    history : LevelHistory or None
         Time-weighted levels against time.
     notes : tuple of str
         Sentences about the whole: channels left out, bands not measurable.
     settings : mapping
         Settings of the analysis.
+    unsettled : array (bands,) or None
+        Bands whose filter and time weighting take longer to settle than the section lasts.
+    low_snr : array (channels, bands) or None
+        Where the signal does not stand out of a background that was subtracted.
     """
 
     label: str
@@ -82,9 +86,10 @@ class BandLevels:
     sampling_rate: float
     settling: str
     flags: tuple[tuple[str, ...], ...]
-    history: BandHistory | None = None
+    history: LevelHistory | None = None
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
+    unsettled: NDArray[np.bool_] | None = None
     low_snr: NDArray[np.bool_] | None = None
 
     @property
@@ -93,17 +98,19 @@ class BandLevels:
         return self.u_db > LOW_BT_DB
 
     def band_flags(self, channel: int, band: int) -> tuple[str, ...]:
-        """Words for one band of one channel: those of the channel, ``low-BT`` and ``low-snr``."""
+        """Words for one band of one channel: the channel's, ``low-BT``, ``unsettled``, ``low-snr``."""
         words = list(self.flags[channel])
         if self.low_bt[band]:
             words.append("low-BT")
+        if self.unsettled is not None and self.unsettled[band]:
+            words.append("unsettled")
         if self.low_snr is not None and self.low_snr[channel, band]:
             words.append("low-snr")
         return tuple(words)
 
 
 @dataclass(frozen=True)
-class BandHistory:
+class LevelHistory:
     """Time-weighted levels against time.
 
     Attributes

@@ -133,5 +133,18 @@ def power_response(log_ratio: ArrayLike, fraction: int) -> NDArray[np.float64]:
     return np.asarray(1.0 / (1.0 + np.minimum(np.abs(x), 1e30) ** (2 * FILTER_ORDER)))
 
 
+def complex_response(ratio: ArrayLike, fraction: int) -> NDArray[np.complex128]:
+    """Complex response of the band filter at f/f_m, whose squared magnitude is `power_response`; exp(+j w t)."""
+    with np.errstate(divide="ignore", over="ignore"):
+        x = np.sinh(np.log(np.asarray(ratio, dtype=np.float64))) / math.sinh(filter_half_width(fraction))
+    x = np.clip(x, -1e30, 1e30)
+    order = FILTER_ORDER
+    response = np.ones(x.shape, dtype=np.complex128)
+    for k in range(order):
+        pole = np.exp(1j * math.pi * (2 * k + order + 1) / (2 * order))
+        response /= 1j * x - pole
+    return response
+
+
 def _even_shift(fraction: int) -> float:
     return 0.0 if fraction % 2 else 0.5 / fraction

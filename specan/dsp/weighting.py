@@ -59,6 +59,23 @@ def weighting_level(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.fl
         return 10.0 * np.log10(power_weighting(frequency, weighting))
 
 
+def complex_weighting(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.complex128]:
+    """Complex response of the analogue network, exp(+j w t); its squared magnitude is `power_weighting`.
+
+    Poles at -f_1 (twice) and -f_4 (twice), for A also at -f_2 and -f_3, for B at -f_5; zeros at 0 Hz.
+    """
+    s = np.asarray(1j * np.asarray(frequency, dtype=np.float64))
+    magnitude = math.sqrt(1.0 / float(_shape(np.asarray(1e6), weighting)))
+    if weighting == "Z":
+        return np.ones_like(s)
+    response = np.asarray(magnitude * F_4**2 * np.square(s / ((s + F_1) * (s + F_4))), dtype=np.complex128)
+    if weighting == "A":
+        return response * np.square(s) / ((s + F_2) * (s + F_3))
+    if weighting == "B":
+        return response * s / (s + F_5)
+    return response
+
+
 def _shape(f2: NDArray[np.float64], weighting: Weighting) -> NDArray[np.float64]:
     """The curve before it is made 1 at 1 kHz; of the squared frequency."""
     if weighting == "Z":

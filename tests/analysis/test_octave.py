@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from specan.analysis.octave import Octave, band_levels
+from specan.analysis.band_results import band_levels
+from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
 from specan.schema import parse
@@ -141,3 +142,47 @@ def test_settings_that_contradict_each_other() -> None:
         parse(Octave, {"fmin": 100, "fmax": 50}, "settings")
     with pytest.raises(RequestError, match="'fraction' is 5"):
         parse(Octave, {"fraction": 5}, "settings")
+
+
+def test_a_time_weighted_analysis_has_a_history_and_says_what_has_not_settled() -> None:
+    louder = np.where(TIME < 2.0, TONE, 10 * TONE)
+    source = recording(("Mic 1", "Pa", louder), ("Vib", "m/s", 1e-3 * louder))
+    found = Octave(averaging="fast", fraction=1, fmin=30)(source)
+    history = found.history
+    assert history is not None
+    assert (history.time_s[[0, -1]].tolist(), history.interval_s) == ([0.125, 4.0], 0.125)
+    band = int(np.argmin(np.abs(found.nominal_hz - 500)))
+    before = np.abs(history.time_s - 1.9) < 0.05
+    assert history.level_db[0, band, before] == pytest.approx(93.98, abs=0.05)
+    assert history.overall_db["Z"][:, before] == pytest.approx([93.98, 120.0], abs=0.05)
+    assert found.level_db[:, band] == pytest.approx([113.98, 140.0], abs=0.05)
+    assert np.isnan(found.overall_db["A"][1])
+    assert (found.averaging, found.hold) == ("fast", None)
+    assert found.u_db[band] == pytest.approx(4.343 / np.sqrt(353.08 * 0.25), rel=1e-3)
+    slow = Octave(averaging="slow", fraction=1)(source)
+    assert slow.unsettled is not None
+    assert slow.unsettled.all()
+    assert "unsettled" in slow.band_flags(0, band)
+    assert found.unsettled is not None
+    assert not found.unsettled[band]
+
+
+def test_the_largest_and_the_smallest_level() -> None:
+    louder = np.where((TIME > 1.5) & (TIME < 2.5), 10 * TONE, TONE)
+    source = recording(("Mic 1", "Pa", louder))
+    largest = Octave(averaging=0.1, hold="max", band=500)(source)
+    smallest = Octave(averaging=0.1, hold="min", band=500)(source)
+    assert largest.level_db[0, 0] == pytest.approx(113.98, abs=0.1)
+    assert smallest.level_db[0, 0] == pytest.approx(93.98, abs=0.1)
+    assert (largest.averaging, smallest.hold) == ("0.1 s", "min")
+    assert "leaves out" in smallest.settling
+    with pytest.raises(RequestError, match="hold and interval with an exponential average"):
+        parse(Octave, {"hold": "max"}, "settings")
+    with pytest.raises(RequestError, match="averaging"):
+        parse(Octave, {"averaging": -1.0}, "settings")
+
+
+def test_a_long_history_has_a_bounded_number_of_readings() -> None:
+    assert Octave(averaging="fast").reading_interval(100.0) == 0.125
+    assert Octave(averaging="fast").reading_interval(3600.0) == pytest.approx(3.625)
+    assert Octave(averaging="fast", interval_s=0.5).reading_interval(3600.0) == 0.5

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from specan.analysis.octave import Octave, band_levels
+from specan.analysis.band_results import band_levels
+from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp import bands
 from specan.dsp.band_limits import BREAKPOINTS, breakpoint_ratio, class_1_limits

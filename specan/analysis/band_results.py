@@ -1,0 +1,247 @@
+"""Mean squares become band levels: references, scatter, flags, and what has to be said beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.band_levels import BandLevels, LevelHistory
+from specan.data.levels import Quality
+from specan.data.recording import Channel
+from specan.dsp import bands
+from specan.dsp.band_energy import EnergySpectrum
+from specan.dsp.band_history import Histories
+from specan.dsp.weighting import WEIGHTINGS, power_weighting
+from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
+
+if TYPE_CHECKING:
+    from specan.analysis.octave import Octave
+
+Real = NDArray[np.float64]
+
+LINEAR_SETTLING = (
+    "filters at rest at the start of the section; all energy at their outputs, ring-out after its end "
+    "included, over the length of the section"
+)
+READING_SETTLING = (
+    "filters and time weighting at rest at the start of the section, 5 time constants + 3/B to settle; "
+    "the reading is that at its end"
+)
+MAX_SETTLING = (
+    "filters and time weighting at rest at the start of the section; the maximum is that of the whole section"
+)
+MIN_SETTLING = (
+    "filters and time weighting at rest at the start of the section; the minimum leaves out the first "
+    "5 time constants + 3/B of each band"
+)
+
+
+def band_levels(
+    spectrum: EnergySpectrum,
+    channels: Sequence[Channel],
+    settings: Octave,
+    *,
+    label: str = "",
+    file_flags: Sequence[str] = (),
+    quality: Sequence[Quality] | None = None,
+    notes: Sequence[str] = (),
+) -> BandLevels:
+    """Divide an energy spectrum into bands; no sample is read again.
+
+    Parameters
+    ----------
+    spectrum : EnergySpectrum
+        Linear average over a section; see `OctaveAccumulator.spectrum`.
+    channels : sequence of Channel
+        In the order of its rows.
+    settings : Octave
+        The fraction, weighting and range to use; `averaging` does not count.
+    """
+    index = settings.bands(spectrum.sampling_rate)
+    frequencies = spectrum.frequencies
+    quantity = _as_quantity(channels, frequencies)
+    weights = power_weighting(frequencies, settings.weighting)
+    with np.errstate(invalid="ignore"):
+        mean_square = spectrum.band_mean_square(
+            index, settings.fraction, weights if quantity is None else weights * quantity
+        )
+        overall = _overall(spectrum, channels, quantity, index, settings.fraction)
+    zero = _zero(channels, settings)
+    duration = spectrum.n_samples / spectrum.sampling_rate
+    lower, upper = bands.band_edges(index, settings.fraction)
+    return BandLevels(
+        **_common(index, channels, settings, label, file_flags, quality, notes),
+        averaging="linear",
+        hold=None,
+        level_db=level(mean_square, zero[:, None]),
+        u_db=scatter_of_noise(upper - lower, duration),
+        overall_db={name: level(values, zero) for name, values in overall.items()},
+        duration_s=duration,
+        sampling_rate=spectrum.sampling_rate,
+        settling=LINEAR_SETTLING,
+    )
+
+
+def weighted_levels(
+    histories: Histories,
+    overall: Sequence[str],
+    times: Real,
+    duration: float,
+    sampling_rate: float,
+    channels: Sequence[Channel],
+    settings: Octave,
+    *,
+    label: str = "",
+    file_flags: Sequence[str] = (),
+    quality: Sequence[Quality] | None = None,
+    notes: Sequence[str] = (),
+) -> BandLevels:
+    """Time-weighted mean squares as levels.
+
+    Parameters
+    ----------
+    histories : Histories
+        Of the bands, then of the weightings `overall` of the whole signal; the last reading is that at
+        the end of the section.
+    times : array
+        Of the other readings, in s from the beginning of the recording.
+    """
+    index = settings.bands(sampling_rate)
+    n = index.size
+    zero = _zero(channels, settings)
+    shown, settling = {
+        None: (histories.readings[:, :, -1], READING_SETTLING),
+        "max": (histories.maximum, MAX_SETTLING),
+        "min": (histories.minimum, MIN_SETTLING),
+    }[settings.hold]
+    usable = _usable(channels, overall)
+    lower, upper = bands.band_edges(index, settings.fraction)
+    shown_db = level(shown, zero[:, None])
+    readings_db = level(histories.readings[:, :, :-1], zero[:, None, None])
+    # An exponential average of time constant tau scatters like a linear one over 2 tau.
+    averaged = min(2.0 * settings.time_constant, duration)
+    return BandLevels(
+        **_common(index, channels, settings, label, file_flags, quality, notes),
+        averaging=settings.averaging_name,
+        hold=settings.hold,
+        level_db=shown_db[:, :n],
+        u_db=scatter_of_noise(upper - lower, averaged),
+        overall_db={w: np.where(usable[w], shown_db[:, n + k], np.nan) for k, w in enumerate(overall)},
+        duration_s=duration,
+        sampling_rate=sampling_rate,
+        settling=settling,
+        unsettled=histories.settled_s[:n] > duration,
+        history=LevelHistory(
+            time_s=times,
+            level_db=readings_db[:, :n],
+            overall_db={
+                w: np.where(usable[w][:, None], readings_db[:, n + k], np.nan) for k, w in enumerate(overall)
+            },
+            interval_s=settings.reading_interval(duration),
+        ),
+    )
+
+
+def level(mean_square: Real, zero: Real | float) -> Real:
+    """10 lg(mean square / `zero`) in dB; minus infinity for nothing, NaN for NaN."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 10.0 * np.log10(np.asarray(mean_square) / zero)
+
+
+def scatter_of_noise(bandwidth: Real, duration: float) -> Real:
+    """Standard deviation in dB of the level of stationary Gaussian noise: 4.34 / sqrt(B T).
+
+    The mean square of a band of width B over a time T has B T pairs of degrees of freedom, so its
+    relative standard deviation is 1 / sqrt(B T); 10 / ln 10 = 4.34.
+    """
+    return 10.0 / np.log(10.0) / np.sqrt(bandwidth * duration)
+
+
+def channel_reference(channel: Channel, settings: Octave) -> LevelReference:
+    """What 0 dB is for a channel."""
+    if channel.target_unit == "m/s" and settings.velocity_reference == "50 nm/s":
+        return VELOCITY_50_NM_S
+    return level_reference(channel.target_unit)
+
+
+def quality_flags(
+    channels: Sequence[Channel], file_flags: Sequence[str], quality: Sequence[Quality] | None
+) -> tuple[tuple[str, ...], ...]:
+    """Words for each channel: those of its samples, and those of the file."""
+    found = [()] * len(channels) if quality is None else [q.flags for q in quality]
+    return tuple((*words, *file_flags) for words in found)
+
+
+def _common(
+    index: NDArray[np.int64],
+    channels: Sequence[Channel],
+    settings: Octave,
+    label: str,
+    file_flags: Sequence[str],
+    quality: Sequence[Quality] | None,
+    notes: Sequence[str],
+) -> Mapping[str, Any]:
+    lower, upper = bands.band_edges(index, settings.fraction)
+    return {
+        "label": label,
+        "channels": tuple(channel.name for channel in channels),
+        "groups": tuple(channel.group for channel in channels),
+        "units": tuple(channel.target_unit for channel in channels),
+        "references": tuple(channel_reference(channel, settings) for channel in channels),
+        "fraction": settings.fraction,
+        "weighting": settings.weighting,
+        "exact_hz": bands.mid_frequencies(index, settings.fraction),
+        "nominal_hz": np.array([bands.nominal_frequency(int(k), settings.fraction) for k in index]),
+        "lower_hz": lower,
+        "upper_hz": upper,
+        "start_s": settings.start_s,
+        "flags": quality_flags(channels, file_flags, quality),
+        "notes": tuple(notes),
+        "settings": settings.model_dump(mode="json"),
+    }
+
+
+def _zero(channels: Sequence[Channel], settings: Octave) -> Real:
+    return np.array([channel_reference(channel, settings).value ** 2 for channel in channels])
+
+
+def _usable(channels: Sequence[Channel], overall: Sequence[str]) -> dict[str, NDArray[np.bool_]]:
+    """For which channels an overall level means something: A, B and C of sound pressure."""
+    pressure = np.array([channel.target_unit == "Pa" for channel in channels])
+    # The derivative of a whole signal has no end at high frequencies, its integral none at low ones.
+    measured = np.array([channel.derivatives == 0 for channel in channels])
+    return {name: measured if name == "Z" else measured & pressure for name in overall}
+
+
+def _as_quantity(channels: Sequence[Channel], frequencies: Real) -> Real | None:
+    """|j w|^2 or its inverse for channels whose samples have to be differentiated or integrated."""
+    if not any(channel.derivatives for channel in channels):
+        return None
+    return np.stack([np.square(2 * np.pi * frequencies) ** channel.derivatives for channel in channels])
+
+
+def _overall(
+    spectrum: EnergySpectrum,
+    channels: Sequence[Channel],
+    quantity: Real | None,
+    index: NDArray[np.int64],
+    fraction: int,
+) -> dict[str, Real]:
+    """Mean square of the whole signal, with each weighting."""
+    whole = spectrum.alternating_mean_square
+    if quantity is not None:
+        # Integration makes drift infinite: from the lowest band upwards, for channels that need it.
+        above = spectrum.frequencies >= bands.band_edges(index[0], fraction)[0]
+        converted = np.add.reduce(spectrum.nodes * quantity * above, axis=1)
+        whole = np.where([channel.derivatives != 0 for channel in channels], converted, whole)
+    pressure = np.array([channel.target_unit == "Pa" for channel in channels])
+    overall = {"Z": whole}
+    for name in WEIGHTINGS:
+        if name != "Z":
+            weights = power_weighting(spectrum.frequencies, name)
+            weighted = np.add.reduce(spectrum.nodes * weights, axis=1)
+            overall[name] = np.where(pressure, weighted, np.nan)
+    return overall

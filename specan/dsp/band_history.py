@@ -1,0 +1,292 @@
+"""Time-weighted levels behind band filters and frequency weightings, against time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.dsp import bands
+from specan.dsp.multirate import LENGTH, ROWS, MultirateTransform, Stage, stages_of
+from specan.dsp.time_weighting import TimeWeighting
+from specan.dsp.weighting import Weighting, complex_weighting
+
+# A band is filtered at the lowest rate whose samples are faithful up to this many times its upper edge.
+_ROOM_ABOVE = 1.25
+# What a filter attenuates by more than 100 dB is left out.
+_NOTHING = 1e-5
+# After 6 times 3 / B an order 4 band-pass has fallen by 180 dB.
+_SETTLINGS_IN_A_BLOCK = 6.0
+_PER_TIME_CONSTANT = 64.0
+
+Response = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A causal analogue filter.
+
+    Attributes
+    ----------
+    response : callable
+        Complex response at frequencies in Hz (exp(+j w t)).
+    upper : float
+        Frequency up to which the samples have to be faithful.
+    settling : float
+        Seconds until the filter has settled.
+    """
+
+    response: Response
+    upper: float = math.inf
+    settling: float = 0.0
+
+
+def band_filter(index: int, fraction: int, weighting: Weighting = "Z") -> Filter:
+    """Band filter of a fractional octave, with a frequency weighting; see `bands.power_response`."""
+    mid = float(bands.mid_frequencies(index, fraction))
+    lower, upper = (float(edge) for edge in bands.band_edges(index, fraction))
+
+    def response(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+        return bands.complex_response(frequency / mid, fraction) * complex_weighting(frequency, weighting)
+
+    # The envelope of an order 4 band-pass settles to 1 % within 3 / B.
+    return Filter(response, _ROOM_ABOVE * upper, 3.0 / (upper - lower))
+
+
+def weighting_filter(weighting: Weighting) -> Filter:
+    """A frequency weighting of the whole signal."""
+    return Filter(lambda frequency: complex_weighting(frequency, weighting))
+
+
+@dataclass
+class _Channelised:
+    """One filter at work on its stage."""
+
+    stage: Stage
+    low: int
+    values: NDArray[np.complex128]
+    weighting: TimeWeighting
+    settled: int
+    place: NDArray[np.float64]
+    last: NDArray[np.float64]
+    position: int = 0
+    reading: int = 0
+
+
+@dataclass(frozen=True)
+class Histories:
+    """Time-weighted mean squares.
+
+    Attributes
+    ----------
+    readings : ndarray, shape (channels, filters, times)
+        At the times asked for.
+    maximum, minimum : ndarray, shape (channels, filters)
+        Over all samples: the maximum from the beginning, the minimum after `settled_s`. NaN where the
+        record is too short for that.
+    settled_s : ndarray, shape (filters,)
+        Seconds after which a filter and the time weighting behind it have settled to 0.1 dB.
+    """
+
+    readings: NDArray[np.float64]
+    maximum: NDArray[np.float64]
+    minimum: NDArray[np.float64]
+    settled_s: NDArray[np.float64] = field(repr=False)
+
+
+class BandHistory:
+    """Filters the blocks of a `MultirateTransform`, squares, weights in time, reads at given times.
+
+    Filtering is multiplication of the transform with the analogue filter's response: neither the
+    bilinear transform's warping nor a sampled filter's rounding at low frequencies. The transform of two
+    successive blocks gives the second one's output without error, as the filter rings for less than a
+    block at the rate at which it works.
+
+    Parameters
+    ----------
+    rows : int
+        Number of channels.
+    sampling_rate : float
+        In Hz.
+    n_samples : int
+        Length of the record.
+    filters : sequence of Filter
+    time_constant, decay : float
+        See `TimeWeighting`.
+    times : array_like
+        When to read, in s from the record's beginning; ascending.
+    derivatives : sequence of int, optional
+        How many times each channel is to be differentiated.
+    """
+
+    def __init__(
+        self,
+        rows: int,
+        sampling_rate: float,
+        n_samples: int,
+        filters: Sequence[Filter],
+        time_constant: float,
+        decay: float | None,
+        times: NDArray[np.float64],
+        derivatives: Sequence[int] | None = None,
+    ) -> None:
+        self._rows, self._end = rows, (n_samples - 0.5) / sampling_rate
+        self._derivatives = np.zeros(rows, dtype=int) if derivatives is None else np.asarray(derivatives)
+        self._settled = np.array([5.0 * time_constant + one.settling for one in filters])
+        self._previous: dict[int, NDArray[np.complex128]] = {}
+        shape = (rows, len(filters))
+        self._readings = np.full((*shape, len(times)), np.nan)
+        self._maximum, self._minimum = np.full(shape, np.nan), np.full(shape, np.nan)
+        stages = stages_of(sampling_rate)
+        self._working: dict[int, list[tuple[int, _Channelised]]] = {stage.number: [] for stage in stages}
+        for number, one in enumerate(filters):
+            stage = _stage_for(one, stages, time_constant)
+            low, values = _lines(one.response, stage)
+            self._working[stage.number].append(
+                (
+                    number,
+                    _Channelised(
+                        stage,
+                        low,
+                        values,
+                        TimeWeighting(rows, stage.rate, time_constant, decay),
+                        math.ceil(stage.lead + self._settled[number] * stage.rate),
+                        # A sample stands for half an interval on either side of it.
+                        stage.lead + np.minimum(times, self._end) * stage.rate - 0.5,
+                        np.zeros((rows, 1)),
+                    ),
+                )
+            )
+
+    def take(self, stage: Stage, transform: NDArray[np.complex128], half: int, length: int) -> None:
+        """See the next block of a stage; see `specan.dsp.multirate.Consumer`."""
+        working = self._working[stage.number]
+        if not working:
+            return
+        previous = self._previous.get(stage.number)
+        pair = transform if previous is None else previous + transform
+        self._previous[stage.number] = transform
+        pair = self._differentiated(pair, stage)
+        for number, one in working:
+            self._read(number, one, one.weighting(self._filtered_square(one, pair, half, length)))
+
+    def _differentiated(self, pair: NDArray[np.complex128], stage: Stage) -> NDArray[np.complex128]:
+        if not self._derivatives.any():
+            return pair
+        omega = np.pi * stage.rate / LENGTH * np.arange(LENGTH + 1)
+        omega[0] = np.inf if (self._derivatives < 0).any() else 0.0
+        with np.errstate(invalid="ignore"):
+            factors = [(1j * omega) ** int(d) if d else np.ones(LENGTH + 1) for d in self._derivatives]
+        factor = np.stack(factors)
+        factor[self._derivatives != 0, 0] = 0.0
+        return pair * factor
+
+    def _filtered_square(
+        self, one: _Channelised, pair: NDArray[np.complex128], half: int, length: int
+    ) -> NDArray[np.float64]:
+        from scipy.fft import irfft
+
+        square = np.empty((self._rows, length))
+        first = half * LENGTH
+        lines = slice(one.low, one.low + one.values.size)
+        for top in range(0, self._rows, ROWS):
+            rows = slice(top, top + ROWS)
+            part = pair[rows]
+            product = np.zeros_like(part)
+            np.multiply(part[:, lines], one.values, out=product[:, lines])
+            output = irfft(product, 2 * LENGTH)[:, first : first + length]
+            np.square(output, out=square[rows])
+        return square
+
+    def _read(self, number: int, one: _Channelised, weighted: NDArray[np.float64]) -> None:
+        length = weighted.shape[1]
+        end = math.floor(one.stage.lead + self._end * one.stage.rate - 0.5 + 1e-6) + 1
+        start = math.ceil(one.stage.lead)
+        upto = min(length, end - one.position)
+        for extreme, choose, since in (
+            (self._maximum, np.fmax, start),
+            (self._minimum, np.fmin, one.settled),
+        ):
+            part = weighted[:, max(since - one.position, 0) : max(upto, 0)]
+            if part.shape[1]:
+                extreme[:, number] = choose(extreme[:, number], choose.reduce(part, axis=1))
+        # Samples i and i + 1 around each reading, the last one of the block before included.
+        done = int(np.searchsorted(one.place, one.position + length - 1, side="right"))
+        if done > one.reading:
+            place = one.place[one.reading : done] - (one.position - 1)
+            before = np.clip(np.floor(place).astype(int), 0, length - 1)
+            share = place - before
+            around = np.concatenate([one.last, weighted], axis=1)
+            self._readings[:, number, one.reading : done] = (
+                around[:, before] * (1.0 - share) + around[:, before + 1] * share
+            )
+            one.reading = done
+        one.last = weighted[:, -1:].copy()
+        one.position += length
+
+    def result(self) -> Histories:
+        """What was read; call it after the transform is finished."""
+        return Histories(self._readings, self._maximum, self._minimum, self._settled)
+
+
+class BandHistoryAccumulator:
+    """Takes a record in consecutive blocks and gives its time-weighted histories; see `BandHistory`.
+
+    Examples
+    --------
+    >>> t = np.arange(16000) / 8000
+    >>> history = BandHistoryAccumulator(
+    ...     1, 8000.0, 16000, [band_filter(0, 3)], 0.125, None, times=np.array([1.0, 1.9])
+    ... )
+    >>> history.add(np.sin(2 * np.pi * 1000 * t)[None])
+    >>> history.result().readings[0, 0].round(3).tolist()
+    [0.5, 0.5]
+    """
+
+    def __init__(
+        self,
+        rows: int,
+        sampling_rate: float,
+        n_samples: int,
+        filters: Sequence[Filter],
+        time_constant: float,
+        decay: float | None,
+        times: NDArray[np.float64],
+        derivatives: Sequence[int] | None = None,
+    ) -> None:
+        self._history = BandHistory(
+            rows, sampling_rate, n_samples, filters, time_constant, decay, times, derivatives
+        )
+        self._transform = MultirateTransform(rows, sampling_rate, [self._history])
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        """Take the next samples, shape (channels, n), n of any size."""
+        self._transform.add(samples)
+
+    def result(self) -> Histories:
+        """The histories; call it once, after the last samples."""
+        self._transform.finish()
+        return self._history.result()
+
+
+def _stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> Stage:
+    """The lowest rate that is faithful to a filter's band and fine enough for the time weighting.
+
+    The ripple of a squared low tone is followed with `_PER_TIME_CONSTANT` samples, unless the filter
+    rings for longer than a block at such a rate.
+    """
+    possible = [stage for stage in stages if stage.number == 0 or stage.flat_to >= one.upper]
+    lasting = [stage for stage in possible if LENGTH / stage.rate >= _SETTLINGS_IN_A_BLOCK * one.settling]
+    fine = [stage for stage in lasting if stage.rate * time_constant >= _PER_TIME_CONSTANT]
+    return fine[-1] if fine else (lasting or possible[-1:])[0]
+
+
+def _lines(response: Response, stage: Stage) -> tuple[int, NDArray[np.complex128]]:
+    """The response at a stage's lines as far as it matters, and the first of these lines."""
+    frequency = np.linspace(0.0, stage.rate / 2.0, LENGTH + 1)
+    values = response(frequency)
+    used = np.flatnonzero(np.abs(values) > _NOTHING)
+    return int(used[0]), values[used[0] : used[-1] + 1]
