@@ -12,8 +12,6 @@ from specan.models.quantity import Quantity, constant, quantity
 from specan.models.worm_gear.rig import Choice, Oil
 
 T_40, T_100 = 313.15, 373.15
-# Cameron, Basic Lubrication Theory (3rd ed., 1981): one constant of Vogel's law serves all lubricating oils.
-VOGEL_OFFSET = 95.0 - 273.15
 
 
 @quantity(unit="K")
@@ -30,15 +28,16 @@ def contact_temperature(oil_temperature):
 
 def viscosity_quantities(oil: Oil, choice: Choice) -> list[Quantity]:
     """Kinematic viscosity by the law that the rig file chooses, and the density."""
-    law = vogel if choice.viscosity == "vogel" else exponential
-    viscosity_at = law(1e-6 * oil.viscosity_40C_mm2_s, 1e-6 * oil.viscosity_100C_mm2_s)
+    points = (1e-6 * oil.viscosity_40C_mm2_s, 1e-6 * oil.viscosity_100C_mm2_s)
+    if choice.viscosity == "vogel":
+        viscosity_at, source = (
+            vogel(*points, oil.vogel_constant_C),
+            "Vogel 1921; its constant by Cameron 1981",
+        )
+    else:
+        viscosity_at, source = exponential(*points), "Bizon, Dziedziech, Macheta 2012, eq. 2"
 
-    @quantity(
-        unit="m^2/s",
-        reference="Vogel 1921 with Cameron's constant; or the article's eq. 2"
-        if choice.viscosity == "vogel"
-        else "Bizon, Dziedziech, Macheta 2012, eq. 2",
-    )
+    @quantity(unit="m^2/s", reference=source)
     def kinematic_viscosity(contact_temperature):
         """Kinematic viscosity of the oil where it is sheared."""
         return viscosity_at(contact_temperature)
@@ -54,8 +53,11 @@ def viscosity_quantities(oil: Oil, choice: Choice) -> list[Quantity]:
 Law = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
-def vogel(at_40: float, at_100: float) -> Law:
-    """Vogel's law through two points, ``nu = K exp(B / (T + c))`` with c = 95 degC.
+def vogel(at_40: float, at_100: float, constant: float = 95.0) -> Law:
+    """Vogel's law through two points, ``nu = K exp(B / (theta + c))`` with theta in degC.
+
+    Cameron (Basic Lubrication Theory, 3rd ed., 1981) found c = 95 degC to serve all mineral oils; against the
+    chart of ASTM D341 they ask for 97 to 101, polyglycols of a high viscosity index for up to 160.
 
     Examples
     --------
@@ -63,9 +65,10 @@ def vogel(at_40: float, at_100: float) -> Law:
     >>> round(1e6 * float(law(np.float64(313.15))), 6), round(1e6 * float(law(np.float64(373.15))), 6)
     (220.0, 36.0)
     """
-    b = math.log(at_40 / at_100) / (1 / (T_40 + VOGEL_OFFSET) - 1 / (T_100 + VOGEL_OFFSET))
-    log_k = math.log(at_40) - b / (T_40 + VOGEL_OFFSET)
-    return lambda temperature: np.exp(log_k + b / (temperature + VOGEL_OFFSET))
+    offset = constant - 273.15
+    b = math.log(at_40 / at_100) / (1 / (T_40 + offset) - 1 / (T_100 + offset))
+    log_k = math.log(at_40) - b / (T_40 + offset)
+    return lambda temperature: np.exp(log_k + b / (temperature + offset))
 
 
 def exponential(at_40: float, at_100: float) -> Law:

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from specan.models.quantity import quantity
+
+
+def _ratio(part, whole):
+    """Not a number where nothing goes in: an ideal gear without load has no efficiency."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.true_divide(part, whole)
 
 
 @quantity(unit="W")
@@ -32,7 +40,7 @@ def input_torque(output_power, power_loss, worm_speed):
 @quantity(unit="1")
 def efficiency(output_power, power_loss):
     """True power out over power in."""
-    return output_power / (output_power + power_loss)
+    return _ratio(output_power, output_power + power_loss)
 
 
 @quantity(unit="N*m")
@@ -44,7 +52,7 @@ def indicated_input_torque(input_torque):
 @quantity(unit="1")
 def indicated_efficiency(indicated_output_torque, indicated_input_torque, gear_ratio):
     """Efficiency as it is worked out from what the two torque sensors indicate."""
-    return indicated_output_torque / (gear_ratio * indicated_input_torque)
+    return _ratio(indicated_output_torque, gear_ratio * indicated_input_torque)
 
 
 @quantity(unit="W")

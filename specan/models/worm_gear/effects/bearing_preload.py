@@ -7,7 +7,7 @@ from specan.models import Parameter, effect
     "bearing-preload",
     adds_to="no_load_loss",
     neutral={"growth": 0.0},
-    aliases=("seal-drag", "viscosity-dependent-friction"),
+    aliases=("seal-drag", "torque-zero-error"),
     separate_by="runs without load over the whole range of temperatures",
     reference="linear thermal expansion of shaft against housing; both coefficients are left free here",
 )

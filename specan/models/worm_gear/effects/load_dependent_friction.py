@@ -12,7 +12,7 @@ NO_LOAD = 0.02  # of the reference load: keeps the law finite where the flanks h
     "load-dependent-friction",
     scales="friction_coefficient",
     neutral={"exponent": 0.0},
-    aliases=("torque-gain-error",),
+    aliases=("bearing-friction",),
     separate_by="torque over a decade at one speed and temperature",
     reference="ISO/TR 14179-2:2001: mu ~ (F_bt/b)^0.2; hydrodynamic films: mu ~ (load)^-0.5 "
     "(Cameron, Basic Lubrication Theory, 1981)",

@@ -7,7 +7,7 @@ from specan.models import Parameter, effect
     "oil-heating",
     adds_to="contact_temperature",
     neutral={"resistance": 0.0},
-    aliases=("temperature-bias", "shear-thinning"),
+    aliases=("inlet-shear-heating", "starvation", "shear-thinning"),
     separate_by="torque varied at constant speed and sump temperature, or a thermocouple in the gear",
     reference="steady thermal network of one resistance; DIN 3996 takes the wheel's temperature above the "
     "sump's from the loss in the same way; the resistance is left free here",

@@ -7,7 +7,7 @@ from specan.models import Parameter, effect
     "seal-drag",
     adds_to="no_load_loss",
     neutral={"torque": 0.0},
-    aliases=("torque-zero-error",),
+    aliases=("torque-zero-error", "bearing-preload"),
     separate_by="run without load in both directions of rotation, check the zero of the input torque sensor "
     "at standstill before and after, or take the seal out",
     reference="DIN 3996 and SKF radial shaft seals: a torque that goes with the square of the shaft diameter "

@@ -7,7 +7,7 @@ from specan.models import Parameter, effect
     "temperature-bias",
     adds_to="oil_temperature",
     neutral={"bias": 0.0},
-    aliases=("oil-heating", "churning"),
+    aliases=("churning",),
     separate_by="a second thermometer, at another place in the sump",
     reference="additive error of a resistance thermometer and its place; 2 K is usual in a stirred sump",
     instrument=True,

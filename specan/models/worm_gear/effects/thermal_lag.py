@@ -9,7 +9,7 @@ from specan.models import Parameter, effect
     "thermal-lag",
     adds_to="contact_temperature",
     neutral={"idle_offset": 0.0, "time": 0.0},
-    aliases=("temperature-bias", "torque-zero-error", "running-in"),
+    aliases=("torque-zero-error", "oil-heating"),
     separate_by="dwell at each condition until the loss stands still, go up and down in steps, record the time",
     reference="first-order lag of a body behind its surroundings; both constants are left free here",
 )

@@ -7,7 +7,7 @@ from specan.models import Parameter, effect
     "torque-gain-error",
     scales=("indicated_input_torque", "output_torque"),
     neutral={"input": 0.0, "output": 0.0},
-    aliases=("tooth-friction", "load-dependent-friction"),
+    aliases=("tooth-friction",),
     separate_by="exchange the two sensors, or load both with a lever arm and weights",
     reference="multiplicative error of a sensor; 0.1 % to 0.5 % is usual",
     instrument=True,
