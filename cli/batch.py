@@ -78,15 +78,17 @@ def command(
             }
         )
     else:
-        rows = [
-            [path.name, sum(1 for line in path.open(encoding="utf-8") if line[0] != "#") - 1]
-            for path in report.tables
-        ]
-        table(f"{done} analysed, {aside} put aside, {len(failed)} failed", ["table", "rows"], rows)
+        click.echo(f"{done} analysed, {aside} put aside, {len(failed)} failed.")
+        table("", ["table", "rows"], [[path.name, _rows(path)] for path in report.tables])
         click.echo(f"Written to {output}.")
     if failed:
         return 1 if done or aside else 3
     return 0
+
+
+def _rows(path: Path) -> int:
+    with path.open(encoding="utf-8") as file:
+        return sum(not line.startswith("#") for line in file) - 1
 
 
 def progress_line() -> Callable[[int, int, float], None] | None:

@@ -49,8 +49,8 @@ def takes(rig: Rig) -> dict[str, Take]:
         )
     for number, (frequency, volts) in enumerate(SINES.items()):
         made[f"sine/sine_{frequency:06.1f}Hz"] = sine_take(rig, frequency, volts, 4000, RATE, 300 + number)
-    made["noise/noise_24_microphones"] = noise_take(rig, 0.7, 28000, RATE, 400)
-    made["noise/noise_4_microphones_float32"] = noise_take(rig, 0.7, 20000, RATE, 401).only(FEW)
+    made["noise/noise_24_microphones"] = noise_take(rig, 2.0, 28000, RATE, 400)
+    made["noise/noise_4_microphones_float32"] = noise_take(rig, 2.0, 20000, RATE, 401).only(FEW)
     made["knock"] = knock_take(rig, 4.0, 8000, RATE, 500).only(FEW)
     return made
 
@@ -68,9 +68,9 @@ def write_recordings(out: Path, rig: Rig) -> None:
             with_excitation=not bare,
         )
     cut = out / "broken" / "truncated.tdms"
-    take = noise_take(rig, 0.7, 16000, RATE, 600).only(FEW)
+    take = sine_take(rig, 333.3, 1.0, 12000, RATE, 600).only(FEW)
     write_tdms(cut, rig, take, description="The power failed in the second second")
-    cut.write_bytes(cut.read_bytes()[:-85_000])
+    cut.write_bytes(cut.read_bytes()[:-40_000])
     (out / "broken" / "no_recording.tdms").write_bytes(NO_RECORDING.encode())
 
 

@@ -88,7 +88,7 @@ def join_insertions(
     return Calibration(
         channels=tuple(_channel(name, insertions, phases[name], settings) for name in phases),
         made_from=tuple(insertion.label for insertion in insertions),
-        calibrator_frequency_hz=float(np.mean(tones[0])) if len(tones) == 1 else None,
+        calibrator_frequency_hz=_plain(float(np.mean(tones[0]))) if len(tones) == 1 else None,
         calibrator_level_dB=_only({insertion.level_dB for insertion in insertions}),
         notes=tuple(notes),
         source="calibrator recordings",
@@ -135,9 +135,9 @@ def _phase(
         if phase.reference != reference
     ]
     calibration = PhaseCalibration(
-        frequency_hz=tuple(f for f, _ in kept),
-        phase_deg=tuple(phase.phase_deg for _, phase in kept),
-        u_phase_deg=tuple(phase.u_phase_deg for _, phase in kept),
+        frequency_hz=tuple(_plain(f) for f, _ in kept),
+        phase_deg=tuple(_plain(phase.phase_deg) for _, phase in kept),
+        u_phase_deg=tuple(_plain(phase.u_phase_deg) for _, phase in kept),
         model=settings.phase_model,
         group=reference,
     )
@@ -166,12 +166,14 @@ def _channel(
     verdict, reasons = _verdict([h for _, h in heard], mean)
     return ChannelCalibration(
         channel=name,
-        sensitivity=mean,
+        sensitivity=_plain(mean),
         unit="mV/Pa",
-        u_sensitivity_percent=float(np.sqrt(level**2 + np.mean(np.square(within)) / len(heard) + between**2)),
+        u_sensitivity_percent=_plain(
+            float(np.sqrt(level**2 + np.mean(np.square(within)) / len(heard) + between**2))
+        ),
         phase=phase,
-        scatter_percent=max(h.scatter_percent for _, h in heard),
-        drift_percent=max((h.drift_percent for _, h in heard), key=abs),
+        scatter_percent=_plain(max(h.scatter_percent for _, h in heard)),
+        drift_percent=_plain(max((h.drift_percent for _, h in heard), key=abs)),
         verdict=verdict,
         reasons=reasons,
     )
@@ -195,6 +197,11 @@ def _verdict(heard: Sequence[Heard], mean: float) -> tuple[Verdict, tuple[str, .
     worst = max(severity for severity, _ in judged)
     verdicts: tuple[Verdict, ...] = ("good", "doubtful", "failed")
     return verdicts[worst], tuple(text for severity, text in judged if severity)
+
+
+def _plain(value: float) -> float:
+    """Rounded to what a calibration can be worth, so that its file reads well and is the same everywhere."""
+    return round(value, 5) + 0.0
 
 
 def _only(values: set[float]) -> float | None:

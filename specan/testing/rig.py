@@ -54,11 +54,11 @@ class Rig:
     order: int = 2
     speaker_hz: float = 130.0
     speaker_q: float = 0.9
-    speaker_m_s_per_V: float = 0.06
+    speaker_m_s_per_V: float = 0.15
     second_harmonic: float = 0.004
     nominal_V_per_Pa: float = 0.05
     vibrometer_m_s_per_V: float = 0.05
-    mic_noise_Pa: float = 1e-3
+    mic_noise_Pa: float = 3e-4
     vibrometer_noise_m_s: float = 2e-6
     generator_noise_V: float = 2e-6
 
@@ -247,7 +247,7 @@ def calibrator_take(
     """The microphones `mics` (numbered from 1) in a calibrator with a six-way adapter.
 
     The calibrator's tone is 1000.02 Hz rather than the nominal 1 kHz, and each insertion repeats to
-    0.01 dB and 0.01 degree, as a good one does.
+    0.01 dB and 0.005 degree, as a good one does.
     """
     rng = np.random.default_rng(seed)
     chosen = np.array(mics) - 1
