@@ -101,7 +101,11 @@ def _null(record: Record) -> bool:
 
 
 def _single(low: float, high: float = float("inf"), least_d: float = 0.0) -> Callable[[Record], bool]:
-    return lambda r: r["kind"] == "single" and low <= r["lambda"] < high and r["d"] >= least_d
+    return lambda r: (
+        r["kind"] == "single"
+        and low <= r["lambda"] < high
+        and (least_d == 0.0 or (r["d"] is not None and r["d"] >= least_d))
+    )
 
 
 ROWS = (
@@ -131,20 +135,20 @@ ROWS = (
         unknown_recognised,
     ),
     Row(
-        "left out of the catalogue, lambda >= 300: recognised",
-        lambda r: r["kind"] == "left-out" and r["lambda"] >= 300,
+        "left out of the catalogue, lambda >= 300, D >= 100: recognised",
+        lambda r: r["kind"] == "left-out" and r["lambda"] >= 300 and (r["d"] or 0.0) >= 100,
         unknown_recognised,
     ),
     Row(
         "pair, each conditional lambda >= 20: exact",
-        lambda r: r["kind"] == "pair" and r["conditional_lambda"] >= 20,
+        lambda r: r["kind"] == "pair" and (r["conditional_lambda"] or 0.0) >= 20,
         among,
         ">= 75 %",
         _at_least(0.75),
     ),
     Row(
         "  'or one unknown' added",
-        lambda r: r["kind"] == "pair" and r["conditional_lambda"] >= 20,
+        lambda r: r["kind"] == "pair" and (r["conditional_lambda"] or 0.0) >= 20,
         doubted,
     ),
 )  # fmt: skip
@@ -202,7 +206,7 @@ def by_effect(records: Sequence[Record], least_lambda: float = 30.0) -> list[dic
                 "cases": len(group),
                 "strong": len(strong),
                 "right": sum(counted(r) for r in strong),
-                "d": _middle(r["d"] for r in strong),
+                "d": _middle(r["d"] for r in strong if r["d"] is not None),
                 "instead": ", ".join(
                     f"{n}x {said}" for said, n in sorted(misses.items(), key=lambda m: -m[1])
                 ),

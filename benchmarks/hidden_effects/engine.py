@@ -1,0 +1,118 @@
+"""The study engine as the bench asks it, and what its own fit says that the data could know."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from hidden_effects.cases import Case
+from specan.models import Model, Use
+from specan.models.worm_gear.build import build
+from specan.study.data import read_tables
+from specan.study.diagnose import diagnose as find_missing
+from specan.study.fit import fit
+from specan.study.problem import Problem, base_problem
+from specan.study.refit import EffectSet, Refit, Refits
+from specan.study.score import Scored, score_pairs
+from specan.study.search import Search
+from specan.testing.worm_gear import TruthCase
+from specan.units import convert
+
+STARTS = 3  # traces of a candidate from which it is refitted to noise-free data
+
+
+def diagnose(case: Case, directory: Path) -> dict[str, Any]:
+    """Verdict on a measurement, as ``study diagnose --json`` gives it."""
+    return find_missing(_problem(directory, case.without)).to_json()
+
+
+def measure(case: Case, truth: TruthCase, directory: Path) -> dict[str, Any]:
+    """lambda, D, conditional lambda and the planted sizes, from a refit of noise-free data.
+
+    Returns
+    -------
+    dict
+        ``lambda``: chi-square that the base leaves. ``left``: that the true candidates leave.
+        ``d``: least that as many wrong candidates leave beyond that (single effects). ``rival``: which.
+        ``conditional_lambda``: least that one of a pair alone leaves beyond both.
+        ``planted``: amplitude that each true candidate takes, in the unit of its parameter.
+    """
+    problem = _noise_free(_problem(directory), truth)
+    refits = Refits(Refit(frozenset(), problem, fit(problem, starts=STARTS)))
+    found = {"lambda": refits.base.chi2, "left": None, "d": None, "rival": None, "conditional_lambda": None}
+    names = frozenset(Use(name) for name in case.truth)
+    if not names:
+        return {**found, "planted": {}}
+    step = Search(refits).step(refits.base)
+    singles = {use: refits.fit(refits.base, _starts(items)) for use, items in step.by_use.items()}
+    right = singles.get(next(iter(names))) if len(names) == 1 else _pair(refits, step.scored, names)
+    found["planted"] = {use.name: _amplitude(singles.get(use)) for use in names}
+    if right is None:  # the base swallows it whole
+        return found
+    found["left"] = right.chi2
+    if len(names) == 1:
+        rivals = {str(u): r.chi2 - right.chi2 for u, r in singles.items() if r is not None and u not in names}
+        found["rival"] = min(rivals, key=lambda name: rivals[name])
+        found["d"] = rivals[found["rival"]]
+    else:
+        alone = [r.chi2 if r is not None else refits.base.chi2 for r in map(singles.get, names)]
+        found["conditional_lambda"] = min(alone) - right.chi2
+    return found
+
+
+def _problem(directory: Path, without: Iterable[str] = ()) -> Problem:
+    model = _model((directory / "rig.toml").read_text(encoding="utf-8"), tuple(without))
+    return base_problem(model, [read_tables(model, [directory / "measurement.csv"]).fitted])
+
+
+@cache
+def _model(rig: str, without: Sequence[str]) -> Model:
+    model = build(tomllib.loads(rig))
+    return replace(
+        model,
+        effects={name: effect for name, effect in model.effects.items() if name not in without},
+        nuisances=tuple(n for n in model.nuisances if n.effect not in without),
+    )
+
+
+def _noise_free(problem: Problem, truth: TruthCase) -> Problem:
+    """Covariance and certificates of the noisy data; readings without noise at the conditions that really ran."""
+    (observation,) = problem.observations
+    ideal: Mapping[str, Any] = truth.noise_free
+    measured, conditions = observation.measured.copy(), dict(observation.conditions)
+    for column in ("input_torque", "efficiency"):
+        rows = observation.observable == column
+        measured[rows] = ideal["input_torque_Nm" if column == "input_torque" else column][rows]
+    for name, condition in problem.assembly.model.conditions.items():
+        if condition.column in ideal and name in conditions:
+            conditions[name] = convert(ideal[condition.column], condition.column_unit, condition.unit)
+    return problem.over([replace(observation, measured=measured, conditions=conditions)])
+
+
+def _starts(items: Sequence[Scored]) -> list[list[Scored]]:
+    """The best trace and the best of those that have other shapes."""
+    kept: list[Scored] = []
+    for item in items:
+        if all(item.trace.shapes != other.trace.shapes for other in kept):
+            kept.append(item)
+    return [[item] for item in kept[:STARTS]]
+
+
+def _pair(refits: Refits, scored: Sequence[Scored], names: EffectSet) -> Refit | None:
+    pair = next((p for p in score_pairs(refits.base.linear, scored) if p.uses == names), None)
+    return None if pair is None else refits.fit(refits.base, [[pair.first, pair.second]])
+
+
+def _amplitude(refit: Refit | None) -> float | None:
+    """Size of the one effect that was added, of its first amplitude, in its declared unit."""
+    if refit is None:
+        return 0.0
+    (use,) = refit.uses
+    effect = refit.problem.assembly.model.effects[use.name]
+    name = next(n for n in effect.parameters if n in effect.neutral)
+    parameter, value = effect.parameters[name], refit.fit.values[f"{use}.{name}"]
+    return abs(float(parameter.from_si(value)) - effect.neutral[name])
