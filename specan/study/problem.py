@@ -209,48 +209,46 @@ class Problem:
 
     def jacobian(self, theta: Array) -> Array:
         """Derivative of `residual`, shape (n_data + n_priors, len(theta))."""
+        slopes = self.sensitivities(theta)
+        white = [o.whiten(slope) for o, slope in zip(self.observations, slopes, strict=True)]
+        return np.concatenate([*white, self._prior_jacobian], axis=0)
+
+    def sensitivities(self, theta: Array) -> list[Array]:
+        """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences."""
         theta = np.asarray(theta, dtype=float)
+        if not theta.size:
+            return [np.empty((o.n, 0)) for o in self.observations]
         points, weights = self._stencil(theta)
         many = [self.values_at(p) for p in points]
-        blocks = []
-        for o in self.observations:
-            if not many:
-                blocks.append(np.empty((o.n, 0)))
-                continue
-            table = o.predict_many(self.assembly, [self._seen_by(o, v) for v in many])
-            blocks.append(o.whiten(np.einsum("nkj,kj->nk", table.reshape(o.n, theta.size, -1), weights)))
-        return np.concatenate([*blocks, self._prior_jacobian], axis=0)
+        return [
+            o.predict_many(self.assembly, [self._seen_by(o, v) for v in many]) @ weights
+            for o in self.observations
+        ]
 
     def _stencil(self, theta: Array) -> tuple[list[Array], Array]:
-        """Points around theta and their weights: central, or one-sided of second order at a bound."""
+        """Points around theta (itself first) and the weights that make derivatives of their predictions.
+
+        Central differences; one-sided ones of second order where a bound is near.
+        """
         low, high = self.bounds()
-        points: list[Array] = []
-        weights = np.empty((theta.size, 3))
+        points = [theta]
+        weights = np.zeros((2 * theta.size + 1, theta.size))
         for k, scale in enumerate(self.scale):
             h = STEP * max(scale, abs(theta[k]))
             h = (theta[k] + h) - theta[k]
             if theta[k] - h < low[k]:
-                offsets, weights[k] = (0, 1, 2), np.array([-3.0, 4.0, -1.0]) / (2 * h)
+                offsets, at_centre, outside = (1, 2), -1.5, (2.0, -0.5)
             elif theta[k] + h > high[k]:
-                offsets, weights[k] = (0, -1, -2), np.array([3.0, -4.0, 1.0]) / (2 * h)
+                offsets, at_centre, outside = (-1, -2), 1.5, (-2.0, 0.5)
             else:
-                offsets, weights[k] = (-1, 0, 1), np.array([-0.5, 0.0, 0.5]) / h
-            for offset in offsets:
+                offsets, at_centre, outside = (-1, 1), 0.0, (-0.5, 0.5)
+            weights[0, k] = at_centre / h
+            for place, (offset, weight) in enumerate(zip(offsets, outside, strict=True)):
                 point = theta.copy()
                 point[k] += offset * h
                 points.append(point)
+                weights[1 + 2 * k + place, k] = weight / h
         return points, weights
-
-    def data_residuals(self, many: Sequence[Mapping[str, Any]]) -> Array:
-        """Whitened data residuals (no priors) for several sets of values, one a column."""
-        return np.concatenate(
-            [
-                o.whiten(
-                    o.predict_many(self.assembly, [self._seen_by(o, v) for v in many]) - o.measured[:, None]
-                )
-                for o in self.observations
-            ]
-        )
 
     def predictions(self, theta: Array) -> list[Array]:
         """What the model expects in place of `measured`, one vector an observation."""

@@ -87,7 +87,8 @@ class Rows:
             condition = model.conditions[name]
             if condition.varies and np.unique(level).size > 1:
                 shown = np.asarray(convert(grouped(level), condition.unit, condition.column_unit))
-                found[condition.column] = np.array([float(f"{value:.4g}") for value in shown])
+                digits = 6 if self.is_set[name] else 3
+                found[condition.column] = np.array([float(f"{value:.{digits}g}") for value in shown])
         if len(self.recordings) > 1:
             found["measurement"] = np.array(self.recordings)[self.recording]
         return found

@@ -32,6 +32,10 @@ class Observation(Protocol):
         """What was measured, SI; complex data as the real parts followed by the imaginary ones."""
 
     @property
+    def sigma(self) -> Array:
+        """Standard uncertainty of each value: the root of V's diagonal."""
+
+    @property
     def conditions(self) -> Mapping[str, Array]:
         """Operating conditions in SI, arrays."""
 
