@@ -13,6 +13,7 @@ from specan.errors import SpecanError
 
 # verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
 VERBS: dict[str, tuple[str, str]] = {
+    "info": ("info", "What is in a recording: channels, roles, rates, units, excitation, notes."),
     "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
-from specan.errors import InputError
+from specan.errors import InputError, NoSignalError
 
 TIME_UNITS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
@@ -46,10 +46,6 @@ class Rate:
     how: str
 
 
-class NoTimeSignal(InputError):
-    """The channel is a spectrum or a table, whatever its sampling rate would be."""
-
-
 def from_increment(
     properties: Mapping[str, Any], n_samples: int, tried: list[str], names: str = ""
 ) -> Rate | None:
@@ -68,7 +64,7 @@ def from_increment(
 
     Raises
     ------
-    NoTimeSignal
+    NoSignalError
         The increment is not one of time.
     """
     increment = properties.get("wf_increment")
@@ -79,18 +75,20 @@ def from_increment(
     dimension = str(properties.get("NI_ExpXDimension", "")).strip()
     axis = str(properties.get("wf_xname", "")).strip().lower()
     if dimension == "f" or unit.lower() in _FREQUENCY_UNITS or axis.startswith("freq"):
-        raise NoTimeSignal(f"its increment is {increment} Hz: a spectrum, not a time signal")
+        raise NoSignalError(f"its increment is {increment} Hz: a spectrum, not a time signal")
     step = float(increment)
     offset = float(properties.get("wf_start_offset", 0.0))
     scale = TIME_UNITS.get(unit.lower().replace("µ", "u")) if unit else 1.0
     if not math.isfinite(step) or step <= 0.0:
         tried.append(f"wf_increment is {increment}")
     elif offset < 0.0 and math.isclose(offset, -step * n_samples / 2, rel_tol=2.0 / max(n_samples, 2)):
-        raise NoTimeSignal(
+        raise NoSignalError(
             f"its increment is {step:g} and its offset {offset:g}: a two-sided spectrum, not a time signal"
         )
     elif _SPECTRUM.search(names) and step > 1e-3 and dimension != "t" and not (unit or axis):
-        raise NoTimeSignal(f"it is called a spectrum, and nothing says that its increment {step:g} is a time")
+        raise NoSignalError(
+            f"it is called a spectrum, and nothing says that its increment {step:g} is a time"
+        )
     elif scale is None:
         tried.append(f"wf_increment is in {unit!r}, which is no time")
     elif step == 1.0:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from specan.data.recording import Channel, Recording
 from specan.errors import InputError, NoSignalError
@@ -69,7 +69,9 @@ class _Opening:
     channels: list[Channel] = field(default_factory=list)
     feeds: list[Feed] = field(default_factory=list)
     set_aside: dict[str, str] = field(default_factory=dict)
-    no_rate: list[str] = field(default_factory=list)
+    faults: list[tuple[str, str]] = field(
+        default_factory=list
+    )  # reasons that the user can do something about
     notes: list[str] = field(default_factory=list)
     axes: dict[str, list[Axis]] = field(default_factory=dict)
 
@@ -104,19 +106,19 @@ class _Opening:
             set_aside=self.set_aside,
         )
 
-    def _refuse(self) -> None:
-        reasons = list(dict.fromkeys(self.set_aside.values()))
-        if self.no_rate:
-            raise InputError(
-                f"{self.label}: {self.no_rate[0]}",
-                expected="a sampling rate",
-                remedy="say it with --sampling-rate HZ, or in the channel table",
-            )
-        first = next(iter(self.set_aside), "")
+    def _refuse(self) -> NoReturn:
+        if self.faults:
+            reason, remedy = self.faults[0]
+            raise InputError(f"{self.label}: {reason}", remedy=remedy)
+        first = next(iter(self.set_aside.items()), None)
         more = f" (and {len(self.set_aside) - 1} more channels)" if len(self.set_aside) > 1 else ""
-        what = f"{first!r}: {reasons[0]}{more}" if reasons else "it has no channel"
-        kind = NoSignalError if set(reasons) - {_EMPTY, _CUT_OFF} else InputError
+        what = f"{first[0]!r}: {first[1]}{more}" if first else "it has no channel"
+        kind = NoSignalError if set(self.set_aside.values()) - {_EMPTY, _CUT_OFF} else InputError
         raise kind(f"{self.label} holds no time signal; {what}", expected="numbers sampled in time")
+
+    def _fault(self, reason: str, remedy: str) -> _Aside:
+        self.faults.append((reason, remedy))
+        return _Aside(reason)
 
     def _unfit(self, found: TdmsObject) -> str:
         """Why an object is no signal, as far as its headers say; empty for none."""
@@ -147,10 +149,11 @@ class _Opening:
         try:
             scaling = scaling_of(found.properties, self._group(found), self.headers.properties, found.scalers)
         except InputError as fault:
-            raise _Aside(str(fault).rstrip(".")) from None
+            raise self._fault(f"{found.name!r} cannot be scaled: {fault}".rstrip("."), "") from None
         foreign = found.path in layout.foreign
         if foreign and (found.path in layout.short_midfile):
-            raise _Aside(f"{layout.foreign[found.path]}, with a segment that ends in a short chunk")
+            what = f"{found.name!r} is {layout.foreign[found.path]} in a segment that ends in a short chunk"
+            raise self._fault(what, "write it in whole chunks: npTDMS would read beyond the segment")
         line = None if foreign else scaling.line(dtype)
         channel = _channel(found, self.label, row, self.table.source if self.table else "")
         channel = _with_full_scale(channel, *full_scale_of(dtype, line, found.properties), row)
@@ -177,7 +180,7 @@ class _Opening:
             increment = rates.from_increment(
                 found.properties, n_samples, tried, f"{found.group} {found.name}"
             )
-        except rates.NoTimeSignal as fault:
+        except NoSignalError as fault:
             raise _Aside(fault.found) from None
         if row is not None and row.sampling_rate_hz is not None:
             assert self.table is not None
@@ -204,8 +207,7 @@ class _Opening:
             raise _Aside(f"it is a table over {table[0]!r}, not a time signal")
         tried += [a.why_not for a in axes] or ["its group has no time channel of its length"]
         reason = f"no sampling rate for {found.name!r} ({'; '.join(tried)})"
-        self.no_rate.append(reason)
-        raise _Aside(reason)
+        raise self._fault(reason, "say it with --sampling-rate HZ, or in the channel table")
 
     def _axes(self, group: str) -> list[Axis]:
         if group not in self.axes:

@@ -93,7 +93,13 @@ def read_headers(path: Path) -> Headers:
             else:
                 groups.setdefault(place.group, {})
                 channels.append(_channel(text, place, found, values))
-    return Headers(path, properties, groups, tuple(channels), layout_of(segments, size), size, len(segments))
+    try:
+        layout = layout_of(segments, size)
+    except InputError as fault:
+        raise InputError(
+            f"{path.name}: {fault.found}", expected=fault.expected, remedy=fault.remedy
+        ) from None
+    return Headers(path, properties, groups, tuple(channels), layout, size, len(segments))
 
 
 def _channel(text: str, place: Any, found: Any, properties: dict[str, Any]) -> TdmsObject:

@@ -246,7 +246,7 @@ def _foreign(objects: list[Any]) -> dict[str, str]:
     for o in objects:
         scalers = o.daqmx_metadata.scalers
         if len(scalers) != 1:
-            foreign[o.path] = f"{len(scalers)} DAQmx scalers"
+            foreign[o.path] = f"a sum of {len(scalers)} DAQmx scalers"
         elif isinstance(scalers[0], DigitalLineScaler):
             foreign[o.path] = "a digital line"
     return foreign

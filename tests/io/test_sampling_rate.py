@@ -6,7 +6,7 @@ import tdms_bytes as tb
 from nptdms import ChannelObject, TdmsWriter
 from tdms_bytes import write
 
-from specan.errors import InputError, RequestError
+from specan.errors import InputError, NoSignalError, RequestError
 from specan.io.open import open_recording
 
 
@@ -175,7 +175,7 @@ class TestNoTimeSignal:
     )
     def test_a_spectrum(self, path, properties):
         write(path, [("c", np.zeros(100), properties)])
-        with pytest.raises(InputError, match="spectrum, not a time signal"):
+        with pytest.raises(NoSignalError, match="spectrum, not a time signal"):
             open_recording(path)
 
     def test_a_spectrum_beside_a_signal_is_set_aside(self, path):
@@ -194,7 +194,7 @@ class TestNoTimeSignal:
     def test_a_table_over_frequency(self, path):
         placeholder = {"wf_increment": 1.0}
         write(path, [("Freq (Hz)", np.arange(20.0), placeholder), ("U (V)", np.zeros(20), placeholder)])
-        with pytest.raises(InputError, match=r"table over 'Freq \(Hz\)'"):
+        with pytest.raises(NoSignalError, match=r"table over 'Freq \(Hz\)'"):
             open_recording(path)
 
     def test_decimated_copies(self, path):

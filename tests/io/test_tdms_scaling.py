@@ -6,7 +6,7 @@ import tdms_bytes as tb
 from nptdms import TdmsFile
 from tdms_bytes import write
 
-from specan.errors import InputError
+from specan.errors import InputError, NoSignalError
 from specan.io.open import open_recording
 
 
@@ -73,10 +73,20 @@ class TestScaling:
     )
     def test_a_scale_that_cannot_be_computed_is_an_error(self, path, scale, message):
         write(path, [("c", self.data, {**self.wave, **scale})])
-        with pytest.raises(InputError, match=message):
+        with pytest.raises(InputError, match=message) as caught:
             open_recording(path)
+        assert not isinstance(caught.value, NoSignalError)  # the batch calls it a failure
+        assert "a.tdms: 'c' cannot be scaled" in str(caught.value)
 
     def test_the_scale_of_the_group(self, path):
         write(path, [("c", self.data, self.wave)], group=tb.linear(3.0))
         recording = open_recording(path)
         np.testing.assert_array_equal(recording.read(recording.channels)[0], 3.0 * self.data)
+
+
+def test_a_channel_that_cannot_be_scaled_costs_the_others_nothing(path):
+    unknown = {"wf_increment": 0.001, "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Logarithm"}
+    write(path, [("good", np.ones(5), {"wf_increment": 0.001}), ("bad", np.ones(5), unknown)])
+    recording = open_recording(path)
+    assert [c.name for c in recording.channels] == ["good"]
+    assert "'Logarithm' is not known" in recording.set_aside["g/bad"]

@@ -1,0 +1,336 @@
+"""``specan info``: what is in a recording, and how each thing was decided."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from specan_cli.output import emit_json, say, table
+from specan_cli.recording_input import opening_options
+
+if TYPE_CHECKING:
+    from specan.data.excitation import Excitation
+    from specan.data.levels import Quality
+    from specan.data.recording import Channel, Recording
+    from specan.io.open import Found
+
+# Properties that the table of channels already shows, or that only say how the file was written.
+_SHOWN = {"unit_string", "Unit_String", "QuantityUnit", "Sensitivity", "SensitivityUnit", "name"}
+_MANY = 40  # channels; beyond them equal rows are joined
+_LINES = 30  # of properties; the others are told with --all
+
+
+@click.command("info")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
+@opening_options
+@click.option("--levels", is_flag=True, help="Read all samples: RMS, peak, clipped, dead, NaN.")
+@click.option("--all", "show_all", is_flag=True, help="Every channel and the whole of every property.")
+@click.option("--json", "as_json", is_flag=True, help="Everything, as JSON.")
+def command(
+    files: tuple[Path, ...],
+    channel_table: Path | None,
+    calibration: Path | None,
+    sampling_rate: float | None,
+    levels: bool,
+    show_all: bool,
+    as_json: bool,
+) -> int:
+    """Show groups, channels, roles, rates, units, excitation, notes and integrity of recordings.
+
+    Only headers are read, and a few seconds of one channel to tell sine from noise. A directory stands
+    for all recordings in it.
+    """
+    from specan.analysis.excitation import recognise
+    from specan.errors import InputError
+    from specan.io.open import open_recording
+
+    seen: list[dict[str, Any]] = []
+    failures: list[dict[str, str]] = []
+    found = _expand(files)
+    for item in found:
+        try:
+            recording = open_recording(
+                item.path,
+                label=item.label,
+                channel_table=channel_table,
+                calibration=calibration,
+                sampling_rate=sampling_rate,
+            )
+            excitation = recognise(recording)
+            quality = _levels(recording) if levels else {}
+        except InputError as fault:
+            if len(found) == 1:
+                raise
+            failures.append({"file": item.label, "reason": str(fault)})
+            say(f"Left out: {fault}")
+            continue
+        if as_json:
+            seen.append(_content(recording, item.path, excitation, quality))
+        else:
+            _show(recording, item.path, excitation, quality, show_all)
+            seen.append({})
+    if not seen:
+        raise InputError("no file could be read", remedy="see the reasons above")
+    if as_json:
+        emit_json({"files": seen, "failures": failures})
+    return 1 if failures else 0
+
+
+def _expand(files: tuple[Path, ...]) -> list[Found]:
+    from specan.errors import RequestError
+    from specan.io.open import Found, find_recordings
+
+    found: list[Found] = []
+    for path in files:
+        inside = find_recordings([path]) if path.is_dir() else [Found(path, path.name)]
+        if not inside:
+            raise RequestError(f"the directory {path} holds no recording", expected="*.tdms or *.wav in it")
+        found += inside
+    return found
+
+
+def _levels(recording: Recording) -> dict[int, tuple[float, Quality]]:
+    """RMS and quality by the place of a channel; channels of one rate and length are read together."""
+    import numpy as np
+
+    from specan.analysis.quality import BLOCK, QualityAccumulator
+
+    together: dict[tuple[float, int], list[int]] = {}
+    for place, channel in enumerate(recording.channels):
+        together.setdefault((channel.sampling_rate, channel.n_samples), []).append(place)
+    found = {}
+    for (_, n_samples), places in together.items():
+        channels = [recording.channels[p] for p in places]
+        quality, energy = QualityAccumulator(channels), np.zeros(len(channels))
+        for block in recording.blocks(channels, BLOCK):
+            quality.add(block)
+            energy += np.einsum("ij,ij->i", block, block)
+        rms = np.sqrt(energy / n_samples).tolist()
+        found.update(zip(places, zip(rms, quality.result(), strict=True), strict=True))
+    return found
+
+
+def _show(
+    recording: Recording,
+    path: Path,
+    excitation: Excitation,
+    quality: dict[int, tuple[float, Quality]],
+    show_all: bool,
+) -> None:
+    click.echo(f"{recording.label}: {_headline(recording, path)}")
+    tone = f" at {excitation.frequency_hz:g} Hz" if excitation.frequency_hz else ""
+    click.echo(f"Excitation: {excitation.kind}{tone} ({excitation.reason})")
+    for text in _descriptions(recording):
+        click.echo(f"Description: {text}")
+    for flag in recording.flags:
+        click.echo(f"Flag: {flag}")
+    for note in recording.notes:
+        click.echo(f"Note: {note}.")
+    click.echo()
+    _show_channels(recording, quality, show_all)
+    _show_decisions(recording)
+    _show_set_aside(recording, show_all)
+    _show_properties(recording, show_all)
+
+
+def _descriptions(recording: Recording) -> list[str]:
+    """Notes that somebody wrote into the file or its groups."""
+    places = [recording.properties, *recording.group_properties.values()]
+    texts = [" ".join(str(p.get("Description", "")).split()) for p in places]
+    return [text for text in dict.fromkeys(texts) if text]
+
+
+def _headline(recording: Recording, path: Path) -> str:
+    rates = sorted({c.sampling_rate for c in recording.channels})
+    longest = max(c.duration_s for c in recording.channels)
+    rate = " and ".join(f"{r:g}" for r in rates)
+    size = path.stat().st_size / 1e6
+    return f"{len(recording.channels)} channels, {longest:g} s at {rate} Hz, {size:.1f} MB"
+
+
+def _show_channels(recording: Recording, quality: dict[int, tuple[float, Quality]], show_all: bool) -> None:
+    """One table a group; what all channels of a group share stands in its title."""
+    for group in dict.fromkeys(c.group for c in recording.channels):
+        places = [k for k, c in enumerate(recording.channels) if c.group == group]
+        columns: dict[str, list[Any]] = {}
+        for place in places:
+            row = _row(recording.channels[place], quality.get(place))
+            for key, value in row.items():
+                columns.setdefault(key, []).append(value)
+        title = f"{group}: " if group else ""
+        shared = []
+        for key, word in (("rate Hz", "Hz"), ("samples", "samples")):
+            if len(set(columns[key])) == 1:
+                shared.append(f"{columns.pop(key)[0]} {word}")
+        columns = {key: values for key, values in columns.items() if key == "channel" or any(values)}
+        rows = [list(row) for row in zip(*columns.values(), strict=True)]
+        if len(rows) > _MANY and not show_all:
+            rows = _joined(rows)
+        table(title + ", ".join([f"{len(places)} channels", *shared]), list(columns), rows)
+        click.echo()
+
+
+def _row(c: Channel, quality: tuple[float, Quality] | None) -> dict[str, str]:
+    row = {
+        "channel": c.name,
+        "role": c.role,
+        "unit": c.unit + ("" if c.unit == c.target_unit else f" (to {c.target_unit})"),
+        "rate Hz": f"{c.sampling_rate:g}",
+        "samples": str(c.n_samples),
+        "sensitivity": _sensitivity(c),
+        "full scale": "" if c.full_scale is None else f"{c.full_scale:.4g}",
+        "delay s": f"{c.delay_s:g} +- {c.u_delay_s:g}" if c.delay_s or c.u_delay_s else "",
+    }
+    if quality is not None:
+        rms, found = quality
+        peak = max(abs(found.minimum), abs(found.maximum))
+        row |= {"RMS": f"{rms:.4g}", "peak": f"{peak:.4g}", "flags": " ".join(found.flags)}
+    return row
+
+
+def _joined(rows: list[list[str]]) -> list[list[str]]:
+    """Rows that differ in the channel's name alone become one."""
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for name, *rest in rows:
+        alike.setdefault(tuple(rest), []).append(name)
+    return [[_names(names), *rest] for rest, names in alike.items()]
+
+
+def _sensitivity(channel: Channel) -> str:
+    """Sensitivity as an engineer reads it, from the gain."""
+    if channel.raw_unit != "V" or channel.unit == "V":
+        return ""
+    if channel.unit == "Pa":
+        return f"{1e3 * channel.raw_scale / channel.gain:.4g} mV/Pa"
+    return f"{channel.gain / channel.raw_scale:.4g} ({channel.unit})/V"
+
+
+def _show_decisions(recording: Recording) -> None:
+    """How each thing was decided; equal reasons once, with the channels that they hold for."""
+    rows = []
+    for key in dict.fromkeys(key for c in recording.channels for key in c.decisions):
+        reasons: dict[str, list[str]] = {}
+        for c in recording.channels:
+            if reason := c.decisions.get(key):
+                value = {"role": f"{c.role}: ", "sampling_rate": f"{c.sampling_rate:g} Hz: "}.get(key, "")
+                reasons.setdefault(value + reason.replace(repr(c.name), "of the channel"), []).append(c.name)
+        rows += [[key.replace("_", " "), _names(names), reason] for reason, names in reasons.items()]
+    table("How it was decided", ["", "channels", "reason"], rows)
+
+
+def _show_set_aside(recording: Recording, show_all: bool) -> None:
+    if not recording.set_aside:
+        return
+    click.echo()
+    reasons: dict[str, list[str]] = {}
+    for name, reason in recording.set_aside.items():
+        reasons.setdefault(reason, []).append(name)
+    rows = [[", ".join(n) if show_all else _names(n), reason] for reason, n in reasons.items()]
+    table("Set aside", ["channels", "reason"], rows)
+
+
+def _show_properties(recording: Recording, show_all: bool) -> None:
+    """Properties of file and groups, and those of channels that no standard names."""
+    rows = [["file", key, value] for key, value in recording.properties.items()]
+    for group, properties in recording.group_properties.items():
+        rows += [[group, key, value] for key, value in properties.items()]
+    own: dict[tuple[str, str], list[str]] = {}
+    for c in recording.channels:
+        for key, value in c.properties.items():
+            if key not in _SHOWN and not key.startswith("wf_"):
+                own.setdefault((key, str(value)), []).append(c.name)
+    rows += [[_names(names), key, value] for (key, value), names in own.items()]
+    if not show_all:
+        rows = [row for row in rows if not row[1].startswith("NI_") and row[1] != "Description"]
+    if not rows:
+        return
+    click.echo()
+    lines = rows if show_all else rows[:_LINES]
+    table(
+        "Properties", ["of", "key", "value"], [[of, key, _text(value, show_all)] for of, key, value in lines]
+    )
+    if len(rows) > len(lines):
+        click.echo(f"... and {len(rows) - len(lines)} more (--all)")
+
+
+def _names(names: Iterable[str]) -> str:
+    names = list(names)
+    if len(names) <= 3:
+        return ", ".join(names)
+    return f"{names[0]} ... {names[-1]} ({len(names)})"
+
+
+def _text(value: Any, whole: bool) -> str:
+    text = " ".join(str(value).split())
+    return text if whole or len(text) <= 100 else text[:97] + "..."
+
+
+def _content(
+    recording: Recording, path: Path, excitation: Excitation, quality: dict[int, tuple[float, Quality]]
+) -> dict[str, Any]:
+    return {
+        "file": recording.label,
+        "size_bytes": path.stat().st_size,
+        "flags": recording.flags,
+        "notes": recording.notes,
+        "excitation": {
+            "kind": excitation.kind,
+            "frequency_hz": excitation.frequency_hz,
+            "reason": excitation.reason,
+        },
+        "properties": _plain(recording.properties),
+        "groups": {group: _plain(p) for group, p in recording.group_properties.items()},
+        "channels": [_channel(c, quality.get(k)) for k, c in enumerate(recording.channels)],
+        "set_aside": dict(recording.set_aside),
+    }
+
+
+def _channel(channel: Channel, quality: tuple[float, Quality] | None) -> dict[str, Any]:
+    content = {
+        "name": channel.name,
+        "group": channel.group,
+        "role": channel.role,
+        "unit": channel.unit,
+        "sampling_rate_hz": channel.sampling_rate,
+        "n_samples": channel.n_samples,
+        "duration_s": channel.duration_s,
+        "start_offset_s": channel.start_offset_s,
+        "sample_unit": channel.raw_unit,
+        "gain": channel.gain,
+        "u_gain_percent": channel.u_gain_percent,
+        "derivatives": channel.derivatives,
+        "delay_s": channel.delay_s,
+        "u_delay_s": channel.u_delay_s,
+        "full_scale": channel.full_scale,
+        "phase": None,
+        "decisions": dict(channel.decisions),
+        "properties": _plain(channel.properties),
+    }
+    if channel.phase is not None:
+        content["phase"] = {
+            "frequency_hz": channel.phase.frequency_hz,
+            "phase_deg": channel.phase.phase_deg,
+            "u_phase_deg": channel.phase.u_phase_deg,
+            "model": channel.phase.model,
+            "group": channel.phase.group,
+        }
+    if quality is not None:
+        rms, found = quality
+        content |= {
+            "rms": rms,
+            "minimum": found.minimum,
+            "maximum": found.maximum,
+            "n_not_finite": found.n_not_finite,
+            "flags": found.flags,
+        }
+    return content
+
+
+def _plain(properties: Mapping[str, Any]) -> dict[str, Any]:
+    """Properties as JSON values; time stamps as ISO 8601."""
+    return {
+        key: value if isinstance(value, (str, int, float, bool)) else str(value)
+        for key, value in properties.items()
+    }
