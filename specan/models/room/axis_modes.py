@@ -54,6 +54,26 @@ class AxisModes:
     def at(self, x: NDArray[np.float64]) -> Complex:
         """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
         part = np.asarray(x, dtype=float) / self.length
+        u = np.where(np.abs(self.w) < 1e-12, 1e-6, np.sqrt(self.w))[..., None]
+        wave = np.exp(1j * u * part)  # one exponential is cheaper than a sine and a cosine
+        back = 1 / wave
+        found: Complex = 0.5 * (wave + back) - (0.5j * self.a0[..., None] / u) * (wave - back)
+        return found
+
+    def slope_at(self, x: NDArray[np.float64]) -> Complex:
+        """Derivatives of the eigenfunctions at positions `x`: array (lines, modes, positions), 1/m."""
+        part = np.asarray(x, dtype=float) / self.length
+        cosine, sine = _cos_sinc(self.w[..., None] * part**2)
+        found: Complex = (self.a0[..., None] * cosine - self.w[..., None] * part * sine) / self.length
+        return found
+
+    def lines(self, part: slice) -> AxisModes:
+        """The same at some lines only."""
+        return AxisModes(self.length, self.w[part], self.a0[part], self.norm[part])
+
+    def at(self, x: NDArray[np.float64]) -> Complex:
+        """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
+        part = np.asarray(x, dtype=float) / self.length
         cosine, sine = _cos_sinc(self.w[..., None] * part**2)
         return cosine + self.a0[..., None] * part * sine
 

@@ -1,0 +1,134 @@
+"""What an averaged transfer function makes of a true one: the model is seen through the same windows.
+
+An H1 of short blocks is not H(f): a mode narrower than a line is smeared. The pressure that a model
+predicts is the *recorded* reference, filtered by the model over the whole record, then cut, windowed and
+averaged like the measurement. All of that is linear in H, so it is a matrix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+REACH = 10  # lines to either side from which a window lets energy through: Hann has fallen by 67 dB
+NODES_PER_LINE = 2  # a response of up to half a block is sampled densely enough for the interpolation
+_ORDER = 6  # points of the Lagrange interpolation between nodes
+
+
+@dataclass(frozen=True)
+class Folding:
+    """The matrix from a transfer function at `nodes` to the estimate at the lines.
+
+    Attributes
+    ----------
+    nodes : array (m,)
+        Frequencies in Hz at which the model has to be evaluated.
+    matrix : sparse array (lines, m)
+    """
+
+    nodes: Real
+    matrix: Any
+
+    def __call__(self, response: Complex) -> Complex:
+        """Estimate (channels, lines) that a response (channels, m) would give."""
+        folded: Complex = (self.matrix @ response.T).T
+        return folded
+
+    def lines(self, keep: NDArray[np.bool_]) -> Folding:
+        """The same for some of the lines."""
+        return Folding(self.nodes, self.matrix[keep])
+
+
+def fold(
+    reference: Real,
+    rate: float,
+    block: int,
+    hop: int,
+    start: int,
+    lines: NDArray[np.intp],
+    instrument: Real | None = None,
+) -> Folding:
+    """Matrix of the estimate ``sum_b conj(E_b) P_b / sum_b conj(E_b) V_b`` with ``P = H V``.
+
+    Parameters
+    ----------
+    reference : array (n,)
+        Recorded reference v, from the beginning of the record.
+    rate : float
+        Sampling rate, Hz.
+    block, hop, start : int
+        Samples of a block, between block starts, before the first block. What the room still remembers
+        of the time before the record has died out by `start`.
+    lines : array of int
+        Numbers of the lines ``f = i rate / block``.
+    instrument : array (n,), optional
+        Recorded instrument e of the three-channel estimator; the reference for H1.
+    """
+    from scipy.sparse import csr_array
+
+    driver = reference if instrument is None else instrument
+    n = len(reference)
+    starts = np.arange(start, n - block + 1, hop)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(block) / block)
+    blocks_e = np.stack([np.fft.rfft(window * driver[s : s + block])[lines] for s in starts])
+    blocks_v = np.stack([np.fft.rfft(window * reference[s : s + block])[lines] for s in starts])
+    power = np.sum(np.conj(blocks_e) * blocks_v, axis=0)
+    spectrum = np.fft.rfft(reference)
+    per_line = n / block
+    turn = np.exp(2j * np.pi * np.outer(np.arange(len(spectrum)), starts) / n)
+    rows, columns, values = [], [], []
+    for row, line in enumerate(lines):
+        k = np.arange(max(1, int(np.ceil((line - REACH) * per_line))), int((line + REACH) * per_line) + 1)
+        k = k[k < len(spectrum)]
+        seen = _hann_response(line - k / per_line, block)
+        values.append(spectrum[k] * seen * (turn[k] @ np.conj(blocks_e[:, row])) / (n * power[row]))
+        rows.append(np.full(len(k), row))
+        columns.append(k)
+    fine = csr_array(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+        shape=(len(lines), len(spectrum)),
+    )
+    first, last = (
+        max(lines[0] - REACH, 0) * NODES_PER_LINE - _ORDER,
+        (lines[-1] + REACH) * NODES_PER_LINE + _ORDER,
+    )
+    numbers = np.arange(max(first, 1), last + 1)
+    between = _interpolation(np.arange(len(spectrum)) / per_line * NODES_PER_LINE, numbers)
+    return Folding(numbers * rate / (block * NODES_PER_LINE), csr_array(fine @ between))
+
+
+def _hann_response(offset: Real, block: int) -> Complex:
+    """Fourier transform of the periodic Hann window at an offset in lines."""
+    return 0.5 * _dirichlet(offset, block) - 0.25 * (
+        _dirichlet(offset - 1, block) + _dirichlet(offset + 1, block)
+    )
+
+
+def _dirichlet(x: Real, block: int) -> Complex:
+    whole = np.abs(np.sin(np.pi * x / block)) < 1e-14
+    ratio = np.where(whole, block, np.sin(np.pi * x) / np.where(whole, 1.0, np.sin(np.pi * x / block)))
+    found: Complex = np.exp(-1j * np.pi * x * (block - 1) / block) * ratio
+    return found
+
+
+def _interpolation(at: Real, nodes: NDArray[np.intp]) -> Any:
+    """Sparse Lagrange interpolation from values at the integers `nodes` to places `at`."""
+    from scipy.sparse import csr_array
+
+    inside = np.flatnonzero((at >= nodes[0]) & (at <= nodes[-1]))
+    left = np.clip(np.floor(at[inside]).astype(int) - _ORDER // 2 + 1, nodes[0], nodes[-1] - _ORDER + 1)
+    x = at[inside] - left
+    weights = np.ones((len(inside), _ORDER))
+    for i in range(_ORDER):
+        for j in range(_ORDER):
+            if i != j:
+                weights[:, i] *= (x - j) / (i - j)
+    columns = (left - nodes[0])[:, None] + np.arange(_ORDER)
+    rows = np.repeat(inside, _ORDER)
+    return csr_array((weights.ravel(), (rows, columns.ravel())), shape=(len(at), len(nodes)))

@@ -1,0 +1,234 @@
+"""Transfer functions of microphones against the vibrometer, held against a model's.
+
+Rows are the real parts of all microphones (one after the other, each over its lines), then the
+imaginary parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models import Assembly
+from specan.study.observation.folding import Folding
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Correlation of the random errors of lines 1 and 2 apart under a Hann window: (2/3)^2 and (1/6)^2.
+LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
+
+
+@dataclass(frozen=True, eq=False)
+class FrfObservation:
+    """Measured transfer functions, one recording.
+
+    Attributes
+    ----------
+    name, recording : str
+    quantity : str
+        The model's quantity that is observed, array (microphones, nodes).
+    frequency_hz : array (lines,)
+    channels : tuple of str
+        Names of the microphones, in the model's order.
+    response : complex array (microphones, lines)
+    sigma : array (microphones, lines)
+        Random standard uncertainty of the real and of the imaginary part.
+    folding : Folding
+        How the analysis sees a transfer function.
+    conditions_at_nodes : mapping
+        Conditions of the model at the folding's nodes.
+    shared : array (microphones, lines, r), complex
+        What is uncertain but common to a microphone's lines, one standard deviation a column: its place,
+        its calibration, the model's declared discrepancy.
+    kept : bool array (microphones, lines)
+        Rows in use; the real and the imaginary part of a line go together.
+    """
+
+    name: str
+    recording: str
+    quantity: str
+    frequency_hz: Array
+    channels: tuple[str, ...]
+    response: Complex
+    sigma: Array
+    folding: Folding
+    conditions_at_nodes: Mapping[str, Array]
+    shared: Complex
+    kept: NDArray[np.bool_] = field(repr=False)
+
+    @property
+    def n(self) -> int:
+        """Number of real values."""
+        return 2 * int(self.kept.sum())
+
+    @property
+    def n_effective(self) -> float:
+        """All: the correlation of neighbouring lines is in the covariance."""
+        return float(self.n)
+
+    @property
+    def noise_dof(self) -> float:
+        """Degrees of freedom of the noise: it is smoothed over many lines, and counts as known."""
+        return float("inf")
+
+    @property
+    def pure_dof(self) -> float:
+        """Degrees of freedom that only repeats have; the lines have none."""
+        return 0.0
+
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """The one recording."""
+        return (self.recording,)
+
+    @property
+    def available(self) -> frozenset[str]:
+        """Conditions that the data hold."""
+        return frozenset(self.conditions_at_nodes)
+
+    @cached_property
+    def measured(self) -> Array:
+        """Real parts, then imaginary parts."""
+        return self._stack(self.response)
+
+    @cached_property
+    def conditions(self) -> Mapping[str, Array]:
+        """Frequency of every row."""
+        return {"frequency": self._rows(np.broadcast_to(self.frequency_hz, self.kept.shape))}
+
+    @cached_property
+    def labels(self) -> Mapping[str, NDArray[Any]]:
+        """Third octave and microphone of every row."""
+        band = np.round(10 * np.log10(self.frequency_hz / 1000.0)).astype(int)
+        thirds = np.array([nominal_third(b) for b in band])
+        names = np.array(self.channels)[:, None]
+        return {
+            "third_octave_hz": self._rows(np.broadcast_to(thirds, self.kept.shape)),
+            "channel": self._rows(np.broadcast_to(names, self.kept.shape)),
+        }
+
+    def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
+        """What the model expects in place of `measured`."""
+        return self._predicted(assembly, values, None, ())[0]
+
+    def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
+        """Predictions for several sets of values; what does not depend on what changed is kept."""
+        out = np.empty((self.n, len(many)))
+        first: Any = None
+        for k, values in enumerate(many):
+            changed = () if first is None else _changed(many[0], values)
+            out[:, k], evaluation = self._predicted(assembly, values, first, changed)
+            first = evaluation if first is None else first
+        return out
+
+    def _predicted(
+        self, assembly: Assembly, values: Mapping[str, Any], after: Any, changed: Sequence[str]
+    ) -> tuple[Array, Any]:
+        evaluation = assembly.evaluate(
+            self.conditions_at_nodes, values, wanted=[self.quantity], after=after, changed=changed
+        )
+        return self._stack(self.folding(evaluation[self.quantity])), evaluation
+
+    def whiten(self, array: Array) -> Array:
+        """Apply V^(-1/2) along axis 0."""
+        flat = array.reshape(self.n, -1)
+        out = np.empty_like(flat, dtype=float)
+        half = self.n // 2
+        for (first, last), whitener in zip(self._spans, self._whiteners, strict=True):
+            both = np.stack([flat[first:last], flat[half + first : half + last]])
+            both = whitener(both)
+            out[first:last], out[half + first : half + last] = both
+        return out.reshape(array.shape)
+
+    def take(self, mask: NDArray[np.bool_]) -> FrfObservation:
+        """Some of the rows; a line stays where either of its parts does."""
+        half = self.n // 2
+        wanted = mask[:half] | mask[half:]
+        kept = self.kept.copy()
+        kept[self.kept] = wanted
+        return replace(self, kept=kept)
+
+    # --- how it is done -----------------------------------------------------------------------
+
+    def _stack(self, response: Complex) -> Array:
+        return np.concatenate([response.real[self.kept], response.imag[self.kept]])
+
+    def _rows(self, array: NDArray[Any]) -> NDArray[Any]:
+        return np.tile(array[self.kept], 2)
+
+    @cached_property
+    def _spans(self) -> list[tuple[int, int]]:
+        ends = np.cumsum(self.kept.sum(axis=1))
+        return [(int(e - c), int(e)) for e, c in zip(ends, self.kept.sum(axis=1), strict=True)]
+
+    @cached_property
+    def _whiteners(self) -> list[_Whitener]:
+        spacing = float(np.median(np.diff(self.frequency_hz))) if len(self.frequency_hz) > 1 else 1.0
+        number = np.round(self.frequency_hz / spacing).astype(int)
+        return [
+            _Whitener.make(number[k], self.sigma[m][k], self.shared[m][k]) for m, k in enumerate(self.kept)
+        ]
+
+
+@dataclass(frozen=True)
+class _Whitener:
+    """V^(-1/2) of one microphone: V = S (C + U U^T) S with S the random sigma, C the lines' correlation."""
+
+    sigma: Array
+    banded: Array  # lower Cholesky factor of C
+    basis: Array  # orthonormal, (2 lines, r)
+    shrink: Array  # by how much each direction of the basis is shortened
+
+    @classmethod
+    def make(cls, number: NDArray[np.intp], sigma: Array, shared: Complex) -> _Whitener:
+        from scipy.linalg import cholesky_banded
+
+        banded = np.zeros((len(LINE_CORRELATION), len(number)))
+        banded[0] = 1.0
+        for lag in (1, 2):
+            gap = number[lag:] - number[:-lag]
+            for distance in (1, 2):
+                banded[lag, : len(gap)] += np.where(gap == distance, LINE_CORRELATION[distance], 0.0)
+        plain = cls(sigma, cholesky_banded(banded, lower=True), np.empty((2 * len(number), 0)), np.empty(0))
+        if not len(number) or not shared.shape[1]:
+            return plain
+        both = plain(np.stack([shared.real, shared.imag]))
+        left, size, _ = np.linalg.svd(both.reshape(2 * len(number), -1), full_matrices=False)
+        seen = size > 1e-6
+        return replace(plain, basis=left[:, seen], shrink=1 - 1 / np.sqrt(1 + size[seen] ** 2))
+
+    def __call__(self, both: Array) -> Array:
+        """Whiten an array (2, lines, columns)."""
+        from scipy.linalg import solve_banded
+
+        lines = len(self.sigma)
+        if not lines:
+            return both
+        scaled = (both / self.sigma[:, None]).transpose(1, 0, 2).reshape(lines, -1)
+        scaled = solve_banded((len(LINE_CORRELATION) - 1, 0), self.banded, scaled, check_finite=False)
+        white = scaled.reshape(lines, 2, -1).transpose(1, 0, 2).reshape(2 * lines, -1)
+        if self.basis.shape[1]:
+            white = white - self.basis @ (self.shrink[:, None] * (self.basis.T @ white))
+        return white.reshape(2, lines, -1)
+
+
+def _changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(n for n in new if not np.array_equal(np.asarray(old.get(n)), np.asarray(new[n])))
+
+
+def nominal_third(number: int) -> float:
+    """Nominal mid-band frequency of the third octave `number` bands above 1 kHz (ISO 266, R10).
+
+    Examples
+    --------
+    >>> nominal_third(-6), nominal_third(0), nominal_third(2)
+    (250.0, 1000.0, 1600.0)
+    """
+    series = (1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
+    return float(f"{series[number % 10] * 10.0 ** (3 + number // 10):.4g}")

@@ -1,0 +1,225 @@
+"""From a recording of microphones and vibrometer to transfer functions that a model is held against."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from specan.data.recording import Channel, Recording
+from specan.errors import InputError
+from specan.models import Model
+from specan.study.fit import fit
+from specan.study.local_polynomial import noise_density
+from specan.study.observation.folding import Folding, fold
+from specan.study.observation.frf import FrfObservation
+from specan.study.problem import base_problem
+
+BLOCK_S = 1.0  # lines 1 Hz apart
+SETTLE_S = 0.5  # what the room heard before the record began has died out after this
+DISCREPANCY_BANDS = 3  # an octave: how quickly the model's own error may turn with frequency
+
+Complex = Any
+
+
+def observe_recording(
+    recording: Recording,
+    model: Model,
+    *,
+    channels: Sequence[str] = (),
+    estimator: str = "H1",
+    f_min_hz: float,
+    f_max_hz: float,
+) -> FrfObservation:
+    """Transfer functions of the microphones against the vibrometer, ready for a study.
+
+    Parameters
+    ----------
+    recording : Recording
+        Calibrated; its microphones in the order of the rig file.
+    model : Model
+        Its axis ``microphone`` names them.
+    channels : sequence of str, optional
+        Microphones to use; all by default.
+    estimator : {"H1", "H3c"}
+    f_min_hz, f_max_hz : float
+        Band.
+
+    Raises
+    ------
+    InputError
+        No vibrometer, fewer microphones than positions or more, a record too short, no coherence.
+    """
+    from specan.analysis.transfer_function import TransferFunction
+
+    vibrometer, microphones = _channels_of(recording, model)
+    rate = vibrometer.sampling_rate
+    settings = TransferFunction(
+        reference=vibrometer.name,
+        channels=tuple(m.name for m in microphones),
+        estimator=estimator,  # type: ignore[arg-type]
+        lines=round(rate * BLOCK_S / 2.56),
+        window="hann",
+        overlap=0.5,
+        align=False,
+        start_s=SETTLE_S,
+    )
+    block, hop, start = settings.block, settings.block // 2, round(SETTLE_S * rate)
+    if vibrometer.n_samples < start + 4 * block:
+        raise InputError(
+            f"{recording.label} lasts {vibrometer.duration_s:.1f} s",
+            expected=f"at least {SETTLE_S + 4 * block / rate:.1f} s for lines {rate / block:.2g} Hz apart",
+        )
+    found = settings(recording).between(f_min_hz, f_max_hz)
+    _check_coherence(recording, found.coherence, f_min_hz, f_max_hz)
+    lines = np.round(found.frequency_hz * block / rate).astype(int)
+    helper = recording.by_role("generator")[0] if estimator == "H3c" else None
+    signals = recording.read([vibrometer, *([helper] if helper else [])])
+    folding = fold(signals[0], rate, block, hop, start, lines, signals[1] if helper else None)
+    wanted = np.array([not channels or m.name in channels for m in microphones])
+    conditions = {
+        "frequency": folding.nodes,
+        "velocity_psd": _density_at(signals[0], rate, block, vibrometer, folding.nodes),
+    }
+    sigma = _sigma(recording, vibrometer, microphones, signals, found.frequency_hz, block, start)
+    plain = FrfObservation(
+        name=recording.label,
+        recording=recording.label,
+        quantity=model.observables["frf"].quantity,
+        frequency_hz=found.frequency_hz,
+        channels=model.axes["microphone"],
+        response=found.response,
+        sigma=sigma,
+        folding=folding,
+        conditions_at_nodes=conditions,
+        shared=np.empty((*found.response.shape, 0), dtype=complex),
+        kept=np.repeat(wanted[:, None], len(lines), axis=1),
+    )
+    # What is relative goes by a smooth, fitted response: by the measured one, a line that noise has made
+    # small would seem to be known better, and pull the fit down.
+    smooth = _fitted(model, plain)
+    return replace(plain, shared=_shared(model, smooth, found.frequency_hz, folding, conditions))
+
+
+def _fitted(model: Model, plain: FrfObservation) -> Complex:
+    """Response of the base model, fitted with the declared percents as one independent error a line."""
+    size = np.abs(plain.response)
+    given = model.settings["uncertainty"]
+    percent = max(given["model_discrepancy_percent"], 100 * (10 ** (given["calibration_dB"] / 20) - 1), 1.0)
+    crude = replace(
+        plain, sigma=np.hypot(plain.sigma, percent / 100 * np.median(size, axis=1, keepdims=True))
+    )
+    problem = base_problem(model, [crude])
+    values = problem.values_at(fit(problem).theta)
+    quantity = plain.quantity
+    evaluated = problem.assembly.evaluate(plain.conditions_at_nodes, values, wanted=[quantity])
+    return plain.folding(evaluated[quantity])
+
+
+def _sigma(
+    recording: Recording,
+    vibrometer: Channel,
+    microphones: Sequence[Channel],
+    signals: Any,
+    frequency: Any,
+    block: int,
+    start: int,
+) -> Any:
+    """Random uncertainty of the real part of every line, from the noise that no leakage enlarges.
+
+    ``sigma^2 = G_nn sum w^2 rate / (2 n_eff mean |V_b|^2) / 2`` for each real component.
+    """
+    from scipy.signal import welch
+
+    from specan.dsp.welch import effective_averages
+
+    rate = vibrometer.sampling_rate
+    responses = recording.read(microphones)
+    noise = noise_density(signals[0], responses, rate, frequency)
+    f, density = welch(signals[0][start:], rate, "hann", block)
+    blocks = (vibrometer.n_samples - start - block) // (block // 2) + 1
+    averages = effective_averages(blocks, "hann", 0.5)
+    drive = np.interp(frequency, f, density)
+    if len(signals) > 1:
+        from scipy.signal import coherence
+
+        drive = drive * np.interp(frequency, *coherence(signals[1], signals[0], rate, "hann", block))
+    return np.sqrt(noise / (2 * averages * drive))
+
+
+def _channels_of(recording: Recording, model: Model) -> tuple[Channel, tuple[Channel, ...]]:
+    vibrometers = recording.by_role("vibrometer")
+    if not vibrometers:
+        raise InputError(
+            f"{recording.label} has no vibrometer channel",
+            remedy="name one in the channel table (role = 'vibrometer')",
+        )
+    microphones = recording.by_role("microphone")
+    count = len(model.axes["microphone"])
+    if len(microphones) != count:
+        raise InputError(
+            f"{recording.label} has {len(microphones)} microphones, the rig file {count} positions",
+            expected="one position a microphone channel, in order",
+        )
+    return vibrometers[0], microphones
+
+
+def _check_coherence(recording: Recording, coherence: Any, low: float, high: float) -> None:
+    if not np.any(np.nanmedian(coherence, axis=1) > 0.2):
+        raise InputError(
+            f"{recording.label}: microphones and vibrometer have no coherence between {low:g} and {high:g} Hz",
+            expected="noise from the loudspeaker in that band",
+            remedy="check the channels or change [band]",
+        )
+
+
+def _density_at(signal: Any, rate: float, block: int, vibrometer: Channel, nodes: Any) -> Any:
+    from scipy.signal import welch
+
+    f, density = welch(signal, rate, "hann", block)
+    per_velocity = np.abs(vibrometer.correction(np.maximum(f, f[1]))) ** 2
+    return np.interp(nodes, f, density * per_velocity)
+
+
+def _shared(
+    model: Model, response: Complex, frequency: Any, folding: Folding, conditions: Mapping[str, Any]
+) -> Complex:
+    """What is uncertain in common over the lines of a microphone: place, calibration, discrepancy."""
+    given = model.settings["uncertainty"]
+    columns = [
+        response * (np.log(10) / 20 * given["calibration_dB"]),
+        1j * response * np.radians(given["calibration_phase_deg"]),
+    ]
+    if given["position_m"]:
+        columns += [given["position_m"] * slope for slope in _slopes(model, folding, conditions)]
+    discrepancy = given["model_discrepancy_percent"] / 100
+    if discrepancy:
+        for hat in _hats(frequency):
+            columns += [discrepancy * hat * response, 1j * discrepancy * hat * response]
+    return np.stack(columns, axis=-1)
+
+
+def _slopes(model: Model, folding: Folding, conditions: Mapping[str, Any]) -> list[Complex]:
+    """Change of every transfer function a metre, along x, y and z; all microphones move at once."""
+    uses = [f"microphone-position@{name}" for name in model.axes["microphone"]]
+    assembly = model.assemble(uses)
+    quantity = model.observables["frf"].quantity
+    step = 1e-3
+    out = []
+    for axis in ("dx", "dy", "dz"):
+        ends = []
+        for sign in (1, -1):
+            values = {**assembly.neutral, **{f"{use}.{axis}": sign * step for use in uses}}
+            ends.append(folding(assembly.evaluate(conditions, values, wanted=[quantity])[quantity]))
+        out.append((ends[0] - ends[1]) / (2 * step))
+    return out
+
+
+def _hats(frequency: Any) -> Any:
+    """Hat functions a third of an octave apart: a smooth error is a mixture of them."""
+    place = DISCREPANCY_BANDS * np.log2(frequency)
+    centres = np.arange(np.floor(place[0]), np.ceil(place[-1]) + 1)
+    hats = np.clip(1 - np.abs(place - centres[:, None]), 0, None)
+    return hats[hats.any(axis=1)]
