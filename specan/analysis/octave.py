@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from specan.analysis.band_results import band_levels, weighted_levels
-from specan.analysis.quality import BLOCK, QualityAccumulator
+from specan.analysis.quality import Watched
 from specan.analysis.section import of_one_rate, section
 from specan.data.band_levels import BandLevels
 from specan.data.levels import Quality
@@ -116,12 +116,7 @@ class Octave(Settings):
 
     def __call__(self, recording: Recording) -> BandLevels:
         """Read the recording once and return the band levels."""
-        accumulator = self.accumulator(recording)
-        quality = QualityAccumulator(accumulator.channels)
-        for samples in recording.blocks(accumulator.channels, BLOCK, accumulator.start, accumulator.stop):
-            quality.add(samples)
-            accumulator.add(samples)
-        return accumulator.result(quality.result())
+        return Watched(self.accumulator(recording)).over(recording)
 
     def bands(self, sampling_rate: float) -> NDArray[np.int64]:
         """Numbers of the bands; see `specan.dsp.bands`.

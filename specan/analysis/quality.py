@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,6 +147,49 @@ def _flat_top(samples: NDArray[np.float64], top: float) -> bool:
     entered, left = starts[long] - 1, ends[long] - 1
     jumps = np.concatenate([steps[entered[entered >= 0]], steps[left[left < steps.size]]])
     return bool(jumps.size and jumps.max() > 3.0 * moving.min())
+
+
+Result = TypeVar("Result", covariant=True)
+
+
+class FlaggedAccumulator(Protocol[Result]):
+    """An analysis that takes its samples in pieces and wants to know their quality at the end."""
+
+    channels: tuple[Channel, ...]
+    start: int
+    stop: int
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        """Take the next samples."""
+        ...
+
+    def result(self, quality: Sequence[Quality] | None = None) -> Result:
+        """The result, with flags for the quality."""
+        ...
+
+
+class Watched(Generic[Result]):
+    """An accumulator whose samples are looked at for their quality as well."""
+
+    def __init__(self, accumulator: FlaggedAccumulator[Result]) -> None:
+        self._accumulator = accumulator
+        self._quality = QualityAccumulator(accumulator.channels)
+        self.channels, self.start, self.stop = accumulator.channels, accumulator.start, accumulator.stop
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        """Take the next samples, shape (channels, n)."""
+        self._quality.add(samples)
+        self._accumulator.add(samples)
+
+    def result(self) -> Result:
+        """The accumulator's result, with flags; call it once."""
+        return self._accumulator.result(self._quality.result())
+
+    def over(self, recording: Recording) -> Result:
+        """Read the recording once and return the result."""
+        for samples in recording.blocks(self.channels, BLOCK, self.start, self.stop):
+            self.add(samples)
+        return self.result()
 
 
 def signal_quality(

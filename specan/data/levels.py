@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.units import LevelReference
+
+Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -41,3 +50,69 @@ class Quality:
             "nan": self.n_not_finite > 0,
         }
         return tuple(word for word, holds in words.items() if holds)
+
+
+@dataclass(frozen=True)
+class SignalLevels:
+    """Single-number values of several channels of one recording.
+
+    Everything but `mean`, `minimum` and `maximum` is of the signal about its mean, the alternating part.
+
+    Attributes
+    ----------
+    label : str
+        Which recording.
+    channels, groups, units : tuple of str
+    references : tuple of LevelReference
+        What 0 dB is, for each channel.
+    mean, minimum, maximum : arrays (channels,)
+    rms, peak, crest_factor : arrays (channels,)
+        `peak` is the largest magnitude, `crest_factor` peak / rms.
+    level_db : array (channels,)
+        20 lg(rms / reference).
+    equivalent_db : mapping of str to array (channels,)
+        Equivalent levels over the section with the weightings "Z", "A", "B", "C"; A, B and C of sound
+        pressure only (NaN otherwise).
+    peak_db : array (channels,)
+        20 lg(peak / reference).
+    weighting, averaging : str
+        Of the time-weighted level that the next three are about ("A", "fast").
+    percentile_db : mapping of float to array (channels,)
+        Level exceeded during N percent of the time.
+    maximum_db, minimum_db : arrays (channels,)
+        Largest time-weighted level, and smallest one after it has settled.
+    start_s, duration_s : float
+    sampling_rate : float
+    settling : str
+        How the percentiles were taken, in a sentence.
+    flags : tuple of tuples of str
+    notes : tuple of str
+    settings : mapping
+    """
+
+    label: str
+    channels: tuple[str, ...]
+    groups: tuple[str, ...]
+    units: tuple[str, ...]
+    references: tuple[LevelReference, ...]
+    mean: Real
+    minimum: Real
+    maximum: Real
+    rms: Real
+    peak: Real
+    crest_factor: Real
+    level_db: Real
+    equivalent_db: Mapping[str, Real]
+    peak_db: Real
+    weighting: str
+    averaging: str
+    percentile_db: Mapping[float, Real]
+    maximum_db: Real
+    minimum_db: Real
+    start_s: float
+    duration_s: float
+    sampling_rate: float
+    settling: str
+    flags: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)

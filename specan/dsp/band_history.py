@@ -235,6 +235,8 @@ class BandHistory:
 class BandHistoryAccumulator:
     """Takes a record in consecutive blocks and gives its time-weighted histories; see `BandHistory`.
 
+    The mean of the first block is taken off: a constant part would strike the filters at the beginning.
+
     Examples
     --------
     >>> t = np.arange(16000) / 8000
@@ -260,7 +262,7 @@ class BandHistoryAccumulator:
         self._history = BandHistory(
             rows, sampling_rate, n_samples, filters, time_constant, decay, times, derivatives
         )
-        self._transform = MultirateTransform(rows, sampling_rate, [self._history])
+        self._transform = MultirateTransform(rows, sampling_rate, [self._history], without_offset=True)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""

@@ -93,9 +93,26 @@ class MultirateTransform:
         In Hz.
     consumers : sequence of Consumer
         One transform serves them all.
+    without_offset : bool
+        Take the mean of each channel's first block off all its samples, so that a filter at rest is not
+        struck by a constant part when the record begins.
+
+    Attributes
+    ----------
+    offset : ndarray, shape (channels,)
+        What was taken off.
     """
 
-    def __init__(self, rows: int, sampling_rate: float, consumers: Sequence[Consumer]) -> None:
+    def __init__(
+        self,
+        rows: int,
+        sampling_rate: float,
+        consumers: Sequence[Consumer],
+        *,
+        without_offset: bool = False,
+    ) -> None:
+        self.offset = np.zeros(rows)
+        self._offset_wanted = without_offset
         self.stages = stages_of(sampling_rate)
         self._rows, self._consumers = rows, consumers
         self._grids = [BlockGrid(rows, LENGTH) for _ in self.stages]
@@ -122,6 +139,8 @@ class MultirateTransform:
     def _take(self, number: int, block: NDArray[np.float64]) -> None:
         stage, half = self.stages[number], self._halves[number]
         self._halves[number] = 1 - half
+        if number == 0:
+            block = self._without_offset(block)
         transform = _transform(block, half)
         for consumer in self._consumers:
             consumer.take(stage, transform, half, block.shape[1])
@@ -130,6 +149,12 @@ class MultirateTransform:
         decimator = self._decimators[number] or Decimator(self._rows, LENGTH)
         self._decimators[number] = decimator
         self._pass_on(number + 1, decimator.add(transform, half))
+
+    def _without_offset(self, block: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self._offset_wanted:
+            self.offset = np.add.reduce(block, axis=1) / block.shape[1]
+            self._offset_wanted = False
+        return block - self.offset[:, None] if self.offset.any() else block
 
 
 def _transform(block: NDArray[np.float64], half: int) -> NDArray[np.complex128]:

@@ -1,0 +1,184 @@
+"""RMS, level, peak, crest factor, equivalent and percentile levels."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from specan.analysis.band_results import level, quality_flags
+from specan.analysis.quality import BLOCK, QualityAccumulator
+from specan.analysis.section import of_one_rate, section
+from specan.data.levels import SignalLevels
+from specan.data.recording import Channel, Recording
+from specan.dsp.band_energy import BandEnergy, EnergySpectrum
+from specan.dsp.band_history import BandHistory, weighting_filter
+from specan.dsp.multirate import MultirateTransform
+from specan.dsp.statistics import exceeded
+from specan.dsp.time_weighting import FAST, SLOW
+from specan.dsp.weighting import WEIGHTINGS, Weighting, power_weighting
+from specan.schema import Settings
+from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
+
+# Readings of the time-weighted level: five in a time constant, but no more of them than this.
+READINGS_PER_TIME_CONSTANT, READINGS = 5, 200_000
+SETTLING_TIME_CONSTANTS = 5.0
+
+
+class Levels(Settings):
+    """Settings of single-number values.
+
+    Attributes
+    ----------
+    weighting : {"A", "B", "C", "Z"} or None
+        Of the time-weighted level; by default A for sound pressure. Channels in other units have Z.
+    averaging : {"fast", "slow"}
+        Of that level.
+    percentiles : tuple of float
+        N of the levels exceeded during N percent of the time.
+    channels : tuple of str
+        Names or patterns; all by default.
+    start_s, stop_s : float
+        Time section.
+    velocity_reference : {"1 nm/s", "50 nm/s"}
+
+    Examples
+    --------
+    >>> from specan.data.recording import ArraySource
+    >>> pascals = 1.0 * np.sqrt(2) * np.sin(2 * np.pi * 1000 * np.arange(48000) / 48000)
+    >>> mic = Channel("Mic 1", role="microphone", unit="Pa", sampling_rate=48000.0, n_samples=48000)
+    >>> found = Levels()(Recording("a.tdms", (mic,), ArraySource([pascals])))
+    >>> found.rms.round(4).tolist(), found.level_db.round(2).tolist(), found.crest_factor.round(3).tolist()
+    ([1.0], [93.98], [1.414])
+    """
+
+    weighting: Weighting | None = None
+    averaging: Literal["fast", "slow"] = "fast"
+    percentiles: tuple[Annotated[float, Field(gt=0.0, lt=100.0)], ...] = (5.0, 10.0, 50.0, 90.0, 95.0)
+    channels: tuple[str, ...] = ()
+    start_s: float = Field(default=0.0, ge=0.0)
+    stop_s: float | None = Field(default=None, gt=0.0)
+    velocity_reference: Literal["1 nm/s", "50 nm/s"] = "1 nm/s"
+
+    @property
+    def time_constant(self) -> float:
+        """Of the time-weighted level, in s."""
+        return {"fast": FAST, "slow": SLOW}[self.averaging]
+
+    def accumulator(self, recording: Recording) -> LevelsAccumulator:
+        """For a pass over the recording that serves several analyses."""
+        return LevelsAccumulator(recording, self)
+
+    def __call__(self, recording: Recording) -> SignalLevels:
+        """Read the recording once and return the values."""
+        accumulator = self.accumulator(recording)
+        for samples in recording.blocks(accumulator.channels, BLOCK, accumulator.start, accumulator.stop):
+            accumulator.add(samples)
+        return accumulator.result()
+
+
+class LevelsAccumulator:
+    """Takes the samples of `channels` from `start` to `stop` in pieces of any length.
+
+    Channels are taken as they were measured: a displacement is not made a velocity here.
+    """
+
+    def __init__(self, recording: Recording, settings: Levels) -> None:
+        self.recording, self.settings = recording, settings
+        self.channels, self.notes = of_one_rate(recording, settings.channels)
+        self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
+        self.sampling_rate = self.channels[0].sampling_rate
+        self.duration = (self.stop - self.start) / self.sampling_rate
+        self._pressure = np.array([channel.unit == "Pa" for channel in self.channels])
+        self._weighting: Weighting = settings.weighting or "A"
+        rows = len(self.channels)
+        self._energy = BandEnergy(rows, self.sampling_rate)
+        self._history = BandHistory(
+            rows,
+            self.sampling_rate,
+            self.stop - self.start,
+            [weighting_filter(self._weighting), weighting_filter("Z")],
+            settings.time_constant,
+            None,
+            self._times(),
+        )
+        self._transform = MultirateTransform(
+            rows, self.sampling_rate, [self._energy, self._history], without_offset=True
+        )
+        self._quality = QualityAccumulator(self.channels)
+
+    def _times(self) -> NDArray[np.float64]:
+        """When the time-weighted level is read: after it has settled."""
+        tau = self.settings.time_constant
+        settled = SETTLING_TIME_CONSTANTS * tau
+        step = max(tau / READINGS_PER_TIME_CONSTANT, self.duration / READINGS)
+        return np.arange(settled, self.duration, step)
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        """Take the next samples (channels, m) of `channels`."""
+        self._quality.add(samples)
+        with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
+            self._transform.add(samples)
+
+    def result(self) -> SignalLevels:
+        """What was found; call it once."""
+        quality = self._quality.result()
+        with np.errstate(invalid="ignore", over="ignore"):
+            self._transform.finish()
+            spectrum = self._energy.result()
+        histories = self._history.result()
+        references = tuple(self._reference(channel) for channel in self.channels)
+        zero = np.array([reference.value**2 for reference in references])
+        rms = np.sqrt(spectrum.alternating_mean_square)
+        low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))
+        mean = spectrum.mean + self._transform.offset
+        peak = np.maximum(high - mean, mean - low)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crest = np.where(rms > 0, peak / rms, np.nan)
+        # Column 0 is the weighting's, column 1 that of channels for which there is none.
+        row, column = np.arange(len(self.channels)), np.where(self._pressure, 0, 1)
+        percentile = exceeded(
+            level(histories.readings[row, column], zero[:, None]), self.settings.percentiles
+        )
+        return SignalLevels(
+            label=self.recording.label,
+            channels=tuple(channel.name for channel in self.channels),
+            groups=tuple(channel.group for channel in self.channels),
+            units=tuple(channel.unit for channel in self.channels),
+            references=references,
+            mean=mean,
+            minimum=low,
+            maximum=high,
+            rms=rms,
+            peak=peak,
+            crest_factor=crest,
+            level_db=level(np.square(rms), zero),
+            equivalent_db={w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS},
+            peak_db=level(np.square(peak), zero),
+            weighting=self._weighting,
+            averaging=self.settings.averaging,
+            percentile_db=dict(zip(self.settings.percentiles, percentile)),
+            maximum_db=level(histories.maximum[row, column], zero),
+            minimum_db=level(histories.minimum[row, column], zero),
+            start_s=self.settings.start_s,
+            duration_s=self.duration,
+            sampling_rate=self.sampling_rate,
+            settling=f"percentiles and minimum leave out the first {SETTLING_TIME_CONSTANTS:g} time constants",
+            flags=quality_flags(self.channels, self.recording.flags, quality),
+            notes=self.notes,
+            settings=self.settings.model_dump(mode="json"),
+        )
+
+    def _mean_square(self, spectrum: EnergySpectrum, weighting: Weighting) -> NDArray[np.float64]:
+        if weighting == "Z":
+            return spectrum.alternating_mean_square
+        with np.errstate(invalid="ignore"):
+            weighted = spectrum.through(lambda f: power_weighting(f, weighting))
+        return np.where(self._pressure, weighted, np.nan)
+
+    def _reference(self, channel: Channel) -> LevelReference:
+        if channel.unit == "m/s" and self.settings.velocity_reference == "50 nm/s":
+            return VELOCITY_50_NM_S
+        return level_reference(channel.unit)
