@@ -48,3 +48,27 @@ def components(reads: Mapping[str, Sequence[str]]) -> list[list[str]]:
         if node not in index:
             visit(node)
     return found
+
+
+def cut(loop: Sequence[str], reads: Mapping[str, Sequence[str]]) -> tuple[list[str], tuple[str, ...]]:
+    """Order in which to go around a loop, and the nodes whose values must be guessed for it.
+
+    Nodes are cut one after another, each time the one that leaves the fewest nodes in circles.
+
+    Examples
+    --------
+    >>> cut(["a", "b", "c"], {"a": ["c"], "b": ["a"], "c": ["b"]})
+    (['b', 'c', 'a'], ('a',))
+    """
+    guessed: list[str] = []
+
+    def without(more: Sequence[str]) -> dict[str, list[str]]:
+        return {node: [r for r in reads[node] if r in loop and r not in more] for node in loop}
+
+    def circling(more: Sequence[str]) -> int:
+        left = without(more)
+        return sum(len(part) for part in components(left) if len(part) > 1 or part[0] in left[part[0]])
+
+    while circling(guessed):
+        guessed.append(min(loop, key=lambda node: circling([*guessed, node])))
+    return [node for part in components(without(guessed)) for node in part], tuple(guessed)

@@ -9,7 +9,8 @@ from typing import Any
 
 from specan.errors import ComputationError, RequestError, nearest
 from specan.models.effect import Effect, Use
-from specan.models.graph import components
+from specan.models.fixed_point import settle
+from specan.models.graph import components, cut
 from specan.models.parameter import Parameter
 from specan.models.quantity import Condition, Quantity
 from specan.units import convert
@@ -298,6 +299,11 @@ class Assembly:
         return [sorted(part, key=base_order.__getitem__) for part in components(self._reads)]
 
     @cached_property
+    def _walks(self) -> dict[tuple[str, ...], tuple[list[str], tuple[str, ...]]]:
+        """For each loop: the order in which it is walked, and what is guessed to begin with."""
+        return {tuple(loop): cut(loop, self._reads) for loop in self._plan}
+
+    @cached_property
     def _needed_cache(self) -> dict[tuple[str, ...], set[str]]:
         return {}
 
@@ -392,26 +398,7 @@ class Assembly:
         parameters: Mapping[str, Any],
         parts: dict[str, dict[str, Any]],
     ) -> None:
-        """Solve a loop by iteration from the values without effects; halve the step where it swings."""
-        import numpy as np
-
-        with np.errstate(all="ignore"):  # a loop that runs away is told below, once
-            if self._iterate(loop, known, parameters, parts):
-                return
-        raise ComputationError(
-            f"the loop through {', '.join(loop)} does not settle",
-            expected="a fixed point within 400 iterations",
-            remedy="reduce the effect that closes it (" + ", ".join(map(str, self.uses)) + ")",
-        )
-
-    def _iterate(
-        self,
-        loop: list[str],
-        known: dict[str, Any],
-        parameters: Mapping[str, Any],
-        parts: dict[str, dict[str, Any]],
-    ) -> bool:
-        """Whether the iteration has settled."""
+        """Solve a loop from the values without effects; see `specan.models.fixed_point`."""
         import numpy as np
 
         for name in loop:
@@ -420,26 +407,22 @@ class Assembly:
                 *(_read(known, r, name) for r in node.reads),
                 **{p: parameters[f"{name}.{p}"] for p in node.parameters},
             )
-        step, worst = 1.0, np.inf
-        for _ in range(400):
-            before = {name: known[name] for name in loop}
-            for name in loop:
+
+        def once_around(guess: Mapping[str, Any]) -> dict[str, Any]:
+            known.update(guess)
+            for name in order:
                 self._value(name, known, parameters, parts)
-            change = max(
-                float(np.max(np.abs(known[n] - before[n]) / (np.abs(known[n]) + np.abs(before[n]) + 1e-300)))
-                for n in loop
-            )
-            if not np.isfinite(change):
-                return False
-            if change < 1e-13:
-                return True
-            if change > 0.9 * worst and step > 0.05:
-                step /= 2
-            worst = change
-            if step < 1.0:
-                for name in loop:
-                    known[name] = before[name] + step * (known[name] - before[name])
-        return False
+            return {name: known[name] for name in guess}
+
+        order, guessed = self._walks[tuple(loop)]
+        with np.errstate(all="ignore"):  # a loop that runs away is told below, once
+            if settle(once_around, {name: known[name] for name in guessed}):
+                return
+        raise ComputationError(
+            f"the loop through {', '.join(loop)} does not settle",
+            expected="a fixed point within 200 iterations",
+            remedy="reduce the effect that closes it (" + ", ".join(map(str, self.uses)) + ")",
+        )
 
 
 @dataclass(frozen=True)

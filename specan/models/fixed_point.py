@@ -1,0 +1,71 @@
+"""Fixed points of a loop: what an effect causes and is itself caused by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+TOLERANCE = 1e-13  # relative change in going once around
+MOST_ROUNDS = 200
+LEAST_STEP, MOST_STEP = 0.05, 10.0  # of the plain iteration's step
+
+State = dict[str, Any]
+
+
+def settle(once_around: Callable[[Mapping[str, Any]], State], guess: State) -> bool:
+    """Iterate ``x -> once_around(x)`` to its fixed point; whether it settles.
+
+    Each element takes its own secant step (Aitken 1926): the change from one round to the next tells the loop's
+    gain q, and 1/(1-q) of the plain step leads to where it ends. A loop that swings is damped that way, one that
+    contracts slowly is sped up. A gain above one has no stable fixed point: the plain step then runs away, and
+    that is what the caller is told.
+
+    Parameters
+    ----------
+    once_around : callable
+        Values that the guess leads to; the last call leaves the solution behind.
+    guess : dict
+        Start.
+
+    Examples
+    --------
+    >>> seen = []
+    >>> settle(lambda x: seen.append(x) or {"x": np.cos(x["x"])}, {"x": np.float64(1.0)})
+    True
+    >>> round(float(seen[-1]["x"]), 12), len(seen) < 10
+    (0.739085133215, True)
+    """
+    x = {name: np.asarray(value) for name, value in guess.items()}
+    before: tuple[State, State] | None = None
+    for _ in range(MOST_ROUNDS):
+        new = once_around(x)
+        gap = {name: new[name] - x[name] for name in x}
+        worst = max(_relative(gap[name], new[name], x[name]) for name in x)
+        if not np.isfinite(worst):
+            return False
+        if worst < TOLERANCE:
+            return True
+        factor = _steps(x, gap, *before) if before else dict.fromkeys(x, 1.0)
+        before = (x, gap)
+        x = {name: x[name] + factor[name] * gap[name] for name in x}
+    return False
+
+
+def _relative(gap: Any, new: Any, old: Any) -> float:
+    return float(np.max(np.abs(gap) / (np.abs(new) + np.abs(old) + 1e-300)))
+
+
+def _steps(x: State, gap: State, x_before: State, gap_before: State) -> State:
+    """Factor of the plain step for each element, from the slope of the gap between two rounds."""
+    factors = {}
+    for name in x:
+        factor = (x_before[name] - x[name]) / (gap[name] - gap_before[name])
+        size = np.abs(factor)
+        usable = np.isfinite(size) & (np.real(factor) > 0)
+        limited = np.where(usable, factor, 1.0) * (
+            np.clip(size, LEAST_STEP, MOST_STEP) / np.where(usable, size, 1.0)
+        )
+        factors[name] = np.where(usable, limited, 1.0)
+    return factors
