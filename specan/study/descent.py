@@ -21,6 +21,7 @@ SETTLED = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
 STALLED = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
 MOST_JACOBIANS = 25
 MOST_SECANTS = 12
+MOST_DOUBLINGS = 8
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,8 @@ def descend(problem: Problem, start: Array) -> Minimum:
             if there is not None and moved @ moved > 0:
                 slope = slope + np.outer(there - residual - slope @ moved, moved) / (moved @ moved)
             if there is not None and gained > 0:
+                if gained > 0.5 * promised and damping > 1e-7:
+                    trial, there = _further(problem, theta, trial, there)
                 theta, residual = trial, there
                 damping = max(damping / 10, 1e-12) if gained > 0.3 * promised else damping
                 if gained < 0.1 * promised:
@@ -92,6 +95,17 @@ def _try(problem: Problem, theta: Array, step: Array) -> tuple[Array, Array | No
     low, high = problem.bounds()
     trial = np.clip(theta + step, low, high)
     return trial, _residual(problem, trial)
+
+
+def _further(problem: Problem, theta: Array, trial: Array, there: Array) -> tuple[Array, Array]:
+    """Go on in the direction of a good damped step while it pays: a valley costs residuals, no Jacobians."""
+    reach = 2.0
+    for _ in range(MOST_DOUBLINGS):
+        beyond, residual = _try(problem, theta, reach * (trial - theta))
+        if residual is None or residual @ residual >= there @ there:
+            break
+        theta, trial, there = trial, beyond, residual
+    return trial, there
 
 
 def _bend(slope: Array, step: Array, off: Array, damping: float) -> Array:

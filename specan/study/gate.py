@@ -123,6 +123,13 @@ class Gate:
         )
         return float(np.exp(root))
 
+    @property
+    def needed_gain(self) -> float:
+        """Chi-square that one amplitude has to gain to pass."""
+        from scipy.special import chdtri
+
+        return float(chdtri(1, self.single_level))
+
 
 def noise_dof(refit: Refit) -> float:
     """Degrees of freedom behind max(s^2, 1): those of the noise estimate and of the residual."""

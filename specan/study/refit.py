@@ -63,13 +63,19 @@ class Refit:
 
     @property
     def dof(self) -> float:
-        """Degrees of freedom that are left."""
-        return self.problem.n_effective + self.problem.n_priors - self.linear.rank
+        """Degrees of freedom that are left, without those that only compare repeats."""
+        problem = self.problem
+        return problem.n_effective + problem.n_priors - self.linear.rank - problem.pure_dof
+
+    @property
+    def lack(self) -> float:
+        """Chi-square that is left for them; repeats, from which the noise was estimated, hold their number."""
+        return max(self.chi2 - self.problem.pure_dof, 0.0)
 
     @property
     def reduced(self) -> float:
-        """Reduced chi-square."""
-        return self.chi2 / self.dof
+        """Mean square of the lack of fit in units of the noise."""
+        return self.lack / self.dof
 
     @property
     def scale(self) -> float:
@@ -79,7 +85,7 @@ class Refit:
     @property
     def lack_of_fit(self) -> float:
         """Probability that a right model leaves this much."""
-        return lack_of_fit_probability(self.chi2, self.dof, self.problem.noise_dof)
+        return lack_of_fit_probability(self.lack, self.dof, self.problem.noise_dof)
 
     def bic(self, scale: float) -> float:
         """Chi-square in units of `scale` plus the price of the added parameters."""

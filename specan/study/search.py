@@ -75,6 +75,24 @@ class Search:
         if len(self.best.uses) == 2:
             self.third = self._best_third()
 
+    def believable(self, refit: Refit) -> bool:
+        """Whether the parameters of a refitted set are plausible."""
+        return plausible(refit, self.base)
+
+    def passage(self, refit: Refit) -> Passage:
+        """How a refitted set fares; of a pair, from the better of its parts where that was refitted."""
+        if refit.uses not in self.passages:
+            parts = [self.refits.done.get(refit.uses - {use}) for use in refit.uses]
+            start = min((p for p in parts if p is not None), key=lambda r: r.chi2, default=self.base)
+            gate = (self.steps.get(start.uses) or self.step(self.base)).gate
+            self.passages[refit.uses] = gate.passage(refit, plausible=self.believable(refit))
+        return self.passages[refit.uses]
+
+    def explained(self, refit: Refit) -> float:
+        """Share of what the base leaves beyond noise that a set takes away."""
+        missing = self.base.lack - self.base.dof
+        return 1 - max(refit.lack - refit.dof, 0.0) / missing if missing > 0 else 1.0
+
     # --- one effect ------------------------------------------------------------------------------
 
     def step(self, start: Refit, level: float = LEVEL / 2) -> Step:
@@ -102,10 +120,7 @@ class Search:
         return self.refits.fit(step.start, starts)
 
     def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
-        step = self.step(self.base)
-        for refit in found:
-            self.passages[refit.uses] = step.gate.passage(refit, plausible=plausible(refit, self.base))
-        passed = [r for r in found if self.passages[r.uses].passed]
+        passed = [r for r in found if self.passage(r).passed]
         scale = min((r.scale for r in passed), default=1.0)
         return min(passed, key=lambda r: r.bic(scale), default=None)
 
@@ -129,7 +144,7 @@ class Search:
         return min(passed, key=lambda r: r.bic(scale), default=None)
 
     def _pair_passage(self, refit: Refit, single: Refit | None) -> Passage:
-        believable = plausible(refit, self.base)
+        believable = self.believable(refit)
         if single is None:
             gate = self.step(self.base).gate
             return gate.passage(refit, plausible=believable, tests=gate.pairs)
@@ -206,8 +221,3 @@ def _different(items: Sequence[Scored], count: int) -> list[Scored]:
 
 def _text(uses: frozenset[Use] | set[Use]) -> str:
     return " and ".join(str(u) for u in sorted(uses))
-
-
-def empty_family(rows: int) -> Family:
-    """A family without a member."""
-    return Family(np.zeros((rows, 0)), np.zeros(0, dtype=bool))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+LACK_OF_FIT = 1e-3  # probability below which a model is said not to fit
+
 
 def improvement_probability(
     fall: float, amplitudes: int, *, scale: float = 1.0, noise_dof: float = math.inf, sided: int = 2

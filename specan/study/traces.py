@@ -68,12 +68,12 @@ def plan(problem: Problem, fit: Fit, found: Sequence[Candidate]) -> dict[Use, li
     points: dict[Use, list[Point]] = {}
     for candidate in found:
         if candidate.released:
-            points[candidate.use] = [{n: _default(candidate, n) for n in candidate.shapes}]
+            points[candidate.use] = [{n: default_value(candidate, n) for n in candidate.shapes}]
             continue
         amplitude = candidate.amplitudes[0]
         several = len(candidate.amplitudes) > 1
         sizes = (
-            [_default(candidate, amplitude)]
+            [default_value(candidate, amplitude)]
             if several
             else _distinct_sizes(problem, fit, candidate, amplitude)
         )
@@ -104,7 +104,7 @@ def _of(problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point
         yield from _several_amplitudes(problem, fit, candidate, points)
     else:
         amplitude = candidate.amplitudes[0]
-        for point, column in zip(points, _changes(problem, fit, candidate, points)):
+        for point, column in zip(points, changes(problem, fit, candidate, points)):
             if column is not None:
                 shapes = {name: value for name, value in point.items() if name != amplitude}
                 yield _trace(candidate, amplitude, point[amplitude], shapes, column)
@@ -132,7 +132,7 @@ def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Trace:
     count = len(candidate.released)
     return Trace(
         candidate.use, columns, candidate.released, np.zeros(count), np.zeros(count),
-        {n: _default(candidate, n) for n in candidate.shapes}, (-np.inf, np.inf),
+        {n: default_value(candidate, n) for n in candidate.shapes}, (-np.inf, np.inf),
     )  # fmt: skip
 
 
@@ -147,10 +147,10 @@ def _several_amplitudes(
 ) -> Iterator[Trace]:
     names = candidate.amplitudes
     neutral = np.array([candidate.neutral(n) for n in names])
-    value = np.array([_default(candidate, n) for n in names])
+    value = np.array([default_value(candidate, n) for n in names])
     rest = dict(zip(names, neutral))
     points = [{**s, **rest, n: v} for s in places for n, v in zip(names, value)]
-    columns = _changes(problem, fit, candidate, points)
+    columns = changes(problem, fit, candidate, points)
     for k, shapes in enumerate(places):
         part = columns[k * len(names) : (k + 1) * len(names)]
         if all(c is not None for c in part):
@@ -160,7 +160,7 @@ def _several_amplitudes(
             )  # fmt: skip
 
 
-def _default(candidate: Candidate, name: str) -> float:
+def default_value(candidate: Candidate, name: str) -> float:
     """Default of an own element; an amplitude whose default is neutral takes the far plausible end."""
     value = candidate.parameter(name).si.default
     if name in candidate.amplitudes and value == candidate.neutral(name):
@@ -174,11 +174,11 @@ def _distinct_sizes(problem: Problem, fit: Fit, candidate: Candidate, amplitude:
     """Values of the amplitude whose traces differ in direction; the default first."""
     neutral = candidate.neutral(amplitude)
     low, high = candidate.plausible(amplitude)
-    wanted = [_default(candidate, amplitude), high, low]
+    wanted = [default_value(candidate, amplitude), high, low]
     wanted += [neutral + 0.1 * (v - neutral) for v in (high, low)]
     values = [v for v in dict.fromkeys(wanted) if abs(v - neutral) > 1e-9 * max(abs(high), abs(low))]
-    shapes = {n: _default(candidate, n) for n in candidate.shapes}
-    columns = _changes(problem, fit, candidate, [{**shapes, amplitude: v} for v in values])
+    shapes = {n: default_value(candidate, n) for n in candidate.shapes}
+    columns = changes(problem, fit, candidate, [{**shapes, amplitude: v} for v in values])
     kept: list[tuple[float, Array]] = []
     for value, column in zip(values, columns):
         if column is None or not np.any(column):
@@ -195,13 +195,13 @@ def _places(
     """Places of the shapes: each over its plausible range, closer where the trace turns quickly."""
     if not candidate.shapes:
         return [{}]
-    defaults = {n: _default(candidate, n) for n in candidate.shapes}
+    defaults = {n: default_value(candidate, n) for n in candidate.shapes}
     rest = {n: candidate.neutral(n) for n in candidate.amplitudes} | {amplitude: size}
     axes = []
     for name in candidate.shapes:
         values = list(grid(*candidate.plausible(name), 3))
         for _ in range(3):
-            columns = _changes(problem, fit, candidate, [{**defaults, **rest, name: v} for v in values])
+            columns = changes(problem, fit, candidate, [{**defaults, **rest, name: v} for v in values])
             wide = [k for k in range(len(values) - 1) if _turns(columns[k], columns[k + 1])]
             if not wide or len(values) > MOST_SHAPES // 2:
                 break
@@ -225,7 +225,7 @@ def _turns(first: Array | None, second: Array | None) -> bool:
     return bool(scale > 0 and abs(first @ second) < 0.8 * scale)
 
 
-def _changes(
+def changes(
     problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Mapping[str, float]]
 ) -> list[Array | None]:
     """Whitened change of all rows at each point; None where the model has no finite value there."""
@@ -253,7 +253,7 @@ def _residual_changes(
     extended: Problem, fit: Fit, many: Sequence[Mapping[str, Any]], n_data: int
 ) -> list[Array | None]:
     try:
-        table = extended.data_residuals(many)
+        table = residuals(extended, many)
     except ComputationError:  # a loop that runs away at one point must not take the others with it
         if len(many) == 1:
             return [None]
@@ -261,3 +261,12 @@ def _residual_changes(
     change = np.zeros((fit.residual.size, len(many)))
     change[:n_data] = table - fit.residual[:n_data, None]
     return [c if np.all(np.isfinite(c)) else None for c in change.T]
+
+
+def residuals(problem: Problem, many: Sequence[Mapping[str, Any]]) -> Array:
+    """Whitened data residuals (no priors) for several sets of values, one a column."""
+    parts = []
+    for o in problem.observations:
+        seen = [problem._seen_by(o, values) for values in many]
+        parts.append(o.whiten(o.predict_many(problem.assembly, seen) - o.measured[:, None]))
+    return np.concatenate(parts)

@@ -1,0 +1,106 @@
+"""Which explanations the data cannot tell apart.
+
+D is the chi-square that a rival leaves on the noise-free data of another: the criterion of T-optimal designs
+(Atkinson & Fedorov 1975, Biometrika 62:57) on the measured design. With D = 9 one is mistaken for the other in
+7 % of cases, with D = 0 they are aliases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from specan.study.candidates import candidates
+from specan.study.gate import DECISIVE
+from specan.study.projection import Projection
+from specan.study.refit import Refit
+from specan.study.score import best_of_each, score, score_pairs
+from specan.study.search import Search
+from specan.study.traces import traces
+
+TELLING = 10.0  # D below which two explanations are not told apart
+WIDE = 30.0  # D of the linearised distance within which a rival is refitted
+MOST_RIVALS = 8
+
+
+def distance(truth: Refit, rival: Refit) -> float:
+    """Chi-square that the rival leaves on what the truth predicts, one Gauss-Newton step from its own fit."""
+    gap = rival.fit.residual * rival.weights - truth.residual_like(rival)
+    return rival.linear.free_chi2(gap)
+
+
+def seen_from(base: Refit, best: Refit) -> Refit:
+    """The base model at the parameters of another fit, and what it lacks there.
+
+    Its residual is that against the best fit's noise-free prediction, so that scores of candidates from
+    here say what each of them leaves of it: chi-square to a linear refit less gain = D.
+    """
+    problem = base.problem
+    theta = problem.start(best.fit.values)
+    here = replace(
+        base.fit,
+        theta=theta,
+        values=problem.values_at(theta),
+        residual=problem.residual(theta),
+        jacobian=problem.jacobian(theta),
+    )
+    return Refit(frozenset(), problem, here)
+
+
+def refit_rivals(search: Search) -> None:
+    """Refit sets as large as the best one that the linearised distance does not rule out."""
+    best = search.best
+    there = seen_from(search.base, best)
+    found, _ = candidates(there.problem)
+    seen = traces(there.problem, there.fit, found, search.points)
+    gap = there.fit.residual * there.weights - best.residual_like(there)
+    noise_free = replace_residual(there.linear, gap)
+    scored = score(noise_free, seen, there.weights)
+    whole = noise_free.free_chi2(gap)
+    if len(best.uses) == 1:
+        options = [(whole - items[0].gain, [items[0]]) for items in best_of_each(scored).values()]
+    else:
+        options = [(whole - pair.gain, [pair.first, pair.second]) for pair in score_pairs(noise_free, scored)]
+    options.sort(key=lambda option: option[0])
+    for d, members in options[:MOST_RIVALS]:
+        if d < WIDE * best.scale:
+            search.refits.fit(there, [members])
+
+
+def replace_residual(linear: Projection, residual: np.ndarray) -> Projection:
+    """The same tangent plane with another residual."""
+    return Projection(residual, linear.basis)
+
+
+def alternatives(search: Search) -> list[Refit]:
+    """Sets that the data cannot tell from the best, best first; the best alone where they can."""
+    best = search.best
+    if not best.uses:
+        return []
+    refit_rivals(search)
+    rivals = [
+        refit
+        for uses, refit in search.refits.done.items()
+        if uses and uses != best.uses and not uses > best.uses and len(uses) <= len(best.uses)
+    ]
+    kept = [best, *(r for r in rivals if _alike(search, best, r))]
+    return sorted(kept, key=lambda r: r.bic(best.scale))
+
+
+def _alike(search: Search, best: Refit, rival: Refit) -> bool:
+    """BIC within 6 of the best, or a distance below 10 while the data do not rule the rival out."""
+    if not search.believable(rival):
+        return False
+    behind = rival.bic(best.scale) - best.bic(best.scale)
+    if behind < DECISIVE:
+        return True
+    there = distance(best, rival) / best.scale
+    back = distance(rival, best) / best.scale
+    return there < TELLING or (back < TELLING and behind < TELLING)
+
+
+def union(sets: Iterable[Refit]) -> list[str]:
+    """Bare names of all effects in any of the sets."""
+    return sorted({use.name for refit in sets for use in refit.uses})

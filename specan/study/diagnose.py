@@ -1,0 +1,220 @@
+"""From a model and its measurements to the verdict: which physical effect is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from specan.errors import ComputationError
+from specan.models import Use
+from specan.study.alternatives import alternatives
+from specan.study.diagnosis import Diagnosis, LackOfFit, Ranked
+from specan.study.fit import Fit, fit
+from specan.study.power import by_effect, smallest_visible
+from specan.study.problem import Problem
+from specan.study.refit import Refit, Refits
+from specan.study.residual_law import residual_law
+from specan.study.search import Search
+from specan.study.significance import LACK_OF_FIT
+
+LEAST_DOF = 3.0
+STARTS = 3
+WIDTH = 1.96
+
+
+def diagnose(
+    problem: Problem,
+    *,
+    base: Fit | None = None,
+    bootstrap: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Find out which effect a model is missing.
+
+    Parameters
+    ----------
+    problem : Problem
+        The model with the effects it has, its observations, nuisances and free parameters.
+    base : Fit, optional
+        A fit of it, where it has been fitted already.
+    bootstrap : bool
+        Family-wise probabilities by simulation of the maximum over all candidates instead of a bound.
+    progress : callable, optional
+        Told in a few words what is being done.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    ComputationError
+        A fit that a verdict would rest on did not converge or is not finite.
+    """
+    start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
+    why = _untestable(start)
+    if why:
+        return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
+    search = Search(Refits(start), bootstrap, progress or (lambda text: None))
+    search.run()
+    sets = alternatives(search)
+    _check_failures(search)
+    return _conclude(search, sets)
+
+
+def _untestable(start: Refit) -> str:
+    """Why no test is possible; empty where one is."""
+    problem = start.problem
+    if start.dof < LEAST_DOF:
+        return (
+            f"{problem.n_effective:.0f} measured values leave {max(start.dof, 0):.0f} degrees of freedom "
+            f"beside {len(problem.names)} parameters; at least {LEAST_DOF:.0f} are needed"
+        )
+    if start.linear.rank < len(problem.names):
+        return (
+            f"the data determine only {start.linear.rank} of the model's {len(problem.names)} parameters: "
+            f"hold some of them fixed or measure more conditions"
+        )
+    return ""
+
+
+def _check_failures(search: Search) -> None:
+    """A set that the score test would have let through must not be lost to a fit that failed."""
+    for uses, reason in search.refits.failed.items():
+        if len(uses) == 1:
+            step = search.step(search.base)
+            gain = step.by_use[next(iter(uses))][0].gain
+            if search.best.uses or gain / search.base.scale < step.gate.needed_gain:
+                continue
+            raise ComputationError(
+                f"the fit with {', '.join(map(str, uses))} failed ({reason}) though the data ask for it",
+                remedy="give its parameters other bounds or start values",
+            )
+
+
+def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
+    base, best = search.base, search.best
+    verdict, doubt, reason = _verdict(search, sets)
+    step = search.step(best)
+    visible = by_effect([*smallest_visible(best, step.gate), *_of_members(search)])
+    return Diagnosis(
+        verdict=verdict,
+        reason=reason,
+        alternatives=tuple(tuple(sorted({u.name for u in r.uses})) for r in sets),
+        at=_places(u for r in sets for u in r.uses),
+        unknown_possible=doubt,
+        ranking=_ranking(search, sets),
+        lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
+        model_discrepancy_percent=_discrepancy(base.problem),
+        residual_law=residual_law(_what_is_left(search, verdict)) if doubt else None,
+        smallest_visible=visible,
+        not_testable=search.step(base).not_testable,
+    )
+
+
+def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
+    """Verdict, whether something unknown would explain the data as well, and the reason."""
+    base, best = search.base, search.best
+    if not best.uses:
+        if base.lack_of_fit < LACK_OF_FIT:
+            return (
+                "unknown-effect",
+                True,
+                "the model does not fit, and no effect of the catalogue explains it",
+            )
+        return "nothing-missing", False, "the model fits, and no effect of the catalogue improves it"
+    names = " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
+    if search.third is not None:
+        return "unknown-effect", True, "three effects or more would be needed; one unknown is likelier"
+    left = best.lack_of_fit < LACK_OF_FIT
+    if left and search.explained(best) < EXPLAINED:
+        return "unknown-effect", True, f"{names} explains a part, and much is left"
+    doubt = left or len(best.uses) > 1
+    kind = "effect" if len(sets) == 1 else "group"
+    reason = f"the data ask for {names}"
+    if left:
+        reason += "; something is left, so that its form is not exact or another effect is there too"
+    elif doubt:
+        reason += ", or for one unknown effect"
+    return kind, doubt, reason
+
+
+EXPLAINED = 0.9  # share of the misfit that a named effect must take away where something remains
+
+
+def _what_is_left(search: Search, verdict: str) -> Refit:
+    """The fit whose residual is described: the base's where nothing of the catalogue is sure."""
+    return search.base if verdict == "unknown-effect" or len(search.best.uses) > 1 else search.best
+
+
+def _of_members(search: Search) -> list[Any]:
+    """Smallest visible sizes of the effects that were found, from the base."""
+    if not search.best.uses:
+        return []
+    found = smallest_visible(search.base, search.step(search.base).gate)
+    return [v for v in found if v.use in {str(u) for u in search.best.uses}]
+
+
+def _ranking(search: Search, sets: list[Refit]) -> tuple[Ranked, ...]:
+    scale = search.best.scale
+    others = [r for r in search.refits.done.values() if r.uses and r not in sets]
+    others.sort(key=lambda r: (not search.believable(r), r.bic(scale)))
+    return tuple(_ranked(search, refit) for refit in [*sets, *others])
+
+
+def _ranked(search: Search, refit: Refit) -> Ranked:
+    base, scale = search.base, search.best.scale
+    passage = search.passage(refit)
+    return Ranked(
+        effects=tuple(sorted(u.name for u in refit.uses)),
+        at=_places(refit.uses),
+        delta_bic=base.bic(scale) - refit.bic(scale),
+        p_value=passage.p_value,
+        held_out_gain=passage.held_out_gain,
+        error_after=error(refit),
+        parameters=_parameters(refit),
+        plausible=passage.plausible,
+        at_bound=any(n.rpartition(".")[0] in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
+    )
+
+
+def error(refit: Refit) -> float:
+    """RMS of measured less predicted, in the observable's SI unit."""
+    problem = refit.problem
+    predicted = problem.predictions(refit.fit.theta)
+    gaps = [np.abs(p - o.measured) ** 2 for p, o in zip(predicted, problem.observations, strict=True)]
+    return float(np.sqrt(np.mean(np.concatenate(gaps))))
+
+
+def _parameters(refit: Refit) -> dict[str, dict[str, Any]]:
+    """Own parameters of the effects, with 95 % intervals from the covariance, in their declared units."""
+    table = {}
+    low, high = refit.problem.bounds()
+    own = {str(u) for u in refit.uses}
+    for k, name in enumerate(refit.fit.names):
+        if name.rpartition(".")[0] not in own:
+            continue
+        parameter = refit.problem.assembly.parameters[name.split("[")[0]]
+        value = float(refit.fit.theta[k])
+        reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.scale))
+        table[name] = {
+            "value": parameter.from_si(value),
+            "low": parameter.from_si(float(max(value - reach, low[k]))),
+            "high": parameter.from_si(float(min(value + reach, high[k]))),
+            "unit": parameter.unit,
+        }
+    return table
+
+
+def _places(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:
+    found: dict[str, set[str]] = {}
+    for use in uses:
+        if use.at:
+            found.setdefault(use.name, set()).add(use.at)
+    return {name: tuple(sorted(places)) for name, places in sorted(found.items())}
+
+
+def _discrepancy(problem: Problem) -> float:
+    return 100 * float(problem.assembly.model.settings.get("discrepancy", 0.0))
