@@ -1,0 +1,110 @@
+"""What the figures show, read back from their artists."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from specan.analysis.spectrogram import SpectrogramSettings
+from specan.analysis.spectrum import FourierSpectrum
+from specan.analysis.transfer_function import TransferFunction
+from specan.data.recording import ArraySource, Channel, Recording
+from specan.errors import RequestError
+from specan.report.figure_style import COLOURS, figure_format, line_styles, save_figure
+from specan.report.figures_spectra import (
+    figure_frequency_response,
+    figure_spectrogram,
+    figure_spectrum,
+)
+
+RATE, N = 8000.0, 16000
+NOISE = np.random.default_rng(6).standard_normal((12, N))
+
+
+def recording(channels=3):
+    roles = ["vibrometer"] + ["microphone"] * (channels - 1)
+    samples = [NOISE[0], *(np.roll(NOISE[0], 8) + 0.3 * NOISE[1:channels])]
+    return Recording(
+        "a.tdms",
+        tuple(
+            Channel(f"Ch {k}", role=role, unit="Pa", sampling_rate=RATE, n_samples=N)
+            for k, role in enumerate(roles)
+        ),
+        ArraySource(samples),
+    )
+
+
+def test_transfer_function_with_coherence_strip_and_bands():
+    found = TransferFunction(lines=200)(recording())
+    magnitude, phase, coherence = figure_frequency_response(found).axes
+    assert [line.get_label() for line in magnitude.lines] == ["Ch 1", "Ch 2"]
+    np.testing.assert_allclose(magnitude.lines[0].get_ydata(), found.level_db[0])
+    assert coherence.get_ylabel() == "Coherence"
+    assert phase.get_ylim() == (-190, 190)
+    path = magnitude.collections[0].get_paths()[0].vertices
+    at = path[np.isclose(path[:, 0], found.frequency_hz[50]), 1]
+    relative = 2 * found.u_magnitude_percent[0, 50] / 100
+    expected = found.level_db[0, 50] + 20 * np.log10([1 - relative, 1 + relative])
+    np.testing.assert_allclose([at.min(), at.max()], expected, rtol=1e-6)
+
+
+def test_frequency_axis_is_logarithmic_with_octaves():
+    axes = figure_frequency_response(TransferFunction(lines=200)(recording())).axes[-1]
+    assert axes.get_xscale() == "log"
+    assert [t.get_text() for t in axes.get_xticklabels()] == [
+        "16",
+        "31.5",
+        "63",
+        "125",
+        "250",
+        "500",
+        "1k",
+        "2k",
+    ]
+
+
+def test_wrapped_phase_has_gaps_and_unwrapped_has_none():
+    found = TransferFunction(lines=200)(recording())
+    wrapped = figure_frequency_response(found).axes[1].lines[0].get_ydata()
+    assert np.isnan(wrapped).any()
+    straight = figure_frequency_response(found, unwrapped=True).axes[1].lines[0].get_ydata()
+    assert np.isfinite(straight).all()
+    assert straight.min() < -360
+
+
+def test_many_channels_have_their_legend_outside():
+    figure = figure_frequency_response(TransferFunction(lines=100)(recording(12)))
+    assert len(figure.legends) == 1
+    assert len(figure.legends[0].get_texts()) == 11
+
+
+def test_spectrum_with_and_without_phase():
+    plain = figure_spectrum(FourierSpectrum(lines=100)(recording()))
+    assert len(plain.axes) == 1
+    assert plain.axes[0].get_ylabel() == "Level / dB re 20 uPa"
+    with_phase = figure_spectrum(FourierSpectrum(lines=100, reference="Ch 0")(recording()))
+    assert "over Ch 0" in with_phase.axes[1].get_ylabel()
+
+
+def test_spectrogram_has_a_panel_a_channel():
+    found = SpectrogramSettings(lines=100, channels=("Ch 1", "Ch 2"))(recording())
+    figure = figure_spectrogram(found)
+    assert sum("Frequency" in axes.get_ylabel() for axes in figure.axes) == 2
+
+
+def test_styles_do_not_repeat_within_24_channels():
+    styles = line_styles()
+    seen = [tuple(next(styles).items()) for _ in range(24)]
+    assert len(set(seen)) == 24
+    assert len(COLOURS) >= 6
+
+
+def test_places_are_checked(tmp_path):
+    with pytest.raises(RequestError, match="png"):
+        figure_format(Path("figure.jpg"))
+    with pytest.raises(RequestError, match="does not exist"):
+        figure_format(tmp_path / "nowhere" / "figure.png")
+    (tmp_path / "taken.png").mkdir()
+    figure = figure_spectrum(FourierSpectrum(lines=100)(recording()))
+    with pytest.raises(RequestError, match="cannot be written"):
+        save_figure(figure, tmp_path / "taken.png")
