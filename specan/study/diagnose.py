@@ -98,7 +98,7 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
     base, best = search.base, search.best
     verdict, doubt, reason = _verdict(search, sets)
     step = search.step(best)
-    visible = by_effect([*smallest_visible(best, step.gate), *_of_members(search)])
+    visible = by_effect([*smallest_visible(best, step.gate, best.scale), *_of_members(search)])
     return Diagnosis(
         verdict=verdict,
         reason=reason,
@@ -153,7 +153,7 @@ def _of_members(search: Search) -> list[Any]:
     """Smallest visible sizes of the effects that were found, from the base."""
     if not search.best.uses:
         return []
-    found = smallest_visible(search.base, search.step(search.base).gate)
+    found = smallest_visible(search.base, search.step(search.base).gate, search.best.scale)
     return [v for v in found if v.use in {str(u) for u in search.best.uses}]
 
 

@@ -28,7 +28,7 @@ class Visible:
     unit: str
 
 
-def smallest_visible(start: Refit, gate: Gate) -> list[Visible]:
+def smallest_visible(start: Refit, gate: Gate, scale: float) -> list[Visible]:
     """For every candidate the amplitude that the gate would let through in 80 % of repetitions.
 
     An effect of this size, its shapes at their defaults, leaves a chi-square lambda on the refitted model
@@ -41,20 +41,22 @@ def smallest_visible(start: Refit, gate: Gate) -> list[Visible]:
         The model that the effect would be added to.
     gate : Gate
         Of a step from there.
+    scale : float
+        max(s^2, 1) of the best model.
     """
     found, _ = candidates(start.problem)
     level = gate.single_level
-    return [_of(start, candidate, level) for candidate in found]
+    return [_of(start, candidate, level, scale) for candidate in found]
 
 
-def _of(start: Refit, candidate: Candidate, level: float) -> Visible:
+def _of(start: Refit, candidate: Candidate, level: float, scale: float) -> Visible:
     name = candidate.amplitudes[0]
     price = DECISIVE + candidate.count * float(np.log(start.problem.n_effective))
-    needed = max(visible_noncentrality(level, POWER), (np.sqrt(price) + 0.84) ** 2) * start.scale
+    needed = max(visible_noncentrality(level, POWER), (np.sqrt(price) + 0.84) ** 2) * scale
     value = _released(start, candidate, needed) if candidate.released else _moved(start, candidate, needed)
     parameter = candidate.parameter(name)
     return Visible(
-        str(candidate.use), name, None if value is None else parameter.from_si(value), parameter.unit
+        str(candidate.use), name, None if value is None else float(parameter.from_si(value)), parameter.unit
     )
 
 

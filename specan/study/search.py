@@ -9,7 +9,6 @@ import numpy as np
 
 from specan.models import Use
 from specan.study.candidates import candidates
-from specan.study.family import Family
 from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
 from specan.study.plausibility import plausible
 from specan.study.refit import EffectSet, Refit, Refits
