@@ -61,7 +61,8 @@ def _steps(x: State, gap: State, x_before: State, gap_before: State) -> State:
     """Factor of the plain step for each element, from the slope of the gap between two rounds."""
     factors = {}
     for name in x:
-        factor = (x_before[name] - x[name]) / (gap[name] - gap_before[name])
+        with np.errstate(divide="ignore", invalid="ignore"):  # an element that has arrived does not move
+            factor = (x_before[name] - x[name]) / (gap[name] - gap_before[name])
         size = np.abs(factor)
         usable = np.isfinite(size) & (np.real(factor) > 0)
         limited = np.where(usable, factor, 1.0) * (

@@ -1,0 +1,154 @@
+"""``specan simulate`` as a user calls it."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from specan_cli.main import main
+
+from specan.errors import InputError, RequestError
+
+SAMPLE = Path(__file__).parents[2] / "sample_data/worm_gear"
+RIG = SAMPLE / "rig.toml"
+
+
+def run(*arguments, model="worm-gear", rig=RIG):
+    result = CliRunner().invoke(main, ["simulate", model, str(rig), *map(str, arguments)])
+    if result.exception and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def columns(path):
+    with open(path, encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def test_a_table_over_the_limits_of_the_rig(tmp_path):
+    run("-o", tmp_path / "a.csv")
+    got = columns(tmp_path / "a.csv")
+    assert (got["speed_rpm"].min(), got["speed_rpm"].max()) == (1200, 2800)
+    assert got["output_torque_Nm"].max() == 90
+    loaded = got["output_torque_Nm"] > 0
+    np.testing.assert_allclose(
+        got["efficiency"][loaded], (got["output_torque_Nm"] / 7.5 / got["input_torque_Nm"])[loaded], rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        got["power_loss_W"],
+        (got["input_torque_Nm"] - got["output_torque_Nm"] / 7.5) * got["speed_rpm"] * np.pi / 30,
+        atol=1e-4,
+    )
+
+
+POINT = (
+    "--grid",
+    "speed_rpm=1500",
+    "--grid",
+    "output_torque_Nm=50",
+    "--grid",
+    "oil_temperature_C=58",
+    "--json",
+)
+
+
+def torque(*arguments):
+    return json.loads(run(*POINT, *arguments).stdout)["rows"][0]["input_torque_Nm"]
+
+
+def test_effects_are_switched_on_with_values_and_units():
+    base = torque()
+    assert torque("--effects", "seal-drag=0.2") == pytest.approx(base + 0.2)
+    assert torque("-e", "seal-drag.torque=200 mN*m") == pytest.approx(base + 0.2)
+    assert torque("-e", "seal-drag", "-e", "windage") == pytest.approx(base + 0.1 + 4 / (50 * np.pi))
+    assert torque("--without", "churning") < base
+    assert torque("-e", "tooth-friction=0.03") < base
+
+
+def test_without_any_base_effect_the_gear_is_ideal():
+    ideal = ("--without", "churning", "--without", "tooth-friction", "--without", "bearing-friction")
+    assert torque(*ideal) == pytest.approx(50 / 7.5)
+
+
+def test_noise_has_its_deviation_and_its_seed(tmp_path):
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        run("-o", tmp_path / f"{name}.csv", "--noise", 0.02, "--repeats", 4, "--seed", seed)
+    run("-o", tmp_path / "clean.csv", "--repeats", 4)
+    a, b, c, clean = (columns(tmp_path / f"{n}.csv")["input_torque_Nm"] for n in ("a", "b", "c", "clean"))
+    assert np.array_equal(a, b)
+    assert not np.array_equal(a, c)
+    assert np.std(a - clean) == pytest.approx(0.02, rel=0.1)
+    assert set(columns(tmp_path / "a.csv")["repeat"]) == {1, 2, 3, 4}
+
+
+def test_look_up_table_is_a_full_grid(tmp_path):
+    run("--table", tmp_path / "map.csv")
+    got = columns(tmp_path / "map.csv")
+    assert list(got) == ["speed_rpm", "output_torque_Nm", "oil_temperature_C", "efficiency", "power_loss_W"]
+    sizes = [np.unique(got[name]).size for name in list(got)[:3]]
+    assert np.prod(sizes) == got["efficiency"].size
+    assert np.all(np.diff(got["oil_temperature_C"][: sizes[2]]) > 0)  # the last axis runs fastest
+    assert np.all(np.isfinite(got["efficiency"]))
+
+
+def test_conditions_are_taken_from_a_measured_table(tmp_path):
+    run("-o", tmp_path / "a.csv", "--conditions", SAMPLE / "table_8_loaded.csv")
+    got = columns(tmp_path / "a.csv")
+    assert got["speed_rpm"].size == 24
+    assert got["output_torque_Nm"][:3] == pytest.approx([5, 10, 15])
+
+
+@pytest.mark.parametrize("number", [4, 5, 6, 7, 11])
+def test_the_articles_figures(tmp_path, number):
+    table = "table_7_idle.csv" if number == 6 else "table_8_loaded.csv"
+    run("--figure", number, "-o", tmp_path / "f.svg", "--measurement", SAMPLE / table)
+    text = (tmp_path / "f.svg").read_text(encoding="utf-8")
+    assert "<svg" in text
+    assert len(text) > 10_000
+
+
+def test_plot_is_the_map(tmp_path):
+    run("--plot", tmp_path / "map.png", "--table", tmp_path / "map.csv")
+    assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
+    assert (tmp_path / "map.csv").exists()
+
+
+def test_rows_outside_the_validity_are_told(tmp_path):
+    result = run("-o", tmp_path / "a.csv", "-e", "speed-dependent-friction", "--grid", "speed_rpm=5,1500")
+    assert "sliding_speed outside" in result.stderr
+    assert "33 rows" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("-e", "seal-drug=1"), "did you mean 'seal-drag'"),
+        (("-e", "seal-drag.torqe=1"), "did you mean 'seal-drag.torque'"),
+        (("-e", "seal-drag=much"), "is no number"),
+        (("-e", "seal-drag=-3"), "outside its domain"),
+        (("-e", "seal-drag=2 degC"), "cannot be read"),
+        (("-e", "seal-drag.torque"), "without a value"),
+        (("--without", "seal-drag"), "no effect of the base"),
+        (("--grid", "speed=1"), "did you mean 'speed_rpm'"),
+        (("--grid", "speed_rpm=fast"), "cannot be read"),
+        (("--figure", "3", "-o", "x.png"), "4, 5, 6, 7, 11"),
+        (("--figure", "4"), "nowhere to go"),
+        (("-o", "no/such/place.csv"), "cannot be written"),
+        (("--noise", "-1"), "not below zero"),
+    ],
+)
+def test_requests_that_cannot_be_carried_out(arguments, message):
+    with pytest.raises(RequestError, match=message):
+        run(*arguments)
+
+
+def test_unknown_model_and_missing_files():
+    with pytest.raises(RequestError, match="did you mean 'worm-gear'"):
+        run(model="worm-gaer")
+    with pytest.raises(RequestError, match="does not exist"):
+        run(rig="nowhere.toml")
+    with pytest.raises(InputError, match="does not exist"):
+        run("--conditions", "nowhere.csv")
