@@ -66,7 +66,7 @@ def measure(case: Case, truth: TruthCase, directory: Path) -> dict[str, Any]:
 
 def _problem(directory: Path, without: Iterable[str] = ()) -> Problem:
     model = _model((directory / "rig.toml").read_text(encoding="utf-8"), tuple(without))
-    return base_problem(model, [read_tables(model, [directory / "measurement.csv"]).fitted])
+    return base_problem(model, read_tables(model, [directory / "measurement.csv"]).fitted)
 
 
 @cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,46 +11,16 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.models import Model
+from specan.study.kinds import DataFile, DataRequest, OpenedData
 from specan.study.levels import Setting
 from specan.study.measurement import Measurement, read_measurement
-from specan.study.observation.table import TableObservation
 from specan.study.rows import ASSUMED, ASSUMED_KELVIN, Rows, check_varied, join, setting_of
-from specan.study.uncertainty import Uncertainty, uncertainty
+from specan.study.uncertainty import uncertainty
 from specan.units import convert
 
 
-@dataclass(frozen=True, eq=False)
-class TableData:
-    """The tables of a study as observations of one uncertainty.
-
-    Attributes
-    ----------
-    fitted : TableObservation
-        What parameters are fitted to.
-    held_out : TableObservation or None
-        Rows of the measurement that are put aside, then those of validation files.
-    """
-
-    fitted: TableObservation
-    held_out: TableObservation | None
-    uncertainty: Uncertainty
-
-
-def read_tables(
-    model: Model,
-    measurements: Sequence[Measurement | Path],
-    validations: Sequence[Measurement | Path] = (),
-    hold_out: Sequence[tuple[str | None, str]] = (),
-) -> TableData:
+def open_data(model: Model, request: DataRequest) -> OpenedData:
     """Read the tables of a study and work out their uncertainty on the rows that are fitted.
-
-    Parameters
-    ----------
-    model : Model
-    measurements, validations : sequence of Measurement or Path
-        Tables to fit and tables to predict only.
-    hold_out : sequence of (file name or None, condition)
-        Rows of the measurements to put aside, ``(None, "torque=60,90")``.
 
     Raises
     ------
@@ -59,11 +29,11 @@ def read_tables(
     RequestError
         A condition that no row meets, or nothing left to fit.
     """
-    fitted = [_read(m, model) for m in measurements]
-    checked = [_read(m, model) for m in validations]
+    fitted = [_read(f, model) for f in request.measurements]
+    checked = [_read(f, model) for f in request.validations]
     rows = join([*fitted, *checked], model)
     aside = rows.recording >= len(fitted)
-    for file, where in hold_out:
+    for file, where in request.hold_out:
         aside |= matching(rows, model, where, file)
     if np.all(aside):
         raise RequestError(
@@ -72,15 +42,43 @@ def read_tables(
     check_varied(rows.take(~aside))
     found = uncertainty(model, rows.take(~aside))
     whole = found.observe(rows)
-    return TableData(
-        fitted=replace(whole.take(~aside), pure_dof=whole.pure_dof),
-        held_out=whole.take(aside) if np.any(aside) else None,
-        uncertainty=found,
+    kept = replace(whole.take(~aside), pure_dof=whole.pure_dof) if np.any(aside) else whole
+    return OpenedData(
+        fitted=(kept,),
+        held_out=(whole.take(aside),) if np.any(aside) else (),
+        statements=found.statements,
+        known=found.known,
+        discrepancy_percent=found.discrepancy_percent,
     )
 
 
-def _read(measurement: Measurement | Path, model: Model) -> Measurement:
-    return measurement if isinstance(measurement, Measurement) else read_measurement(measurement, model)
+def read_tables(
+    model: Model,
+    measurements: Sequence[Path],
+    validations: Sequence[Path] = (),
+    hold_out: Sequence[tuple[str | None, str]] = (),
+) -> OpenedData:
+    """Tables as observations, without a study directory.
+
+    Parameters
+    ----------
+    model : Model
+    measurements, validations : sequence of Path
+        Tables to fit and tables to predict only.
+    hold_out : sequence of (file name or None, condition)
+        Rows of the measurements to put aside, ``(None, "torque=60,90")``.
+    """
+    files = [[DataFile(path.name, path) for path in paths] for paths in (measurements, validations)]
+    return open_data(model, DataRequest(*files, hold_out))
+
+
+def _read(file: DataFile, model: Model) -> Measurement:
+    numbers = {}
+    for column, value in file.conditions.items():
+        if isinstance(value, str):
+            raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")
+        numbers[column] = value
+    return read_measurement(file.path, model, numbers, name=file.name)
 
 
 def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:

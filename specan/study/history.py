@@ -1,0 +1,110 @@
+"""The steps of a study, each kept: one line of JSON a step, only ever appended to."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from specan.errors import RequestError
+
+NAME = "history.jsonl"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step.
+
+    Attributes
+    ----------
+    action : str
+        ``new``, ``add``, ``drop``, ``edit`` (the study file or the rig was changed by hand) or ``data``
+        (changed data were accepted).
+    because : str
+        The user's reason.
+    model_effects : tuple of str
+        Effects of the model after the step, nuisances left out.
+    fit_error, held_out_error : mapping or None
+        ``{"value", "unit", "metric"}``.
+    errors : mapping
+        The same for every observable: ``{"fit": [...], "held_out": [...]}``.
+    parameters : mapping
+        ``{"effect.parameter": {"value", "low", "high", "unit"}}``.
+    hashes : mapping
+        Of the study's content, the rig, every file.
+    """
+
+    step: int
+    action: str
+    model_effects: tuple[str, ...]
+    fit_error: Mapping[str, Any]
+    held_out_error: Mapping[str, Any] | None
+    reduced_chi2: float | None
+    p_value: float | None
+    parameters: Mapping[str, Mapping[str, Any]]
+    hashes: Mapping[str, Any]
+    effect: str = ""
+    because: str = ""
+    held_out_reduced_chi2: float | None = None
+    errors: Mapping[str, Any] = field(default_factory=dict)
+    at_bound: tuple[str, ...] = ()
+    model_discrepancy_percent: float = 0.0
+    version: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return {**vars(self), "model_effects": list(self.model_effects), "at_bound": list(self.at_bound)}
+
+
+class History:
+    """The steps that were taken in a directory."""
+
+    def __init__(self, directory: Path) -> None:
+        self.path = directory / NAME
+        self.steps = self._read()
+
+    @property
+    def last(self) -> Step | None:
+        """The latest step."""
+        return self.steps[-1] if self.steps else None
+
+    def append(self, step: Step) -> None:
+        """Keep a step."""
+        line = json.dumps(_finite(step.as_dict()), ensure_ascii=False, sort_keys=True)
+        with self.path.open("a", encoding="utf-8", newline="\n") as stream:
+            stream.write(line + "\n")
+        self.steps.append(step)
+
+    def _read(self) -> list[Step]:
+        if not self.path.exists():
+            return []
+        steps = []
+        for number, line in enumerate(self.path.read_text(encoding="utf-8").splitlines(), 1):
+            if not line.strip():
+                continue
+            try:
+                content = json.loads(line)
+                content["model_effects"] = tuple(content["model_effects"])
+                content["at_bound"] = tuple(content["at_bound"])
+                steps.append(Step(**content))
+            except (ValueError, TypeError, KeyError) as fault:
+                raise RequestError(
+                    f"{self.path}, line {number} is damaged ({fault})",
+                    remedy="restore the file from a copy, or remove that line",
+                ) from None
+        return steps
+
+
+def _finite(value: Any) -> Any:
+    """Plain JSON values; what is not finite becomes null."""
+    import math
+
+    if isinstance(value, Mapping):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(v) for v in value]
+    if hasattr(value, "tolist"):
+        return _finite(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,112 @@
+"""A user's own effect files: copied into the study, run on a machine only after someone named them there.
+
+An effect file is a program. One that comes with somebody else's study runs only after its content was
+named once on this machine; the record of what was named lies outside every study.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from specan.errors import RequestError
+from specan.models import Effect, Model
+from specan.models.catalogue import effects_from_file
+from specan.study.study_file import EffectFileEntry
+
+FOLDER = "effects"
+
+
+def trust_record() -> Path:
+    """File that lists the hashes of effect files that were named on this machine.
+
+    It lies in the user's configuration directory, or where SPECAN_CONFIG_DIR points.
+    """
+    chosen = os.environ.get("SPECAN_CONFIG_DIR")
+    if chosen:
+        return Path(chosen) / "trusted_effects.txt"
+    import click
+
+    return Path(click.get_app_dir("specan")) / "trusted_effects.txt"
+
+
+def is_trusted(sha256: str) -> bool:
+    """Whether an effect file of this content was named on this machine."""
+    record = trust_record()
+    return record.exists() and sha256 in record.read_text(encoding="utf-8").split()
+
+
+def trust(sha256: str) -> None:
+    """Remember that an effect file was named."""
+    if is_trusted(sha256):
+        return
+    record = trust_record()
+    record.parent.mkdir(parents=True, exist_ok=True)
+    with record.open("a", encoding="utf-8", newline="\n") as stream:
+        stream.write(sha256 + "\n")
+
+
+def take_in(directory: Path, given: Path, model: Model) -> EffectFileEntry:
+    """Copy an effect file into a study and trust it: the user has just named it.
+
+    Another version that the study holds under the same name is kept beside it.
+
+    Raises
+    ------
+    RequestError
+        It cannot be loaded, or an effect of it has the name of a built-in one or does not fit the model.
+    """
+    if not given.exists():
+        raise RequestError(f"the effect file {given} does not exist", remedy="check the path")
+    content = given.read_bytes()
+    effects = effects_from_file(given, content)
+    for effect in effects:
+        if effect.name in model.effects:
+            raise RequestError(
+                f"the effect file {given} brings {effect.name!r}, which specan has already",
+                remedy="give your effect another name",
+            )
+    model.with_effect(*effects)
+    sha256 = hashlib.sha256(content).hexdigest()
+    inside = directory / FOLDER / given.name
+    if inside.resolve() != given.resolve():
+        inside.parent.mkdir(parents=True, exist_ok=True)
+        if inside.exists() and inside.read_bytes() != content:
+            old = hashlib.sha256(inside.read_bytes()).hexdigest()[:8]
+            inside.replace(inside.with_name(f"{inside.name}.{old}"))
+        inside.write_bytes(content)
+    trust(sha256)
+    return EffectFileEntry(file=f"{FOLDER}/{given.name}", sha256=sha256)
+
+
+def load_own_effects(directory: Path, entries: Sequence[EffectFileEntry]) -> list[Effect]:
+    """Load the effect files of a study.
+
+    Raises
+    ------
+    RequestError
+        A file is missing, was changed, or has not been named on this machine.
+    """
+    effects = []
+    for entry in entries:
+        path = directory / entry.file
+        if not path.exists():
+            raise RequestError(
+                f"the study's effect file {entry.file} is missing", remedy="put it back, or drop its effects"
+            )
+        content = path.read_bytes()
+        sha256 = hashlib.sha256(content).hexdigest()
+        if sha256 != entry.sha256:
+            raise RequestError(
+                f"the study's effect file {entry.file} was changed since it was taken in",
+                remedy=f"restore it, or take in what it is now with --effect {path}",
+            )
+        if not is_trusted(sha256):
+            raise RequestError(
+                f"the study brings its own effect file {entry.file}, which has not been run on this machine",
+                remedy=f"read it, then name it once with --effect {path}",
+            )
+        effects += effects_from_file(path, content)
+    return effects

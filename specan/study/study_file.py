@@ -1,0 +1,207 @@
+"""``study.toml``: what a study consists of, as a person may read and edit it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from specan.errors import RequestError
+from specan.models import Use
+from specan.schema import Settings, parse, read_toml
+
+NAME = "study.toml"
+
+
+class ParameterEntry(Settings):
+    """What a study says about one parameter; numbers are in `unit`, by default the declared one."""
+
+    value: float | tuple[float, ...] | None = None
+    unit: str | None = None
+    low: float | None = None
+    high: float | None = None
+    per: str | None = None
+    fixed: bool | None = None
+    link: str | None = None
+    prior_sd: float | None = Field(default=None, gt=0)
+
+
+class EffectEntry(Settings):
+    """One effect of the study's model."""
+
+    name: str
+    at: str = ""
+    role: Literal["model", "nuisance"] = "model"
+    prior_sd: float | None = Field(default=None, gt=0)
+    parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
+
+    @property
+    def use(self) -> Use:
+        """The effect with its place."""
+        written = Use.parse(self.name)
+        return Use(written.name, self.at or written.at, written.copy)
+
+
+class DataEntry(Settings):
+    """A measured file."""
+
+    file: str
+    sha256: str
+    kind: str = "table"
+    estimator: str = ""
+    conditions: dict[str, float | str] = Field(default_factory=dict)
+
+
+class HoldOutEntry(Settings):
+    """Rows or channels of the measurements that are put aside: ``where = "torque=60"``."""
+
+    where: str
+    file: str | None = None
+
+
+class EffectFileEntry(Settings):
+    """A user's own effects, copied into the study."""
+
+    file: str
+    sha256: str
+
+
+class StudyFile(Settings):
+    """The whole file."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    model: str
+    rig: str
+    calibration: str | None = None
+    measurement: tuple[DataEntry, ...] = Field(min_length=1)
+    validation: tuple[DataEntry, ...] = ()
+    hold_out: tuple[HoldOutEntry, ...] = ()
+    effect: tuple[EffectEntry, ...] = ()
+    effect_file: tuple[EffectFileEntry, ...] = ()
+    parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
+
+
+def read_study_file(directory: Path) -> StudyFile:
+    """Read the study file of a directory.
+
+    Raises
+    ------
+    RequestError
+        There is none, or it has a fault, which is named with its key.
+    """
+    path = directory / NAME
+    if not path.exists():
+        raise RequestError(
+            f"{directory} holds no study", expected=f"a file {NAME}", remedy="begin one with specan study new"
+        )
+    return parse(StudyFile, read_toml(path), str(path))
+
+
+def content_hash(content: StudyFile) -> str:
+    """Hash of what the file says, whatever its comments and layout."""
+    plain = content.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's bytes.
+
+    Raises
+    ------
+    RequestError
+        It cannot be read.
+    """
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    except OSError as fault:
+        raise RequestError(
+            f"{path} cannot be read ({fault.strerror})",
+            remedy="put it back, or correct its place in study.toml",
+        ) from None
+    return digest.hexdigest()
+
+
+class StudyText:
+    """The file as text: changed in place, so that a person's comments and order stay."""
+
+    def __init__(self, path: Path) -> None:
+        import tomlkit
+
+        self.path = path
+        self.document: Any = tomlkit.parse(path.read_text(encoding="utf-8-sig"))
+
+    @classmethod
+    def begin(cls, path: Path, content: Mapping[str, Any]) -> None:
+        """Write a new file."""
+        import tomlkit
+
+        document: Any = tomlkit.document()
+        document.add(tomlkit.comment("A specan study. It may be edited; every command reads it anew."))
+        for key, value in content.items():
+            document.add(key, value)
+        _write(path, tomlkit.dumps(document))
+
+    def add_effect(self, entry: Mapping[str, Any]) -> None:
+        """Append an effect."""
+        self._append("effect", entry)
+
+    def drop_effect(self, use: Use) -> None:
+        """Remove an effect."""
+        entries = self.document["effect"]
+        for place, entry in enumerate(entries):
+            if EffectEntry.model_validate(entry.unwrap()).use == use:
+                del entries[place]
+                break
+        if not entries:
+            del self.document["effect"]
+
+    def add_effect_file(self, entry: Mapping[str, Any]) -> None:
+        """Append a user's effect file, or note its new hash."""
+        for known in self.document.get("effect_file", []):
+            if known["file"] == entry["file"]:
+                known["sha256"] = entry["sha256"]
+                return
+        self._append("effect_file", entry)
+
+    def set_role(self, use: Use, role: str) -> None:
+        """Make a nuisance a part of the model, or the reverse."""
+        for entry in self.document["effect"]:
+            if EffectEntry.model_validate(entry.unwrap()).use == use:
+                entry["role"] = role
+
+    def set_hash(self, file: str, sha256: str) -> None:
+        """Note the new hash of a measured file."""
+        for key in ("measurement", "validation"):
+            for entry in self.document.get(key, []):
+                if entry["file"] == file:
+                    entry["sha256"] = sha256
+
+    def save(self) -> None:
+        """Write the file back."""
+        import tomlkit
+
+        _write(self.path, tomlkit.dumps(self.document))
+
+    def _append(self, key: str, entry: Mapping[str, Any]) -> None:
+        import tomlkit
+
+        made = tomlkit.table()
+        for name, value in entry.items():
+            made.add(name, value)
+        if key not in self.document:
+            self.document.add(key, tomlkit.aot())
+        self.document[key].append(made)
+
+
+def _write(path: Path, text: str) -> None:
+    """Replace a file in one step: a reader never sees half of it."""
+    temporary = path.with_name(path.name + ".part")
+    temporary.write_text(text, encoding="utf-8", newline="\n")
+    temporary.replace(path)
