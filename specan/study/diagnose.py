@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,10 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.alternatives import alternatives
 from specan.study.diagnosis import Diagnosis, LackOfFit, Ranked
+from specan.study.error import observable_errors
 from specan.study.fit import Fit, fit
+from specan.study.localise import Block, localise
+from specan.study.next_measurement import Proposal, explore, propose
 from specan.study.power import by_effect, smallest_visible
 from specan.study.problem import Problem
 from specan.study.refit import Refit, Refits
@@ -21,6 +24,8 @@ from specan.study.significance import LACK_OF_FIT
 
 LEAST_DOF = 3.0
 STARTS = 3
+MOST_PLACES = 12
+MOST_OTHERS = 3
 WIDTH = 1.96
 
 
@@ -98,6 +103,7 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
     base, best = search.base, search.best
     verdict, doubt, reason = _verdict(search, sets)
     step = search.step(best)
+    fails_at = localise(base.problem, base.fit).fails_at
     visible = by_effect([*smallest_visible(best, step.gate, best.scale), *_of_members(search)])
     return Diagnosis(
         verdict=verdict,
@@ -108,10 +114,23 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
         ranking=_ranking(search, sets),
         lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
         model_discrepancy_percent=_discrepancy(base.problem),
+        fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
         residual_law=residual_law(_what_is_left(search, verdict)) if doubt else None,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
+        next_measurement=tuple(p.to_json() for p in _next(search, sets, verdict, fails_at)),
     )
+
+
+def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Block]) -> Sequence[Proposal]:
+    """Measurements between the rivals; between the best and the next in rank where there are none."""
+    if verdict == "unknown-effect":
+        return explore(search.best, fails_at)
+    others = [r for r in search.refits.of_size(1) if r not in sets and search.believable(r)]
+    others.sort(key=lambda r: r.bic(search.best.scale))
+    if len(sets) > 1:
+        return propose(sets)
+    return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
 
 
 def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
@@ -173,19 +192,18 @@ def _ranked(search: Search, refit: Refit) -> Ranked:
         delta_bic=base.bic(scale) - refit.bic(scale),
         p_value=passage.p_value,
         held_out_gain=passage.held_out_gain,
-        error_after=error(refit),
+        error_after=_error(refit),
         parameters=_parameters(refit),
         plausible=passage.plausible,
         at_bound=any(n.rpartition(".")[0] in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
     )
 
 
-def error(refit: Refit) -> float:
-    """RMS of measured less predicted, in the observable's SI unit."""
+def _error(refit: Refit) -> float:
+    """RMS of predicted less measured of the observable with most values, in its unit."""
     problem = refit.problem
     predicted = problem.predictions(refit.fit.theta)
-    gaps = [np.abs(p - o.measured) ** 2 for p, o in zip(predicted, problem.observations, strict=True)]
-    return float(np.sqrt(np.mean(np.concatenate(gaps))))
+    return observable_errors(problem, problem.observations, predicted)[0].rms
 
 
 def _parameters(refit: Refit) -> dict[str, dict[str, Any]]:
