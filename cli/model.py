@@ -158,6 +158,7 @@ def _print_parameters(parameters: Mapping[str, Any]) -> None:
             "" if p["neutral"] is None else f"neutral at {p['neutral']:g}",
             "fixed" if p["fixed"] else "",
             f"one per {p['per']}" if p["per"] else "",
+            f"held unless {', '.join(p['needs'])} varies" if p["needs"] else "",
         ]
         rows.append(
             [name, f"{p['default']:g}", p["unit"], _span(p["plausible"]), _span(p["domain"]), p["doc"],

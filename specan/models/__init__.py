@@ -6,11 +6,11 @@ scales or joins some of them. See `specan.models.effect.effect` for how to write
 
 from specan.models.check import check_effect
 from specan.models.effect import Effect, Use, effect
-from specan.models.model import Assembly, Evaluation, LawSpace, Model, Nuisance, Observable
+from specan.models.model import Assembly, Evaluation, LawSpace, Model, Nuisance, Observable, varying
 from specan.models.parameter import Parameter
 from specan.models.quantity import Condition, Quantity, constant, quantity
 
 __all__ = [
     "Assembly", "Condition", "Effect", "Evaluation", "LawSpace", "Model", "Nuisance", "Observable", "Parameter",
-    "Quantity", "Use", "check_effect", "constant", "effect", "quantity",
+    "Quantity", "Use", "check_effect", "constant", "effect", "quantity", "varying",
 ]  # fmt: skip

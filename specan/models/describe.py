@@ -87,6 +87,7 @@ def _parameters(parameters: Mapping[str, Parameter], neutral: Mapping[str, float
             "neutral": neutral.get(name),
             "fixed": p.fixed,
             "per": p.per,
+            "needs": list(p.needs),
             "doc": p.doc,
         }
         for name, p in parameters.items()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -197,6 +197,14 @@ class Assembly:
     def defaults(self) -> dict[str, float]:
         """SI default of every parameter."""
         return {name: parameter.si.default for name, parameter in self.parameters.items()}
+
+    def free(self, varying: Collection[str]) -> tuple[str, ...]:
+        """Parameters that a fit sets free, where only some conditions take several values (see `varying`)."""
+        return tuple(
+            name
+            for name, parameter in self.parameters.items()
+            if not parameter.fixed and all(needed in varying for needed in parameter.needs)
+        )
 
     def evaluate(
         self,
@@ -423,6 +431,27 @@ class Assembly:
             expected="a fixed point within 200 iterations",
             remedy="reduce the effect that closes it (" + ", ".join(map(str, self.uses)) + ")",
         )
+
+
+def varying(rows: Iterable[Mapping[str, Any]], least: float = 0.01) -> frozenset[str]:
+    """Conditions that take several values over some data: a spread of more than `least` of the largest.
+
+    Examples
+    --------
+    >>> sorted(varying([{"speed": [100.0, 200.0], "oil_level": [1.0]}, {"oil_level": [0.6]}]))
+    ['oil_level', 'speed']
+    """
+    import numpy as np
+
+    spans: dict[str, tuple[float, float]] = {}
+    for conditions in rows:
+        for name, values in conditions.items():
+            finite = np.asarray(values, dtype=float)
+            finite = finite[np.isfinite(finite)]
+            if finite.size:
+                low, high = spans.get(name, (np.inf, -np.inf))
+                spans[name] = (min(low, float(finite.min())), max(high, float(finite.max())))
+    return frozenset(n for n, (low, high) in spans.items() if high - low > least * max(abs(low), abs(high)))
 
 
 @dataclass(frozen=True)

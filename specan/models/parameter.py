@@ -32,6 +32,9 @@ class Parameter:
     per : str
         A model axis (``microphone``, ``card``, ``wall``, ``third_octave``, ``recording``, ``harmonic``)
         over which the parameter is a vector; empty for a scalar.
+    needs : tuple of str
+        Conditions that must take several values in the data for the parameter to be determined. Where one
+        does not, the parameter is held: it says nothing there (a power of a viscosity that never changes).
 
     Examples
     --------
@@ -49,6 +52,7 @@ class Parameter:
     doc: str = ""
     fixed: bool = False
     per: str = ""
+    needs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         low, high = self.domain

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import RequestError, nearest
-from specan.models import Assembly, Model, Use
+from specan.models import Assembly, Model, Use, varying
 from specan.study.observation import Array, Observation
 
 STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
@@ -296,10 +296,11 @@ class Problem:
     # --- other problems ------------------------------------------------------------------------
 
     def with_uses(self, uses: Iterable[Use | str]) -> Problem:
-        """Add effects, their parameters free unless declared `fixed`; a nuisance loses its certificate."""
+        """Add effects, their parameters free as far as declared and varied; a nuisance loses its certificate."""
         new = [Use.parse(u) if isinstance(u, str) else u for u in uses]
         assembly = self.assembly.model.assemble({*self.assembly.uses, *new})
-        own = [n for n, p in assembly.parameters.items() if _owned(n, new) and not p.fixed]
+        varied = varying(o.conditions for o in self.observations)
+        own = [n for n in assembly.free(varied) if _owned(n, new)]
         return replace(
             self,
             assembly=assembly,
@@ -357,7 +358,7 @@ def base_problem(
         Effects instead of the model's base effects.
     """
     assembly = model.assemble(model.base_effects if uses is None else uses)
-    free = tuple(n for n, p in assembly.parameters.items() if not p.fixed)
+    free = assembly.free(varying(o.conditions for o in observations))
     return _with_nuisances(Problem(assembly, tuple(observations), free))
 
 

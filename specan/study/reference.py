@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import SpecanError
-from specan.models import Assembly, Model
+from specan.models import Assembly, Model, varying
 from specan.study.fit import fit
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
@@ -80,7 +80,7 @@ def reference(model: Model, rows: Rows) -> Reference:
     ideal = model.assemble()
     try:
         assembly = model.assemble(model.base_effects)
-        free = tuple(n for n, p in assembly.parameters.items() if not p.fixed)
+        free = assembly.free(varying([rows.conditions]))
         return Reference(assembly, fit(Problem(assembly, (crude(rows),), free)).values)
     except SpecanError:  # too few rows, or data that the base cannot follow at all: the ideal slopes serve
         return Reference(ideal, ideal.defaults())

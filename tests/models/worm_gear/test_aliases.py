@@ -23,7 +23,7 @@ TRUTH = {
     "churning.constant": 5.0,
     "bearing-friction.scale": 0.6,
 }
-FREE = [name for name, p in BASE.parameters.items() if not p.fixed]
+FREE = BASE.free({"indicated_oil_temperature"})
 GRID = {
     name: axis.ravel()
     for name, axis in zip(

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from specan.models import varying
 from specan.models.catalogue import example_model
 from specan.models.worm_gear.oil import exponential, vogel
 
@@ -239,3 +240,22 @@ def test_the_articles_form_goes_by_the_power_put_in():
         rtol=1e-10,
     )
     assert np.all(found["bearing_axial_load"] == 0)
+
+
+def test_what_the_data_cannot_tell_is_held():
+    """At one temperature and oil level, powers of them say nothing."""
+    always = {
+        "tooth-friction.mu",
+        "bearing-friction.scale",
+        "churning.power",
+        "churning.exponent",
+        "churning.constant",
+    }
+    assert set(BASE.free(varying([GRID]))) == always | {"churning.viscosity_exponent"}
+    warm = {**GRID, "indicated_oil_temperature": 331.0 + 0.5 * np.sin(np.arange(SPEED.size))}
+    assert set(BASE.free(varying([warm]))) == always
+    levels = [{**GRID, "oil_level": np.ones(3)}, {**GRID, "oil_level": np.full(3, 0.6)}]
+    assert set(BASE.free(varying(levels))) == always | {
+        "churning.viscosity_exponent",
+        "churning.level_exponent",
+    }

@@ -17,7 +17,14 @@ def bearing_preload(
     *,
     growth=Parameter(5.0, "mN*m/K", min=-20.0, max=20.0, lower=-200.0, upper=200.0, doc="torque per kelvin"),
     free_temperature=Parameter(
-        40.0, "degC", min=-20.0, max=120.0, lower=-20.0, upper=120.0, doc="at which there is none"
+        40.0,
+        "degC",
+        min=-20.0,
+        max=120.0,
+        lower=-20.0,
+        upper=120.0,
+        doc="at which there is none",
+        needs=("indicated_oil_temperature",),
     ),
 ):
     """A shaft that grows more than its housing presses its bearings together; the drag follows temperature.

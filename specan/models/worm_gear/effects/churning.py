@@ -21,11 +21,25 @@ def churning(
     power=Parameter(50.0, "W", min=0.0, max=500.0, lower=0.0, upper=5000.0, doc="at 1500 rpm, 100 mm^2/s"),
     exponent=Parameter(1.5, "1", min=0.8, max=2.2, lower=0.2, upper=3.5, doc="power of the speed"),
     viscosity_exponent=Parameter(
-        0.4, "1", min=0.0, max=1.0, lower=-0.5, upper=1.5, doc="power of the viscosity"
+        0.4,
+        "1",
+        min=0.0,
+        max=1.0,
+        lower=-0.5,
+        upper=1.5,
+        doc="power of the viscosity",
+        needs=("indicated_oil_temperature",),
     ),
     constant=Parameter(15.0, "W", min=-50.0, max=150.0, lower=-500.0, upper=1000.0, doc="at 100 mm^2/s"),
     level_exponent=Parameter(
-        0.5, "1", min=0.0, max=2.0, doc="power of the oil level over the standard one", fixed=True
+        0.5,
+        "1",
+        min=0.0,
+        max=2.0,
+        lower=-1.0,
+        upper=5.0,
+        doc="power of the oil level over the standard one",
+        needs=("oil_level",),
     ),
 ):
     """What turns in the oil pushes and shears it: a loss that is there without load and falls with warm oil.

@@ -27,7 +27,14 @@ def starvation(
     *,
     strength=Parameter(1.0, "1", min=0.3, max=3.0, lower=0.0, upper=50.0, doc="K_rs over 3e-8"),
     level_exponent=Parameter(
-        1.0, "1", min=0.0, max=3.0, doc="power of the standard oil level over the actual", fixed=True
+        1.0,
+        "1",
+        min=0.0,
+        max=3.0,
+        lower=-1.0,
+        upper=6.0,
+        doc="power of the standard oil level over the actual",
+        needs=("oil_level",),
     ),
 ):
     """Each ball pushes the oil aside, and before it has flowed back the next one comes.

@@ -27,7 +27,16 @@ def thermal_lag(
         upper=40.0,
         doc="contacts against sump in runs without load",
     ),
-    time=Parameter(600.0, "s", min=0.0, max=3600.0, lower=0.0, upper=14400.0, doc="time constant"),
+    time=Parameter(
+        600.0,
+        "s",
+        min=0.0,
+        max=3600.0,
+        lower=0.0,
+        upper=14400.0,
+        doc="time constant",
+        needs=("elapsed_time",),
+    ),
     idle_torque=Parameter(
         2.0, "N*m", min=0.5, max=5.0, doc="output torque below which a run counts as idle", fixed=True
     ),
