@@ -1,5 +1,7 @@
 """Scalings, levels, averaging and phase of spectra; spectrograms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -108,6 +110,18 @@ def test_reference_outside_the_shown_channels_and_in_a_single_block():
         found = settings.model_copy(update={"averaging": averaging})(source)
         assert found.channels == ("Ch 2",)
         assert np.radians(found.phase_deg[0, 20]) == pytest.approx(-0.5)
+
+
+@pytest.mark.parametrize("averaging", ["linear", "none"])
+def test_phase_over_a_reference_that_is_late(averaging):
+    late = 2e-3
+    source = recording(cosine(20, 1.0, 0.3), cosine(20, 1.0, -0.5))
+    first = replace(source.channels[0], delay_s=late)
+    source = replace(source, channels=(first, source.channels[1]))
+    found = FourierSpectrum(lines=400, reference="Ch 1", averaging=averaging)(source)
+    expected = -0.8 - 2 * np.pi * 20 * LINE * late
+    assert np.exp(1j * np.radians(found.phase_deg[1, 20])) == pytest.approx(np.exp(1j * expected))
+    assert found.phase_deg[0, 20] == pytest.approx(0, abs=1e-9)
 
 
 def test_holds():

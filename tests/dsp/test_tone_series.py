@@ -66,6 +66,24 @@ def test_a_steady_tone_in_noise_does_not_wander():
     assert not series.result(0).wandering
 
 
+def test_a_frequency_known_badly_costs_neither_amplitude_nor_phase():
+    n, f = 40000, 1000.0
+    series = ToneSeries(RATE, f + 0.5, 800, n_channels=1)
+    series.add(np.cos(2 * np.pi * f * np.arange(n) / RATE + 0.7)[None])
+    tone = series.result(0)
+    assert tone.frequency_hz == pytest.approx(f, abs=1e-4)
+    assert abs(tone.phasors[0]) == pytest.approx(1, abs=5e-4)  # 0.4 % are lost within the blocks
+    assert np.angle(tone.phasors[0]) == pytest.approx(0.7, abs=2e-3)  # 0.16 rad to the middle of a block
+
+
+def test_residual_is_the_noise():
+    noise = 0.1 * np.random.default_rng(4).standard_normal(80000)
+    t = np.arange(80000) / RATE
+    series = ToneSeries(RATE, 123.4, 800, n_channels=1)
+    series.add((np.cos(2 * np.pi * 123.4 * t) + noise)[None])
+    assert np.sqrt(series.result(0).residual[0]) == pytest.approx(np.std(noise), rel=2e-3)
+
+
 def test_mean_and_power():
     t = np.arange(8000) / RATE
     series = ToneSeries(RATE, 100.0, 800, n_channels=1)

@@ -51,6 +51,12 @@ def test_harmonics_are_fitted_along():
     np.testing.assert_allclose(np.angle(fit.phasors), [0.4, -1, 2], atol=1e-8)
 
 
+def test_a_fundamental_weaker_than_its_harmonic():
+    x = wave(777, 33.3, 0.01, 0.4) + wave(777, 99.9, 1.0, 2.0)
+    fit = fit_frequency(x, RATE, 33.25, harmonics=3)
+    assert fit.frequency_hz == pytest.approx(33.3, abs=1e-9)
+
+
 def test_harmonics_beyond_half_the_rate_are_left_out():
     assert fit_sine(wave(500, 180.0), RATE, 180.0, harmonics=10).phasors.shape == (2,)
 
