@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Callable
@@ -10,9 +9,6 @@ from pathlib import Path
 
 import click
 from specan_cli.output import emit_json, say, table
-
-# Below this many bytes of recordings a second process costs more than it gains.
-WORTH_A_PROCESS = 100_000_000
 
 
 @click.command("batch")
@@ -30,6 +26,10 @@ WORTH_A_PROCESS = 100_000_000
 @click.option(
     "--excitation", type=click.Choice(["sine", "noise"]), help="Of all files [default: recognised]."
 )
+@click.option(
+    "--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities of all files."
+)
+@click.option("--sampling-rate", type=float, metavar="HZ", help="Of all files, instead of what they say.")
 @click.option("--lines", type=int, help="Lines of a transfer function up to fs/2.56 [default: 3200].")
 @click.option("--jobs", type=int, help="Number of processes [default: as many as are worth it].")
 @click.option("--json", "as_json", is_flag=True, help="Print a summary as JSON.")
@@ -40,6 +40,8 @@ def command(
     calibration: Path | None,
     reference: str | None,
     excitation: str | None,
+    channel_table: Path | None,
+    sampling_rate: float | None,
     lines: int | None,
     jobs: int | None,
     as_json: bool,
@@ -48,19 +50,26 @@ def command(
 
     Calibrations that lie in DIR are applied: a calibration.toml, or recordings of a calibrator.
     """
-    from specan.analysis.batch.inputs import find_inputs
     from specan.analysis.batch.run import run_batch
     from specan.analysis.batch.settings import read_settings
 
     chosen = read_settings(
         settings,
-        {"reference": reference, "excitation": excitation, "transfer_function": {"lines": lines}},
+        {
+            "reference": reference,
+            "excitation": excitation,
+            "sampling_rate": sampling_rate,
+            "transfer_function": {"lines": lines},
+        },
     )
-    if jobs is None:
-        worth = sum(entry.size for entry in find_inputs(directories)) // WORTH_A_PROCESS
-        jobs = max(1, min(os.cpu_count() or 1, worth))
     report = run_batch(
-        directories, output, chosen, calibration=calibration, jobs=jobs, progress=progress_line()
+        directories,
+        output,
+        chosen,
+        calibration=calibration,
+        channel_table=channel_table,
+        jobs=jobs,
+        progress=progress_line(),
     )
     failed = report.of_kind("failed")
     for result in failed:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from specan.data.band_levels import BandLevels
+from specan.data.recording import Channel
 from specan.io import results_text as text
+from specan.units import level_reference
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,27 @@ def band_lines(levels: BandLevels) -> str:
             text.levels([line.level for line in lines]),
             text.levels([line.u_level for line in lines]),
             [" ".join(line.flags) for line in lines],
+        ]
+    )
+
+
+def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Sequence[Sequence[str]]) -> str:
+    """Lines of `other.txt` for channels without band levels: one total a channel."""
+    zero = np.array([level_reference(c.unit).value for c in channels])
+    with np.errstate(divide="ignore"):
+        level = 20 * np.log10(np.asarray(rms) / zero)
+    n = len(channels)
+    return text.rows(
+        [
+            [text.word(label)] * n,
+            [text.word(c.name) for c in channels],
+            [c.role for c in channels],
+            [text.word(c.unit) for c in channels],
+            ["total-Z"] * n,
+            text.significant(rms),
+            text.levels(level),
+            [""] * n,
+            [" ".join(words) for words in flags],
         ]
     )
 

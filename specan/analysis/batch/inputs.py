@@ -28,6 +28,10 @@ class Input:
         Bytes.
     calibration : str
         File of the calibration that applies; empty for none.
+    channel_table : str
+        Given for all files; empty for what lies beside them.
+    sampling_rate : float or None
+        Given for all files, in hertz.
     """
 
     path: str
@@ -35,6 +39,8 @@ class Input:
     root: str
     size: int
     calibration: str = ""
+    channel_table: str = ""
+    sampling_rate: float | None = None
 
     def neutral(self, reason: str) -> str:
         """A message as it goes into results: without the place of the file on this machine."""

@@ -8,11 +8,12 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
-from specan.analysis.batch.band_lines import band_lines, other_lines
+from specan.analysis.batch.band_lines import band_lines, other_lines, rms_lines
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.noise_lines import noise_lines
 from specan.analysis.batch.one_pass import Accumulator, feed
 from specan.analysis.batch.result import FileResult, Kind
+from specan.analysis.batch.rms_pass import RmsPass
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.tone_lines import tone_lines, with_flags
 from specan.analysis.excitation import recognise
@@ -23,7 +24,7 @@ from specan.analysis.transfer_function import TransferFunctionAccumulator
 from specan.data.calibration import Calibration, apply
 from specan.data.excitation import Excitation
 from specan.data.levels import Quality
-from specan.data.recording import Recording
+from specan.data.recording import Channel, Recording
 from specan.errors import NoSignalError, SpecanError
 from specan.io.open import open_recording
 
@@ -64,7 +65,13 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
 
 def open_headers(entry: Input) -> Recording:
     """The recording under its label, without a calibration."""
-    return open_recording(entry.path, root=entry.root, label=entry.label)
+    return open_recording(
+        entry.path,
+        root=entry.root,
+        label=entry.label,
+        channel_table=entry.channel_table or None,
+        sampling_rate=entry.sampling_rate,
+    )
 
 
 def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:
@@ -98,96 +105,107 @@ def _sine(
     if tone.frequency_hz is None:
         tone = tone.model_copy(update={"frequency_hz": excitation.frequency_hz})
     accumulator = ToneAccumulator(recording, tone)
-    quality = QualityPass(accumulator)
-    feed(recording, [accumulator, quality])
-    table, words = accumulator.result(), quality.by_channel()
-    table = with_flags(table, [words[id(c)].flags for c in accumulator.channels if c.name in table.channels])
-    return replace(
-        found,
-        blocks={"sine.txt": tone_lines(table)},
-        tone=table,
-        about=(*found.about, *table.notes),
-        set_aside=(*found.set_aside, *_left_out(recording, [accumulator])),
+    quality = _read(recording, [accumulator])
+    table = accumulator.result()
+    shown = [c for c in accumulator.channels if c.name in table.channels]
+    table = with_flags(table, [quality[id(c)].flags for c in shown])
+    found = replace(
+        found, blocks={"sine.txt": tone_lines(table)}, tone=table, about=(*found.about, *table.notes)
     )
+    return _with_rest(found, recording, (), [accumulator])
 
 
 def _noise(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
     faults: list[str] = []
-    transfer = attempt(partial(TransferFunctionAccumulator, recording, settings.transfer_function), faults)
-    bands = _band_passes(recording, settings.octave, faults)
+    make = partial(TransferFunctionAccumulator, recording, settings.transfer_function)
+    transfer = _attempt("transfer function", make, recording.label, faults)
+    bands = [b for _, b in _band_passes(recording, settings.octave, faults) if b is not None]
     used: list[Accumulator] = [*([] if transfer is None else [transfer]), *bands]
-    qualities = [QualityPass(accumulator) for accumulator in used]
-    feed(recording, [*used, *qualities])
-    words = {key: q for quality in qualities for key, q in quality.by_channel().items()}
+    if not used:
+        return replace(found, kind="failed", reason="; ".join(faults))
+    quality = _read(recording, used)
     blocks: dict[str, str] = {}
     notes: list[str] = []
     if transfer is not None:
         response = transfer.result()
-        blocks["noise.txt"] = noise_lines(response, [words[id(c)].flags for c in transfer.responses])
+        blocks["noise.txt"] = noise_lines(response, [quality[id(c)].flags for c in transfer.responses])
         notes.append(
             f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
             f"{response.n_effective:.1f} independent"
         )
         notes += response.notes
     if bands:
-        blocks["bands.txt"] = "".join(band_lines(b.result([words[id(c)] for c in b.channels])) for b in bands)
-    if not blocks:
-        return replace(found, kind="failed", reason="; ".join(faults))
-    return replace(
-        found,
-        blocks=blocks,
-        about=(*found.about, *notes),
-        set_aside=(
-            *found.set_aside,
-            *(("", fault.removeprefix(f"{recording.label}: ")) for fault in faults),
-            *_left_out(recording, used),
-        ),
-    )
+        lines = [band_lines(b.result([quality[id(c)] for c in b.channels])) for b in bands]
+        blocks["bands.txt"] = "".join(lines)
+    found = replace(found, blocks=blocks, about=(*found.about, *notes))
+    return _with_rest(found, recording, faults, used)
 
 
 def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
     faults: list[str] = []
-    bands = _band_passes(recording, settings.octave, faults)
-    if not bands:
-        return replace(found, kind="failed", reason="; ".join(faults))
-    qualities = [QualityPass(accumulator) for accumulator in bands]
-    feed(recording, [*bands, *qualities])
-    words = {key: q for quality in qualities for key, q in quality.by_channel().items()}
-    lines = [
-        other_lines(b.result([words[id(c)] for c in b.channels]), tuple(c.role for c in b.channels))
-        for b in bands
+    passes = [
+        (RmsPass(channels) if bands is None else bands)
+        for channels, bands in _band_passes(recording, settings.octave, faults)
     ]
-    return replace(
-        found,
-        blocks={"other.txt": "".join(lines)},
-        set_aside=(
-            *found.set_aside,
-            *(("", fault.removeprefix(f"{recording.label}: ")) for fault in faults),
-            *_left_out(recording, bands),
-        ),
-    )
+    if not passes:
+        return replace(found, kind="failed", reason="none of its channels was chosen")
+    quality = _read(recording, passes)
+    lines = []
+    for done in passes:
+        own = [quality[id(c)] for c in done.channels]
+        if isinstance(done, RmsPass):
+            words = [(*q.flags, *recording.flags) for q in own]
+            lines.append(rms_lines(recording.label, done.channels, done.result(), words))
+        else:
+            lines.append(other_lines(done.result(own), tuple(c.role for c in done.channels)))
+    found = replace(found, blocks={"other.txt": "".join(lines)})
+    return _with_rest(found, recording, faults, passes)
 
 
-def _band_passes(recording: Recording, settings: Octave, faults: list[str]) -> list[OctaveAccumulator]:
-    """One for all channels of one sampling rate and length."""
-    together: dict[tuple[float, int], list[str]] = defaultdict(list)
+def _read(recording: Recording, passes: Sequence[Accumulator]) -> dict[int, Quality]:
+    """Feed the analyses, and look at the quality of every channel on the way; by the identity of the channel."""
+    looks: list[QualityPass] = []
+    seen: set[int] = set()
+    for analysis in sorted(passes, key=lambda a: -len(a.channels)):
+        if not {id(c) for c in analysis.channels} <= seen:
+            looks.append(QualityPass(analysis))
+            seen |= {id(c) for c in analysis.channels}
+    feed(recording, [*passes, *looks])
+    return {key: q for look in looks for key, q in look.by_channel().items()}
+
+
+def _with_rest(
+    found: FileResult, recording: Recording, faults: Sequence[str], used: Sequence[Accumulator]
+) -> FileResult:
+    """The result with what could not be done and with the channels that no analysis took."""
+    missing = tuple(("", fault) for fault in dict.fromkeys(faults))
+    return replace(found, set_aside=(*found.set_aside, *missing, *_left_out(recording, used)))
+
+
+def _band_passes(
+    recording: Recording, settings: Octave, faults: list[str]
+) -> list[tuple[tuple[Channel, ...], OctaveAccumulator | None]]:
+    """Channels of one sampling rate and length together, and their band analysis if there can be one."""
+    together: dict[tuple[float, int], list[Channel]] = defaultdict(list)
     for channel in recording.select(settings.channels):
-        if channel.sampling_rate > 0 and channel.n_samples > 0:
-            together[channel.sampling_rate, channel.n_samples].append(f"{channel.group}/{channel.name}")
+        weightable = settings.weighting == "Z" or channel.target_unit == "Pa"
+        if channel.sampling_rate > 0 and channel.n_samples > 0 and weightable:
+            together[channel.sampling_rate, channel.n_samples].append(channel)
     passes = []
-    for names in together.values():
-        mine = settings.model_copy(update={"channels": tuple(names)})
-        found = attempt(partial(OctaveAccumulator, recording, mine), faults)
-        passes += [] if found is None else [found]
+    for channels in together.values():
+        names = tuple(f"{c.group}/{c.name}" for c in channels)
+        mine = settings.model_copy(update={"channels": names})
+        make = partial(OctaveAccumulator, recording, mine)
+        passes.append((tuple(channels), _attempt("band levels", make, recording.label, faults)))
     return passes
 
 
-def attempt(make: Callable[[], Made], faults: list[str]) -> Made | None:
+def _attempt(what: str, make: Callable[[], Made], label: str, faults: list[str]) -> Made | None:
     """An analysis, or None and the reason why it cannot be done on this recording."""
     try:
         return make()
     except SpecanError as fault:
-        faults.append(str(fault))
+        faults.append(f"no {what}: {str(fault).removeprefix(f'{label}: ')}")
         return None
 
 

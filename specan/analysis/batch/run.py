@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from specan.analysis.batch.calibrations import assign_calibrations
+from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
 from specan.analysis.batch.inputs import Input, claim, find_inputs
 from specan.analysis.batch.one_file import analyse_file, open_headers
 from specan.analysis.batch.pool import spread
@@ -17,9 +18,12 @@ from specan.analysis.batch.tables import write_tables
 from specan.data.calibration import Calibration
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
+from specan.io.channel_table import read_channel_table
 from specan.io.results_text import COLUMNS
 
 PARTS = ".specan-parts"
+# Below this many bytes of recordings another process costs more than it gains.
+WORTH_A_PROCESS = 100_000_000
 Progress = Callable[[int, int, float], None]
 
 
@@ -49,7 +53,8 @@ def run_batch(
     settings: BatchSettings | None = None,
     *,
     calibration: Path | None = None,
-    jobs: int = 1,
+    channel_table: Path | None = None,
+    jobs: int | None = None,
     progress: Progress | None = None,
 ) -> BatchReport:
     """Analyse every recording below `directories` and write the tables into `out`.
@@ -60,8 +65,10 @@ def run_batch(
 
     Parameters
     ----------
-    calibration : Path, optional
+    calibration, channel_table : Path, optional
         For all files, in place of what the directories hold.
+    jobs : int, optional
+        Number of processes; by default one for each core, but no more than the recordings are worth.
     progress : callable, optional
         Called with the number of files done, of all files, and the part of all bytes that is done.
 
@@ -72,10 +79,18 @@ def run_batch(
     InputError
         There is no recording.
     """
-    if jobs < 1:
+    if jobs is not None and jobs < 1:
         raise RequestError(f"the number of processes is {jobs}", expected="1 or more")
     settings = (settings or BatchSettings()).completed()
-    inputs = find_inputs(directories)
+    inputs = [
+        replace(entry, channel_table=str(channel_table or ""), sampling_rate=settings.sampling_rate)
+        for entry in find_inputs(directories)
+    ]
+    if channel_table is not None:
+        read_channel_table(channel_table)
+    if jobs is None:
+        worth = sum(entry.size for entry in inputs) // WORTH_A_PROCESS
+        jobs = max(1, min(os.cpu_count() or 1, worth))
     with claim(out, tuple(COLUMNS)):
         parts = out / PARTS
         shutil.rmtree(parts, ignore_errors=True)  # of a batch that was killed
@@ -89,6 +104,8 @@ def run_batch(
                 results.append(replace(result, blocks={}))
             results.sort(key=lambda result: result.label)
             header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
+            if channel_table is not None:
+                header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
             write_tables(out, header, results, blocks)
         finally:
             shutil.rmtree(parts, ignore_errors=True)

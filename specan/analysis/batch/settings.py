@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field
 
 from specan.analysis.insertion import CalibrationSettings
 from specan.analysis.octave import Octave
@@ -23,6 +25,8 @@ class BatchSettings(Settings):
         Channel over which phases and transfer functions stand; the vibrometer by default.
     excitation : {"sine", "noise"} or None
         What drove all recordings; recognised file by file by default.
+    sampling_rate : float or None
+        In hertz, of all channels, in place of what the files say.
     tone : Tone
         Of sine recordings.
     transfer_function : TransferFunction
@@ -35,6 +39,7 @@ class BatchSettings(Settings):
 
     reference: str | None = None
     excitation: Literal["sine", "noise"] | None = None
+    sampling_rate: Annotated[float, Field(gt=0)] | None = None
     tone: Tone = Tone()
     transfer_function: TransferFunction = TransferFunction()
     octave: Octave = Octave()

@@ -69,7 +69,7 @@ def _energy_mean(table: ToneTable) -> str:
         tone_rms=[tone],
         phase=[np.nan],
         u_phase=[np.nan],
-        magnitude=[tone / table.reference_rms],
+        magnitude=[tone / table.reference_rms if table.reference_rms > 0 else np.nan],
         reference=table.reference or "",
         reference_rms=table.reference_rms,
         flags=[tuple(dict.fromkeys(word for i in rows for word in table.flags[i]))],
