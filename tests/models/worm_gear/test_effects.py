@@ -297,3 +297,13 @@ def test_a_body_follows_a_ramp_late():
 
 def test_shear_thinning_lowers_the_slope_over_speed():
     assert 0 > change_of("shear-thinning", speed_rpm=500.0) > change_of("shear-thinning", speed_rpm=3000.0)
+
+
+def test_bend_makes_the_power_law_an_exponential():
+    """k = 1: mu = mu_0 exp(a (x - 1)) with x the load over 40 kN/m."""
+    values = {"load-dependent-friction.exponent": -0.4, "load-dependent-friction.bend": 1.0}
+    uses = ["tooth-friction", "load-dependent-friction"]
+    found = MODEL.assemble(uses).evaluate(conditions(torque=np.array([45.0, 90.0])), values)
+    assert found["friction_coefficient"] == pytest.approx(
+        0.05 * np.exp(-0.4 * np.array([0.0, 1.0])), rel=1e-3
+    )
