@@ -14,8 +14,10 @@ from specan.errors import SpecanError
 # verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
 VERBS: dict[str, tuple[str, str]] = {
     "info": ("info", "What is in a recording: channels, roles, rates, units, excitation, notes."),
+    "octave": ("octave", "Levels in octave bands, and overall levels; against time."),
     "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
+    "rms": ("rms", "RMS, level, peak, crest factor, equivalent and percentile levels."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "Everything in a directory of recordings, as text tables."),
     "export": ("export", "Samples for other tools: CSV, UFF58, WAV, Parquet."),

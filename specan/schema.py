@@ -46,6 +46,8 @@ def parse(kind: type[Kind], content: Mapping[str, Any], where: str) -> Kind:
             raise RequestError(f"{where}: the key '{place}' is missing", remedy="add it") from None
         value = first.get("input")
         message = first["msg"].removeprefix("Value error, ")
+        if not place:  # the keys contradict each other
+            raise RequestError(f"{where}: {message}", remedy="correct it") from None
         raise RequestError(
             f"{where}: '{place}' is {value!r}",
             expected=message[:1].lower() + message[1:],

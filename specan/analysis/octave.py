@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from specan.analysis.band_results import band_levels, weighted_levels
 from specan.analysis.quality import Watched
@@ -72,7 +72,7 @@ class Octave(Settings):
 
     fraction: Fraction = 3
     weighting: Weighting = "Z"
-    averaging: Literal["linear", "fast", "slow", "impulse"] | Annotated[float, Field(gt=0.0)] = "linear"
+    averaging: Literal["linear", "fast", "slow", "impulse"] | float = "linear"
     hold: Literal["max", "min"] | None = None
     interval_s: float | None = Field(default=None, gt=0.0)
     fmin: float | None = Field(default=None, ge=LOWEST_BAND)
@@ -83,25 +83,36 @@ class Octave(Settings):
     stop_s: float | None = Field(default=None, gt=0.0)
     velocity_reference: Literal["1 nm/s", "50 nm/s"] = "1 nm/s"
 
+    @field_validator("averaging", mode="before")
+    @classmethod
+    def _known_averaging(cls, value: object) -> object:
+        # Of a union, pydantic would report each member's fault.
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if (number and 0.0 < float(str(value)) < np.inf) or value in ("linear", *TIME_CONSTANTS):
+            return value
+        raise ValueError("linear, fast, slow, impulse, or a time constant in s above 0")
+
     @model_validator(mode="after")
     def _consistent(self) -> Octave:
         if self.band is not None and (self.fmin is not None or self.fmax is not None):
-            raise ValueError("either one band or a range from fmin to fmax")
+            raise ValueError("one band or a range from fmin to fmax can be chosen, not both")
         if self.averaging == "linear" and (self.hold is not None or self.interval_s is not None):
-            raise ValueError("hold and interval with an exponential average: fast, slow, impulse or seconds")
+            raise ValueError(
+                "hold and interval are for an exponential average: fast, slow, impulse or seconds"
+            )
         if self.fmin is not None and self.fmax is not None and self.fmin > self.fmax:
-            raise ValueError(f"fmin not above fmax ({self.fmin:g} Hz, {self.fmax:g} Hz)")
+            raise ValueError(f"fmin ({self.fmin:g} Hz) is above fmax ({self.fmax:g} Hz)")
         return self
 
     @property
     def time_constant(self) -> float:
         """Of the exponential average, in s."""
-        return self.averaging if isinstance(self.averaging, float) else TIME_CONSTANTS[self.averaging]
+        return TIME_CONSTANTS[self.averaging] if isinstance(self.averaging, str) else self.averaging
 
     @property
     def averaging_name(self) -> str:
         """The averaging in words."""
-        return f"{self.averaging:g} s" if isinstance(self.averaging, float) else self.averaging
+        return self.averaging if isinstance(self.averaging, str) else f"{self.averaging:g} s"
 
     def reading_interval(self, duration: float) -> float:
         """Distance in s of the readings of a history over `duration` seconds."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Weighting = Literal["A", "B", "C", "Z"]
-WEIGHTINGS: tuple[Weighting, ...] = ("A", "B", "C", "Z")
+WEIGHTINGS: tuple[Weighting, ...] = ("Z", "A", "B", "C")
 
 
 def _pole_frequencies() -> tuple[float, float, float, float]:

@@ -1,0 +1,239 @@
+"""``specan octave``: band levels of one recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from specan_cli.output import emit_json, table
+from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+
+if TYPE_CHECKING:
+    from specan.data.band_levels import BandLevels
+
+_WIDE = 6  # channels that stand side by side in a table
+
+
+class _Averaging(click.ParamType):
+    name = "averaging"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        """A name, or a time constant."""
+        if value in ("linear", "fast", "slow", "impulse"):
+            return value
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(
+                f"{value!r} is neither linear, fast, slow, impulse nor a time constant in s", param, ctx
+            )
+
+
+@click.command("octave")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--fraction", type=click.Choice(["1", "3", "6", "12", "24"]), help="1/N octave.  [default: 3]")
+@click.option(
+    "--weighting",
+    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
+    metavar="A|B|C|Z",
+    help="Of the band levels; A, B and C of sound pressure only.  [default: Z]",
+)
+@click.option(
+    "--averaging",
+    type=_Averaging(),
+    metavar="linear|fast|slow|impulse|SECONDS",
+    help="Over the section, or exponential.  [default: linear]",
+)
+@click.option("--hold", type=click.Choice(["max", "min"]), help="Of an exponential average.")
+@click.option("--interval", "interval_s", type=float, metavar="S", help="Between readings of the history.")
+@click.option("--fmin", type=float, metavar="HZ", help="From the band that contains it.  [default: 20]")
+@click.option("--fmax", type=float, metavar="HZ", help="To the band that contains it.  [default: 20000]")
+@click.option("--band", type=float, metavar="HZ", help="One band: the one that contains HZ.")
+@section_options
+@click.option(
+    "--background",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Take the levels of this recording of the background off.",
+)
+@click.option(
+    "--velocity-reference",
+    type=click.Choice(["1 nm/s", "50 nm/s"]),
+    help="0 dB of velocity.  [default: 1 nm/s]",
+)
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw to a .png, .svg or .pdf.")
+@click.option("--history", is_flag=True, help="Draw the first channel against time.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all levels as text.")
+@click.option("--json", "as_json", is_flag=True, help="Print all levels as JSON.")
+@opening_options
+def command(
+    file: Path,
+    fraction: str | None,
+    weighting: str | None,
+    background: Path | None,
+    plot: Path | None,
+    history: bool,
+    output: Path | None,
+    as_json: bool,
+    channel_table: Path | None,
+    calibration: Path | None,
+    sampling_rate: float | None,
+    **options: Any,
+) -> int:
+    """Find levels in octave and fractional-octave bands (IEC 61260-1 class 1), and overall levels."""
+    from specan.analysis.background import without_background
+    from specan.analysis.octave import Octave
+    from specan.analysis.quality import Watched
+    from specan.errors import RequestError
+    from specan.io.open import open_recording
+    from specan.report.figure_style import figure_format
+    from specan.schema import parse
+
+    settings = parse(
+        Octave,
+        given(
+            fraction=None if fraction is None else int(fraction),
+            weighting=None if weighting is None else weighting.upper(),
+            **options,
+        ),
+        "octave",
+    )
+    if plot is not None:
+        figure_format(plot)
+    if history and (plot is None or settings.averaging == "linear"):
+        raise RequestError(
+            "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
+        )
+    known = {"channel_table": channel_table, "calibration": calibration, "sampling_rate": sampling_rate}
+    recording = open_recording(file, **known)
+    analysis = Watched(settings.accumulator(recording))
+    feed(analysis, recording)
+    found = analysis.result()
+    if background is not None:
+        whole = settings.model_copy(update={"start_s": 0.0, "stop_s": None})
+        found = without_background(found, whole(open_recording(background, **known)))
+    if plot is not None:
+        _draw(found, plot, history)
+    if output is not None:
+        write_text(found, output)
+    if as_json:
+        emit_json(content(found))
+    else:
+        show(found)
+        for written in (plot, output):
+            if written is not None:
+                click.echo(f"Written to {written}.")
+    say_notes(found.notes, dict(zip(found.channels, found.flags)))
+    return 0
+
+
+def _draw(found: BandLevels, path: Path, history: bool) -> None:
+    from specan.report.figure_style import save_figure
+    from specan.report.figures_bands import figure_band_levels, figure_level_history
+
+    save_figure(figure_level_history(found) if history else figure_band_levels(found), path)
+
+
+def content(found: BandLevels) -> dict[str, Any]:
+    """All there is, for JSON."""
+    channels = []
+    for row, name in enumerate(found.channels):
+        channels.append(
+            {
+                "channel": name,
+                "group": found.groups[row],
+                "unit": found.units[row],
+                "level_reference": found.references[row].text,
+                "level_dB": found.level_db[row],
+                "overall_dB": {weighting: values[row] for weighting, values in found.overall_db.items()},
+                "flags": found.flags[row],
+                "band_flags": [found.band_flags(row, band) for band in range(found.exact_hz.size)],
+            }
+        )
+        if found.history is not None:
+            channels[-1]["history_dB"] = found.history.level_db[row]
+            channels[-1]["overall_history_dB"] = {
+                weighting: values[row] for weighting, values in found.history.overall_db.items()
+            }
+    return {
+        "file": found.label,
+        "fraction": found.fraction,
+        "weighting": found.weighting,
+        "averaging": found.averaging,
+        "hold": found.hold,
+        "start_s": found.start_s,
+        "duration_s": found.duration_s,
+        "sampling_rate_hz": found.sampling_rate,
+        "settling": found.settling,
+        "nominal_hz": found.nominal_hz,
+        "exact_hz": found.exact_hz,
+        "lower_hz": found.lower_hz,
+        "upper_hz": found.upper_hz,
+        "u_dB": found.u_db,
+        "history_time_s": None if found.history is None else found.history.time_s,
+        "channels": channels,
+        "notes": found.notes,
+        "settings": found.settings,
+    }
+
+
+def show(found: BandLevels) -> None:
+    """A row a band and a column a channel; the overall levels below."""
+    import numpy as np
+
+    held = f", {found.hold} hold" if found.hold else ""
+    title = (
+        f"{found.label}: 1/{found.fraction} octave levels, {found.weighting} weighting, {found.averaging} "
+        f"averaging{held}, {found.start_s:g} s to {found.start_s + found.duration_s:g} s"
+    )
+    click.echo(title)
+    for first in range(0, len(found.channels), _WIDE):
+        rows = range(first, min(first + _WIDE, len(found.channels)))
+        header = ["Hz", *(f"{found.channels[r]}\ndB re {found.references[r].text}" for r in rows), "u dB", ""]
+        lines = []
+        for band, nominal in enumerate(found.nominal_hz):
+            words = {word for r in rows for word in found.band_flags(r, band) if word not in found.flags[r]}
+            cells = [_decibels(found.level_db[r, band]) for r in rows]
+            lines.append([f"{nominal:g}", *cells, f"{found.u_db[band]:.2f}", " ".join(sorted(words))])
+        for weighting, values in found.overall_db.items():
+            if np.isfinite(values[list(rows)]).any():
+                lines.append([f"overall {weighting}", *(_decibels(values[r]) for r in rows), "", ""])
+        table("", header, lines)
+    click.echo(f"u: standard deviation of noise. Settling: {found.settling}.")
+
+
+def _decibels(level: float) -> str:
+    return "" if level != level else f"{level:.2f}"
+
+
+def write_text(found: BandLevels, path: Path) -> None:
+    """All levels, tab-separated, the channels one after the other."""
+    from specan.io import results_text as text
+
+    blocks = []
+    for row, name in enumerate(found.channels):
+        totals = {w: v[row] for w, v in found.overall_db.items() if v[row] == v[row]}
+        bands = [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)]
+        marks = [" ".join(found.band_flags(row, band)) for band in range(found.exact_hz.size)]
+        blocks.append(
+            text.rows(
+                [
+                    [text.word(name)] * len(bands),
+                    bands,
+                    text.levels([*found.level_db[row], *totals.values()]),
+                    [*text.levels(found.u_db), *[""] * len(totals)],
+                    [*marks, *[" ".join(found.flags[row])] * len(totals)],
+                ]
+            )
+        )
+    units = zip(found.channels, found.units, found.references)
+    header = [
+        f"1/{found.fraction} octave levels of {found.label}, {found.weighting} weighting, {found.averaging} averaging",
+        "level_dB: " + ", ".join(f"{n} in dB re {r.text} ({u})" for n, u, r in units),
+        "u_dB: standard deviation of stationary noise",
+        f"settling: {found.settling}",
+        f"settings: {found.settings}",
+        *found.notes,
+    ]
+    text.write_table(path, header, ("channel", "band_hz", "level_dB", "u_dB", "flags"), blocks)

@@ -1,0 +1,148 @@
+"""``specan rms``: single-number values of every channel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from specan_cli.output import emit_json, table
+from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+
+if TYPE_CHECKING:
+    from specan.data.levels import SignalLevels
+
+
+@click.command("rms")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--weighting",
+    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
+    metavar="A|B|C|Z",
+    help="Of the time-weighted levels of sound pressure.  [default: A]",
+)
+@click.option("--averaging", type=click.Choice(["fast", "slow"]), help="Of these levels.  [default: fast]")
+@click.option(
+    "--percentile", "percentiles", type=float, multiple=True, metavar="N",
+    help="Level exceeded during N % of the time; repeatable.  [default: 5, 10, 50, 90, 95]",
+)  # fmt: skip
+@section_options
+@click.option(
+    "--velocity-reference",
+    type=click.Choice(["1 nm/s", "50 nm/s"]),
+    help="0 dB of velocity.  [default: 1 nm/s]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@opening_options
+def command(
+    file: Path,
+    weighting: str | None,
+    as_json: bool,
+    channel_table: Path | None,
+    calibration: Path | None,
+    sampling_rate: float | None,
+    **options: Any,
+) -> int:
+    """Find RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
+
+    All but the mean are of the signal about its mean.
+    """
+    from specan.analysis.levels import Levels
+    from specan.io.open import open_recording
+    from specan.schema import parse
+
+    settings = parse(
+        Levels, given(weighting=None if weighting is None else weighting.upper(), **options), "rms"
+    )
+    recording = open_recording(
+        file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
+    )
+    accumulator = settings.accumulator(recording)
+    feed(accumulator, recording)
+    found = accumulator.result()
+    if as_json:
+        emit_json(content(found))
+    else:
+        show(found)
+    say_notes(found.notes, dict(zip(found.channels, found.flags)))
+    return 0
+
+
+def content(found: SignalLevels) -> dict[str, Any]:
+    """All there is, for JSON."""
+    channels = [
+        {
+            "channel": name,
+            "group": found.groups[row],
+            "unit": found.units[row],
+            "level_reference": found.references[row].text,
+            "rms": found.rms[row],
+            "level_dB": found.level_db[row],
+            "peak": found.peak[row],
+            "peak_dB": found.peak_db[row],
+            "crest_factor": found.crest_factor[row],
+            "mean": found.mean[row],
+            "minimum": found.minimum[row],
+            "maximum": found.maximum[row],
+            "equivalent_dB": {w: values[row] for w, values in found.equivalent_db.items()},
+            "time_weighted_dB": {
+                "weighting": found.weighting if found.units[row] == "Pa" else "Z",
+                "averaging": found.averaging,
+                "max": found.maximum_db[row],
+                "min": found.minimum_db[row],
+                "exceeded": {f"{n:g}": values[row] for n, values in found.percentile_db.items()},
+            },
+            "flags": found.flags[row],
+        }
+        for row, name in enumerate(found.channels)
+    ]
+    return {
+        "file": found.label,
+        "start_s": found.start_s,
+        "duration_s": found.duration_s,
+        "sampling_rate_hz": found.sampling_rate,
+        "settling": found.settling,
+        "channels": channels,
+        "notes": found.notes,
+        "settings": found.settings,
+    }
+
+
+def show(found: SignalLevels) -> None:
+    """Two tables: the signal, and its levels."""
+    stop = found.start_s + found.duration_s
+    header = ["channel", "unit", "RMS", "peak", "crest", "mean"]
+    rows = [
+        [
+            name,
+            found.units[row],
+            f"{found.rms[row]:.5g}",
+            f"{found.peak[row]:.5g}",
+            _number(found.crest_factor[row], "{:.2f}"),
+            f"{found.mean[row]:.4g}",
+        ]
+        for row, name in enumerate(found.channels)
+    ]
+    click.echo(f"{found.label}: {found.start_s:g} s to {stop:g} s, about the mean")
+    table("", header, rows)
+    letter = {"fast": "F", "slow": "S"}[found.averaging]
+    percent = [f"L{n:g}" for n in found.percentile_db]
+    header = ["channel", "dB re", "level", "Leq A", f"{letter} max", *percent]
+    rows = [
+        [
+            name,
+            found.references[row].text,
+            _number(found.level_db[row]),
+            _number(found.equivalent_db["A"][row]),
+            *(_number(v[row], "{:.1f}") for v in (found.maximum_db, *found.percentile_db.values())),
+        ]
+        for row, name in enumerate(found.channels)
+    ]
+    click.echo(
+        f"Levels; {letter} max and L of the {found.averaging} level, {found.weighting} weighted for Pa"
+    )
+    table("", header, rows)
+
+
+def _number(value: float, form: str = "{:.2f}") -> str:
+    return "" if value != value else form.format(value)

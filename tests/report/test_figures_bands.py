@@ -1,0 +1,51 @@
+"""What the figures of band levels show, read back from their artists."""
+
+import numpy as np
+import pytest
+
+from specan.analysis.octave import Octave
+from specan.data.recording import ArraySource, Channel, Recording
+from specan.report.figures_bands import figure_band_levels, figure_level_history
+
+RATE, N = 8000.0, 16000
+NOISE = np.random.default_rng(6).standard_normal((11, N))
+
+
+def recording(*units: str) -> Recording:
+    return Recording(
+        "a.tdms",
+        tuple(Channel(f"Ch {k}", unit=u, sampling_rate=RATE, n_samples=N) for k, u in enumerate(units)),
+        ArraySource(list(NOISE)),
+    )
+
+
+def test_each_level_reference_has_its_axes():
+    found = Octave()(recording("Pa", "Pa", "Pa", "m/s"))
+    figure = figure_band_levels(found)
+    bands = figure.axes[::2]
+    assert [axes.get_ylabel() for axes in bands] == ["Level / dB re 20 uPa", "Level / dB re 1 nm/s"]
+    assert [patch.get_label() for patch in bands[0].patches] == ["Ch 0", "Ch 1", "Ch 2"]
+    values, edges, _ = bands[1].patches[0].get_data()
+    np.testing.assert_array_equal(values, found.level_db[3])
+    np.testing.assert_array_equal(edges, [*found.lower_hz, found.upper_hz[-1]])
+    assert [t.get_text() for t in bands[1].get_xticklabels()][:3] == ["31.5", "63", "125"]
+    totals = figure.axes[3]
+    assert totals.texts[0].get_text() == f"{found.overall_db['Z'][3]:.1f}"
+    assert "1/3 octave, Z weighting, linear averaging, 0 s to 2 s" in figure.get_suptitle()
+
+
+def test_many_channels_have_one_legend_beside_them():
+    figure = figure_band_levels(Octave()(recording(*["Pa"] * 11)))
+    assert len(figure.legends[0].get_texts()) == 11
+    assert figure.axes[0].get_legend() is None
+
+
+def test_a_history_against_time():
+    found = Octave(averaging="fast", fraction=1)(recording("Pa", "m/s"))
+    above, below, *_ = figure_level_history(found, 1).axes
+    assert [line.get_label() for line in above.lines] == ["Z"]
+    assert found.history is not None
+    mesh = below.collections[0]
+    np.testing.assert_array_equal(np.asarray(mesh.get_array()), found.history.level_db[1])
+    with pytest.raises(ValueError, match="no history"):
+        figure_level_history(Octave()(recording("Pa")))
