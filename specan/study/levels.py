@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from specan.study.observation import Array
 
-MOST_LEVELS = 12  # more values than this are cut into groups of neighbours
-GROUPS = 6
+MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
+GROUPS = 8
 
 
 @dataclass(frozen=True)

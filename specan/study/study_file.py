@@ -131,22 +131,30 @@ def file_hash(path: Path) -> str:
 class StudyText:
     """The file as text: changed in place, so that a person's comments and order stay."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, document: Any = None) -> None:
         import tomlkit
 
         self.path = path
-        self.document: Any = tomlkit.parse(path.read_text(encoding="utf-8-sig"))
+        self.document: Any = (
+            tomlkit.parse(path.read_text(encoding="utf-8-sig")) if document is None else document
+        )
 
     @classmethod
-    def begin(cls, path: Path, content: Mapping[str, Any]) -> None:
-        """Write a new file."""
+    def begin(cls, path: Path, content: Mapping[str, Any]) -> StudyText:
+        """A new file, not written yet: plain values as keys, lists as arrays of tables."""
         import tomlkit
 
         document: Any = tomlkit.document()
         document.add(tomlkit.comment("A specan study. It may be edited; every command reads it anew."))
+        text = cls(path, document)
         for key, value in content.items():
-            document.add(key, value)
-        _write(path, tomlkit.dumps(document))
+            if not isinstance(value, list):
+                document.add(key, value)
+        document.add(tomlkit.nl())
+        for key, value in content.items():
+            for entry in value if isinstance(value, list) else ():
+                text._append(key, entry)
+        return text
 
     def add_effect(self, entry: Mapping[str, Any]) -> None:
         """Append an effect."""
@@ -176,6 +184,22 @@ class StudyText:
             if EffectEntry.model_validate(entry.unwrap()).use == use:
                 entry["role"] = role
 
+    def fix_parameter(self, full_name: str) -> None:
+        """Hold a parameter of an effect, or of a quantity, at its value."""
+        import tomlkit
+
+        owner, _, name = full_name.rpartition(".")
+        place = self.document
+        for entry in self.document.get("effect", []):
+            if str(EffectEntry.model_validate(entry.unwrap()).use) == owner:
+                place = entry
+        name = full_name if place is self.document else name
+        if "parameters" not in place:
+            place.add("parameters", tomlkit.inline_table())
+        if name not in place["parameters"]:
+            place["parameters"].add(name, tomlkit.inline_table())
+        place["parameters"][name]["fixed"] = True
+
     def set_hash(self, file: str, sha256: str) -> None:
         """Note the new hash of a measured file."""
         for key in ("measurement", "validation"):
@@ -194,10 +218,22 @@ class StudyText:
 
         made = tomlkit.table()
         for name, value in entry.items():
-            made.add(name, value)
+            made.add(name, _inline(value))
+        made.add(tomlkit.nl())
         if key not in self.document:
             self.document.add(key, tomlkit.aot())
         self.document[key].append(made)
+
+
+def _inline(value: Any) -> Any:
+    """Tables of parameters on one line each, dotted, so that nothing but effects has a heading."""
+    import tomlkit
+
+    if not isinstance(value, Mapping):
+        return value
+    inline = tomlkit.inline_table()
+    inline.update({k: _inline(v) for k, v in value.items()})
+    return inline
 
 
 def _write(path: Path, text: str) -> None:

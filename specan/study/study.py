@@ -1,0 +1,261 @@
+"""A study: a directory that holds a model against measurements, step by step."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from specan import __version__
+from specan.errors import RequestError
+from specan.models import Model, Use
+from specan.models.catalogue import load_model
+from specan.schema import read_toml
+from specan.study.assemble import assemble, parameter_table
+from specan.study.diagnosis import Diagnosis
+from specan.study.error import HeldOut, ObservableError, held_out_error, observable_errors
+from specan.study.fit import Fit, fit
+from specan.study.history import History, Step
+from specan.study.kinds import DataFile, DataRequest, open_data
+from specan.study.localise import Localisation, localise
+from specan.study.own_effects import load_own_effects, take_in
+from specan.study.study_file import (
+    NAME,
+    DataEntry,
+    StudyText,
+    content_hash,
+    file_hash,
+    read_study_file,
+)
+
+STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A model fitted and held against the measurement.
+
+    Attributes
+    ----------
+    errors : tuple of ObservableError
+        The observable with most values first.
+    localisation : Localisation or None
+        Where the model fails; None where nothing tells the uncertainty.
+    """
+
+    fit: Fit
+    errors: tuple[ObservableError, ...]
+    localisation: Localisation | None
+    parameters: Mapping[str, Mapping[str, Any]]
+
+
+class Study:
+    """An opened study.
+
+    Attributes
+    ----------
+    content : StudyFile
+    model : Model
+        With the study's own effects.
+    data : OpenedData
+    problem : Problem
+        The model as the study has it, over the fitted data.
+    history : History
+    """
+
+    def __init__(self, directory: Path, accept_changes: bool = False, effects: Sequence[Path] = ()) -> None:
+        self.directory = directory
+        self.content = read_study_file(directory)
+        self.history = History(directory)
+        self.accepted = self._check_data(accept_changes)
+        for path in effects:
+            self._take_in(path)
+        self.model = self._load_model()
+        self.data = open_data(self.model, self._requests())
+        self.problem = assemble(self.model, self.content, self.data.fitted)
+
+    # --- files ------------------------------------------------------------------------------------
+
+    def _load_model(self) -> Model:
+        model = load_model(self.content.model, read_toml(self.directory / self.content.rig))
+        return model.with_effect(*load_own_effects(self.directory, self.content.effect_file))
+
+    def _take_in(self, path: Path) -> None:
+        """Make an own effect file part of the study, or trust the one that is."""
+        model = load_model(self.content.model, read_toml(self.directory / self.content.rig))
+        entry = take_in(self.directory, path, model)
+        if entry not in self.content.effect_file:
+            text = StudyText(self.directory / NAME)
+            text.add_effect_file(entry.model_dump())
+            text.save()
+            self.content = read_study_file(self.directory)
+
+    def _check_data(self, accept: bool) -> tuple[str, ...]:
+        """Measured files must be those of the last step; returns the changed ones that were accepted."""
+        changed = []
+        for entry in (*self.content.measurement, *self.content.validation):
+            found = file_hash(self.directory / entry.file)
+            if found != entry.sha256:
+                changed.append((entry.file, found))
+        if changed and not accept:
+            names = ", ".join(name for name, _ in changed)
+            raise RequestError(
+                f"{names} changed since the study's last step",
+                expected="the measured data as they were",
+                remedy=f"restore the file, or go on with specan study compare {self.directory} --accept-changes",
+            )
+        if changed:
+            text = StudyText(self.directory / NAME)
+            for name, found in changed:
+                text.set_hash(name, found)
+            text.save()
+            self.content = read_study_file(self.directory)
+        return tuple(name for name, _ in changed)
+
+    def _requests(self) -> dict[str, DataRequest]:
+        everything = (*self.content.measurement, *self.content.validation)
+        short = [Path(e.file).name for e in everything]
+        names = {e.file: s if short.count(s) == 1 else e.file for e, s in zip(everything, short, strict=True)}
+
+        def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
+            return [
+                DataFile(names[e.file], self.directory / e.file, e.estimator, e.conditions)
+                for e in entries
+                if e.kind == kind
+            ]
+
+        aside = [(names.get(h.file, h.file) if h.file else None, h.where) for h in self.content.hold_out]
+        calibration = self.directory / self.content.calibration if self.content.calibration else None
+        return {
+            kind: DataRequest(
+                files(self.content.measurement, kind),
+                files(self.content.validation, kind),
+                aside,
+                calibration,
+            )
+            for kind in dict.fromkeys(e.kind for e in self.content.measurement)
+        }
+
+    @property
+    def hashes(self) -> dict[str, Any]:
+        """Hashes of everything that the numbers rest on."""
+        everything = (*self.content.measurement, *self.content.validation)
+        return {
+            "study": content_hash(self.content),
+            "rig": file_hash(self.directory / self.content.rig),
+            "files": {e.file: e.sha256 for e in everything},
+            "effect_files": {e.file: e.sha256 for e in self.content.effect_file},
+        }
+
+    @property
+    def edited(self) -> bool:
+        """Whether the study file or the rig was changed since the last step."""
+        last = self.history.last
+        return last is None or any(last.hashes.get(k) != v for k, v in self.hashes.items())
+
+    # --- numbers ----------------------------------------------------------------------------------
+
+    @property
+    def model_effects(self) -> tuple[str, ...]:
+        """Effects of the model, instrument errors under their certificate left out."""
+        return tuple(str(e.use) for e in self.content.effect if e.role == "model")
+
+    @cached_property
+    def best(self) -> Fit:
+        """The fit of the model as it is."""
+        return fit(self.problem, starts=STARTS)
+
+    @cached_property
+    def errors(self) -> tuple[ObservableError, ...]:
+        """Errors on the fitted data."""
+        predictions = self.problem.predictions(self.best.theta)
+        return tuple(observable_errors(self.problem, self.problem.observations, predictions))
+
+    @cached_property
+    def held_out(self) -> HeldOut | None:
+        """Errors on the data that were put aside; None without such."""
+        return held_out_error(self.problem, self.best, self.data.held_out) if self.data.held_out else None
+
+    def compare(self) -> Comparison:
+        """Fit the parameters that the model has and find where it fails."""
+        where = localise(self.problem, self.best) if self.data.known else None
+        return Comparison(self.best, self.errors, where, parameter_table(self.problem, self.best))
+
+    def diagnose(
+        self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
+    ) -> Diagnosis:
+        """Find out which effect the model is missing.
+
+        Raises
+        ------
+        RequestError
+            Nothing tells how uncertain the measurement is.
+        """
+        from specan.study.diagnose import diagnose
+
+        self.require_uncertainty("diagnose")
+        found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
+        places = [b.as_dict() for b in localise(self.problem, self.best).fails_at]
+        return replace(
+            found,
+            fails_at=tuple(places),
+            model_discrepancy_percent=self.data.discrepancy_percent,
+        )
+
+    def require_uncertainty(self, verb: str) -> None:
+        """Refuse to conclude anything where nothing tells the uncertainty."""
+        if not self.data.known:
+            raise RequestError(
+                f"{verb} needs to know how uncertain the measurement is, and nothing tells",
+                expected="repeated conditions (a column 'repeat'), or [uncertainty] in the rig file",
+                remedy="repeat some conditions, setting them anew, or give for instance input_torque_Nm = 0.005",
+            )
+
+    def step(self, action: str, effect: str = "", because: str = "") -> Step:
+        """The state of the study as a step of its history."""
+        known, held = self.data.known, self.held_out
+        return Step(
+            step=len(self.history.steps),
+            action=action,
+            effect=effect,
+            because=because,
+            model_effects=self.model_effects,
+            fit_error=self.errors[0].as_error(),
+            held_out_error=held.errors[0].as_error() if held else None,
+            errors={
+                "fit": [e.as_dict() for e in self.errors],
+                "held_out": [e.as_dict() for e in held.errors] if held else [],
+            },
+            reduced_chi2=self.best.reduced_chi2 if known else None,
+            p_value=self.best.p_value if known else None,
+            held_out_reduced_chi2=held.reduced_chi2 if held and known else None,
+            parameters=parameter_table(self.problem, self.best),
+            at_bound=self.best.at_bound,
+            model_discrepancy_percent=self.data.discrepancy_percent,
+            hashes=self.hashes,
+            version=__version__,
+        )
+
+    def record_changes(self) -> Step | None:
+        """Keep as a step what a person changed by hand since the last one; None where nothing was."""
+        if not self.edited:
+            return None
+        step = self.step("data" if self.accepted else "edit", because=", ".join(self.accepted))
+        self.history.append(step)
+        return step
+
+
+def relative_to(directory: Path, path: Path) -> str:
+    """A path as a study keeps it: relative to its directory, with forward slashes, where that is possible."""
+    try:
+        return Path(os.path.relpath(path.resolve(), directory.resolve())).as_posix()
+    except ValueError:  # another drive
+        return path.resolve().as_posix()
+
+
+def parse_use(text: str) -> Use:
+    """A use as a person types it."""
+    return Use.parse(text.strip())
