@@ -17,6 +17,8 @@ from specan.dsp.block_grid import BlockGrid
 _FULL_SCALE_TOLERANCE = 4e-5
 _RUN = 3  # samples at exactly the extreme value that a moving signal does not show by chance
 _HEAD = 2 * _RUN  # samples on either side of a block border that are looked at together
+_COARSE = 0.01  # of the span: more than two steps of an 8-bit converter
+_SQUARE = 0.25
 _GRID = 1 << 15
 BLOCK = 1 << 17
 
@@ -26,7 +28,14 @@ class _Rail:
     """One side of a channel; the lower side is looked at with its sign turned."""
 
     extreme: float = -np.inf
+    here: bool = False  # whether the block at hand reaches it
     clipped: bool = False
+
+    def rise_to(self, top: float, full_scale: float | None) -> None:
+        if top > self.extreme:
+            # A rail that is not known is the extreme of the whole record: an earlier, lower one was none.
+            self.extreme, self.clipped = top, self.clipped and full_scale is not None
+        self.here = top == self.extreme
 
 
 @dataclass
@@ -35,8 +44,9 @@ class QualityAccumulator:
 
     A channel is *clipped* where two or more consecutive samples stand at the converter's full scale.
     If that is not known: where `_RUN` or more consecutive samples have exactly the channel's extreme
-    value and the signal jumps into or out of that run by more than three times its smallest step in
-    the block, so that the rounded top of a slow, quantised sine and a square wave are not taken for it.
+    value and the signal jumps into or out of that run by more than three times its smallest step, or by
+    more than one percent of its span: the rounded top of a slow, quantised sine is no rail. Neither is a
+    side of a square wave, whose smallest step is its span.
 
     Parameters
     ----------
@@ -80,34 +90,22 @@ class QualityAccumulator:
                 missing = ~np.isfinite(samples)
                 self._not_finite[row] += int(missing.sum())
                 samples, border = samples[~missing], border[np.isfinite(border)]
-            for sign, rail in zip((-1.0, 1.0), self._rails[row]):
-                self._look(rail, samples, border, sign, channel.full_scale)
+            if not samples.size:
+                continue
+            low, high = self._rails[row]
+            low.rise_to(-float(samples.min()), channel.full_scale)
+            high.rise_to(float(samples.max()), channel.full_scale)
+            for sign, rail in ((-1.0, low), (1.0, high)):
+                if not rail.clipped and (rail.here or channel.full_scale is not None):
+                    rail.clipped = _rests(
+                        sign * samples,
+                        sign * border,
+                        rail.extreme,
+                        low.extreme + high.extreme,
+                        channel.full_scale,
+                    )
         self._count += block.shape[1]
         self._tail = np.concatenate([self._tail, block[:, -_HEAD:]], axis=1)[:, -_HEAD:]
-
-    @staticmethod
-    def _look(
-        rail: _Rail,
-        samples: NDArray[np.float64],
-        border: NDArray[np.float64],
-        sign: float,
-        full_scale: float | None,
-    ) -> None:
-        if not samples.size:
-            return
-        top = float(samples.max() if sign > 0 else -samples.min())
-        if top > rail.extreme:
-            rail.extreme = top
-            # A rail is the extreme of the whole record: an earlier, lower one was no rail.
-            rail.clipped = rail.clipped and full_scale is not None
-        if rail.clipped or top < rail.extreme:
-            return
-        if full_scale is not None:
-            limit = full_scale * (1.0 - _FULL_SCALE_TOLERANCE)
-            if top >= limit:
-                rail.clipped = any(_longest_run(sign * part >= limit) >= 2 for part in (samples, border))
-        else:
-            rail.clipped = any(_flat_top(sign * part, top) for part in (samples, border))
 
     def result(self) -> tuple[Quality, ...]:
         """What was found, one entry a channel; call it once, after the last block."""
@@ -133,20 +131,36 @@ def _longest_run(holds: NDArray[np.bool_]) -> int:
     return int((edges[1::2] - edges[::2]).max()) if edges.size else 0
 
 
-def _flat_top(samples: NDArray[np.float64], top: float) -> bool:
-    """Whether a run of samples at `top` is entered or left by a jump."""
+def _rests(
+    samples: NDArray[np.float64],
+    border: NDArray[np.float64],
+    top: float,
+    span: float,
+    full_scale: float | None,
+) -> bool:
+    """Whether the signal rests on the rail at `top`, inside the block or across its beginning."""
+    if full_scale is not None:
+        limit = full_scale * (1.0 - _FULL_SCALE_TOLERANCE)
+        return top >= limit and any(_longest_run(part >= limit) >= 2 for part in (samples, border))
+    jump = max(_jump(part, top) for part in (samples, border))
+    if jump == 0.0:
+        return False
+    steps = np.abs(np.diff(samples))
+    smallest = float(steps[steps > 0].min(initial=np.inf))
+    return jump > 3.0 * smallest or (jump > _COARSE * span and smallest < _SQUARE * span)
+
+
+def _jump(samples: NDArray[np.float64], top: float) -> float:
+    """Largest step into or out of a run of samples at `top`; 0 without a run."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], samples == top, [False]))))
     starts, ends = edges[::2], edges[1::2]
     long = ends - starts >= _RUN
     if not long.any():
-        return False
+        return 0.0
     steps = np.abs(np.diff(samples))
-    moving = steps[steps > 0]
-    if not moving.size:
-        return False  # constant: dead, not clipped
     entered, left = starts[long] - 1, ends[long] - 1
     jumps = np.concatenate([steps[entered[entered >= 0]], steps[left[left < steps.size]]])
-    return bool(jumps.size and jumps.max() > 3.0 * moving.min())
+    return float(jumps.max(initial=0.0))
 
 
 Result = TypeVar("Result", covariant=True)

@@ -48,6 +48,13 @@ def test_the_rounded_top_of_a_slow_quantised_sine_is_not_clipping() -> None:
     assert flags(slow) == ()
 
 
+def test_a_periodic_signal_that_is_clipped_hard() -> None:
+    """Every period has the same few samples between the rails."""
+    heavy = 8 * np.sin(2 * np.pi * 125 * np.arange(8000) / 8000)
+    assert flags(np.clip(heavy, -1, 1)) == ("clipped",)
+    assert flags(heavy) == ()
+
+
 def test_a_square_wave_is_not_clipping() -> None:
     assert flags(np.sign(SINE + 1e-9)) == ()
 
@@ -61,6 +68,13 @@ def test_a_full_scale_that_is_known_decides() -> None:
     # one sample that touches the rail is a peak, not a run
     assert flags(np.concatenate([SINE, [1.5], SINE]), full_scale=1.5) == ()
     assert flags(np.clip(1.4 * SINE, -1, 1), full_scale=1.5) == ()
+
+
+def test_a_rail_that_is_known_has_a_tolerance_in_every_block() -> None:
+    peak = np.concatenate([SINE, [1.5], SINE])
+    almost = np.clip(1.6 * SINE, -1.4, 1.49997)
+    assert flags(np.concatenate([peak, almost]), 30000, full_scale=1.5) == ("clipped",)
+    assert flags(np.concatenate([almost, peak]), 30000, full_scale=1.5) == ("clipped",)
 
 
 def test_a_recording_is_read_once_and_the_extremes_are_told() -> None:
