@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     type=click.Choice(["amplitude", "rms", "psd"]),
     help="Peak amplitude or RMS of a line (tones), or power spectral density (noise).  [default: amplitude]",
 )
-@click.option("--lines", type=int, help="Lines up to fs/2.56.  [default: 3200]")
+@click.option("--lines", type=int, help="Lines up to fs/2.56.  [default: 3200, fewer in a short section]")
 @click.option("--whole", is_flag=True, help="The whole section is one block.")
 @click.option(
     "--window",
@@ -198,11 +198,12 @@ def show(found: Spectrum | Spectrogram, peaks: int) -> None:
                     f"{rms[row]:.5g} {unit}" if first and rms is not None else "",
                     f"{found.frequency_hz[k]:.6g}",
                     f"{values[row, k]:.5g} {scale.unit_of(unit)}",
-                    f"{levels[row, k]:.2f} {scale.level_text(unit)}" if np.isfinite(levels[row, k]) else "",
+                    f"{levels[row, k]:.2f}" if np.isfinite(levels[row, k]) else "",
+                    scale.level_text(unit).removeprefix("dB re "),
                     "" if phase is None else f"{phase[row, k]:.2f}",
                 ]
             )
-    table(title, ["channel", "RMS", "peak Hz", scale.scaling, "level", "phase deg"], rows)
+    table(title, ["channel", "RMS", "peak Hz", scale.scaling, "dB", "re", "phase deg"], rows)
 
 
 def highest(values: Any, count: int) -> list[int]:

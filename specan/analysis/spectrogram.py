@@ -11,7 +11,6 @@ from specan.analysis.spectrum import (
     READ_BLOCK,
     BlockSettings,
     block_of,
-    check_length,
     lines_between,
     scale_of,
 )
@@ -46,8 +45,7 @@ class SpectrogramSettings(BlockSettings):
         """Read the recording once and return the spectrogram."""
         channels, notes = of_one_rate(recording, self.channels)
         start, stop = section(recording, channels, self.start_s, self.stop_s)
-        block, rate = block_of(self.lines), channels[0].sampling_rate
-        check_length(recording, stop - start, block)
+        block, rate = block_of(recording, self, stop - start), channels[0].sampling_rate
         hop = hop_of(block, self.overlap)
         n_blocks = (stop - start - block) // hop + 1
         per_column = -(-n_blocks // self.columns)

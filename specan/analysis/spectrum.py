@@ -20,6 +20,7 @@ from specan.schema import Settings
 
 READ_BLOCK = 1 << 16
 SAMPLES_PER_LINE = 2.56
+DEFAULT_LINES, MIN_BLOCK = 3200, 16
 
 SpectrumAveraging = Literal["linear", "exponential", "max", "min", "none"]
 
@@ -33,8 +34,9 @@ class BlockSettings(Settings):
         Names or patterns; all by default.
     scaling : {"amplitude", "rms", "psd"}
         Peak amplitude or RMS of a line (for tones), or power spectral density (for noise).
-    lines : int
-        Lines up to rate/2.56; a block has 2.56 times as many samples. All lines up to rate/2 are given.
+    lines : int or None
+        Lines up to rate/2.56; a block has 2.56 times as many samples. All lines up to rate/2 are given. By
+        default 3200, or as many as a short section allows.
     window, overlap
         Of the blocks.
     detrend : bool
@@ -45,7 +47,7 @@ class BlockSettings(Settings):
 
     channels: tuple[str, ...] = ()
     scaling: Scaling = "amplitude"
-    lines: int = Field(default=3200, ge=8, le=10_000_000)
+    lines: int | None = Field(default=None, ge=8, le=10_000_000)
     window: WindowName = "hann"
     overlap: float = Field(default=0.5, ge=0.0, le=0.95)
     detrend: bool = True
@@ -126,8 +128,7 @@ class SpectrumAccumulator:
         if self.reference is not None and self.reference not in self.shown:
             self.channels = (*self.shown, self.reference)
         self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
-        self.block = block_of(settings.lines)
-        check_length(recording, self.stop - self.start, self.block)
+        self.block = block_of(recording, settings, self.stop - self.start)
         self.rate = self.channels[0].sampling_rate
         self._spectra = CrossSpectra(
             self.rate,
@@ -175,8 +176,7 @@ def _single_block(recording: Recording, settings: FourierSpectrum) -> Spectrum:
     shown, notes = of_one_rate(recording, settings.channels, like=reference)
     channels = shown if reference is None or reference in shown else (*shown, reference)
     start, stop = section(recording, channels, settings.start_s, settings.stop_s)
-    block = stop - start if settings.whole else block_of(settings.lines)
-    check_length(recording, stop - start, block)
+    block = stop - start if settings.whole else block_of(recording, settings, stop - start)
     rate = channels[0].sampling_rate
     scale = scale_of(settings, block, rate)
 
@@ -207,19 +207,24 @@ def _single_block(recording: Recording, settings: FourierSpectrum) -> Spectrum:
     )
 
 
-def block_of(lines: int) -> int:
-    """Samples of a block with so many lines up to rate/2.56."""
-    return round(lines * SAMPLES_PER_LINE)
+def block_of(recording: Recording, settings: BlockSettings, n: int) -> int:
+    """Samples of a block in a section of `n` samples.
 
-
-def check_length(recording: Recording, n: int, block: int) -> None:
-    """Refuse a section that is shorter than one block."""
+    Raises
+    ------
+    InputError
+        The section is shorter than the block that was asked for, or hardly there.
+    """
+    block = round((settings.lines or DEFAULT_LINES) * SAMPLES_PER_LINE)
+    if settings.lines is None and MIN_BLOCK <= n < block:
+        return n
     if n < block:
         raise InputError(
             f"{recording.label}: {n} samples are less than one block",
-            expected=f"at least {block} samples",
+            expected=f"at least {block if settings.lines else MIN_BLOCK} samples",
             remedy="ask for fewer lines or a longer section",
         )
+    return block
 
 
 def scale_of(settings: BlockSettings, block: int, rate: float) -> SpectrumScale:

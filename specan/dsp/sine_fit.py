@@ -100,7 +100,7 @@ def peak_frequency(samples: Real, rate: float, fmin: float = 0.0, fmax: float | 
     """Frequency of the highest line between `fmin` and `fmax`, interpolated for the Hann window.
 
     For a tone d lines above line i the Hann window gives r = |X(i+1)| / |X(i)| with d = (2 r - 1) / (r + 1)
-    (Jain, Collins and Davis 1979; Grandke 1983): within some thousandths of a line for a clean tone.
+    (Grandke, IEEE Trans. Instrum. Meas. 32 (1983) 350-355): within some thousandths of a line for a clean tone.
     """
     n = samples.shape[-1]
     spectrum = np.abs(np.fft.rfft((samples - samples.mean()) * window("hann", n)))

@@ -53,9 +53,9 @@ def estimate(
     - H1 = S_xy / S_xx: unbiased by noise in the response, low by 1 / (1 + noise/signal) in the reference;
     - H2 = S_yy / S_yx: unbiased by noise in the reference;
     - Hv = sqrt(S_yy / S_xx) exp(j arg S_xy): geometric mean of H1 and H2, the total least squares solution for
-      signals scaled to equal power (Rocklin, Crowley and Vold, IMAC III (1985) 272-278);
+      signals scaled to equal power;
     - H3c = S_ey / S_ex: unbiased by noise in both, given an instrument e that drives the system and
-      shares no noise with them (instrumental variable; Goyder, IMAC II (1984) 437-446).
+      shares no noise with them (method of instrumental variables, three-channel technique).
 
     The uncertainty rests on the spectrum of what the estimate leaves, r = y - H x, smoothed over 15 lines
     (`smoothed_noise`):

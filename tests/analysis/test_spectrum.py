@@ -152,6 +152,15 @@ def test_whole_section_is_one_block():
     assert (found.averaging, found.n_blocks) == ("none", 1)
 
 
+def test_a_short_section_is_one_block_unless_lines_are_asked_for():
+    found = FourierSpectrum(stop_s=0.5)(recording(NOISE))
+    assert (found.n_blocks, found.scale.line_spacing_hz) == (1, pytest.approx(2.0))
+    with pytest.raises(InputError, match="less than one block"):
+        FourierSpectrum(stop_s=0.5, lines=3200)(recording(NOISE))
+    with pytest.raises(InputError, match="at least 16"):
+        FourierSpectrum(stop_s=10 / RATE)(recording(NOISE))
+
+
 @pytest.mark.parametrize("averaging", ["linear", "none"])
 def test_displacement_becomes_velocity(averaging):
     found = FourierSpectrum(lines=400, averaging=averaging)(
