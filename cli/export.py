@@ -1,0 +1,97 @@
+"""``specan export``: samples for other tools."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from specan_cli.output import emit_json
+from specan_cli.recording_input import opening_options, say_notes, section_options
+
+SUFFIXES = {"csv": ".csv", "uff": ".uff", "wav": ".wav", "parquet": ".parquet"}
+
+
+@click.command("export")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--to", "form", required=True, type=click.Choice(list(SUFFIXES)), help="The format.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="The file to write [default: beside FILE's name here].",
+)
+@click.option(
+    "--decimal",
+    type=click.Choice([".", ","]),
+    default=".",
+    show_default=True,
+    help="Decimal sign of CSV; with a comma, columns are separated by semicolons.",
+)
+@section_options
+@opening_options
+@click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
+def command(
+    file: Path,
+    form: str,
+    output: Path | None,
+    decimal: str,
+    channels: tuple[str, ...],
+    start_s: float,
+    stop_s: float | None,
+    channel_table: Path | None,
+    calibration: Path | None,
+    sampling_rate: float | None,
+    as_json: bool,
+) -> int:
+    """Write the samples of a recording, in SI units, for other programs.
+
+    Sensitivities of a calibration are applied; phases and delays are not, since they belong to spectra.
+    """
+    from specan.analysis.section import of_one_rate, section
+    from specan.errors import RequestError
+    from specan.io.export_csv import write_csv
+    from specan.io.export_file import Excerpt, together
+    from specan.io.export_parquet import write_parquet
+    from specan.io.export_uff import write_uff
+    from specan.io.export_wav import write_wav
+    from specan.io.open import open_recording
+
+    if decimal != "." and form != "csv":
+        raise RequestError(f"--decimal is for CSV, not for {form}", remedy="leave it out")
+    recording = open_recording(
+        file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
+    )
+    chosen, notes = of_one_rate(recording, channels)
+    start, stop = section(recording, chosen, start_s, stop_s)
+    excerpt = Excerpt(recording, chosen, start, stop)
+    target = output or Path(file.stem + SUFFIXES[form])
+    if target.resolve() == file.resolve():
+        raise RequestError(f"{target} is the recording itself", remedy="choose another file with -o")
+    if form == "csv":
+        write_csv(excerpt, target, decimal)
+    else:
+        {"uff": write_uff, "wav": write_wav, "parquet": write_parquet}[form](excerpt, target)
+    late = tuple(
+        f"{c.name} carries a phase or delay correction, which samples in time do not show"
+        for c in chosen
+        if c.phase is not None or c.delay_s
+    )
+    say_notes((*notes, *late[:1]), {"the file": recording.flags})
+    if as_json:
+        emit_json(
+            {
+                "output": str(target),
+                "format": form,
+                "samples": excerpt.n,
+                "sampling_rate_hz": excerpt.rate,
+                "channels": [
+                    {"name": n, "unit": c.unit} for n, c in zip(excerpt.names(), chosen, strict=True)
+                ],
+            }
+        )
+    else:
+        click.echo(
+            f"{len(chosen)} channels, {excerpt.n} samples at {excerpt.rate:g} Hz, in {together(chosen)}."
+        )
+        click.echo(f"Written to {target}.")
+    return 0

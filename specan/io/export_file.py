@@ -1,0 +1,83 @@
+"""What the export formats share: a file that appears as a whole, samples in blocks, a missing library."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.recording import Channel, Recording
+from specan.errors import RequestError
+
+BLOCK = 1 << 16
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """Channels of one sampling rate, from sample `start` to `stop`."""
+
+    recording: Recording
+    channels: tuple[Channel, ...]
+    start: int
+    stop: int
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate in hertz."""
+        return self.channels[0].sampling_rate
+
+    @property
+    def n(self) -> int:
+        """Number of samples of each channel."""
+        return self.stop - self.start
+
+    def names(self) -> list[str]:
+        """Names of the channels, with their group where two channels share a name."""
+        plain = [c.name for c in self.channels]
+        return [c.name if plain.count(c.name) == 1 else f"{c.group}/{c.name}" for c in self.channels]
+
+    def blocks(self) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Time in seconds from the beginning of the recording, and samples (channels, n)."""
+        first = self.start
+        for samples in self.recording.blocks(self.channels, BLOCK, self.start, self.stop):
+            yield (first + np.arange(samples.shape[1])) / self.rate, samples
+            first += samples.shape[1]
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A neighbour of `path` to write to, put in its place when all went well; its suffix is the same."""
+    half = path.with_name(f".part-{path.name}")
+    half.unlink(missing_ok=True)
+    try:
+        yield half
+        half.replace(path)
+    except OSError as fault:
+        raise RequestError(
+            f"{path} cannot be written ({fault.strerror or fault})",
+            expected="a place with room that may be written to",
+        ) from None
+    finally:
+        half.unlink(missing_ok=True)
+
+
+def library(name: str, extra: str) -> Any:
+    """A library that only some users need."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise RequestError(
+            f"{name} is not installed", expected="it for this format", remedy=f"pip install 'specan[{extra}]'"
+        ) from None
+
+
+def together(channels: Sequence[Channel]) -> str:
+    """Units of several channels in words: ``Pa (Mic 1, Mic 2), V (Generator)``."""
+    units = dict.fromkeys(c.unit for c in channels)
+    return ", ".join(f"{unit} ({', '.join(c.name for c in channels if c.unit == unit)})" for unit in units)
