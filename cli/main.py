@@ -23,6 +23,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "export": ("export", "Samples for other tools: CSV, UFF58, WAV, Parquet."),
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "What a model predicts, as a table, a look-up map or a figure."),
+    "study": ("study", "Model against measurement: where it fails, what is missing, what to add."),
 }
 
 

@@ -34,8 +34,11 @@ class Fit:
         Parameters that rest on an end of their domain.
     dof : float
         n_effective + number of priors - number of free parameters.
+    reduced_chi2 : float
+        Chi-square per degree of freedom, both without what only compares repeats (`Observation.pure_dof`):
+        one for a true model.
     p_value : float
-        Probability of a worse fit of a true model: F(dof, noise_dof), chi-square where the noise is known.
+        Probability of a worse fit of a true model, see `misfit_p_value`.
     """
 
     names: tuple[str, ...]
@@ -173,7 +176,8 @@ def describe(problem: Problem, theta: Array) -> Fit:
     jacobian = _finite(problem.jacobian(theta))
     chi2 = float(residual @ residual)
     dof = problem.n_effective + problem.n_priors - theta.size
-    reduced = chi2 / dof if dof > 0 else float("nan")
+    lack, own = chi2 - problem.pure_dof, dof - problem.pure_dof
+    reduced = max(lack, 0.0) / own if own > 0 else float("nan")
     return Fit(
         names=problem.names,
         theta=theta,

@@ -72,6 +72,11 @@ class Block:
         """Where that is: ``2000 rpm (speed), 60 Nm (output torque)``."""
         return ", ".join(spoken(name, level) for name, level in self.where.items())
 
+    @property
+    def short_place(self) -> str:
+        """The same without the variables' names: ``2000 rpm, 60 Nm``."""
+        return ", ".join(spoken(name, level).split(" (")[0] for name, level in self.where.items())
+
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {

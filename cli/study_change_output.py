@@ -1,0 +1,76 @@
+"""What ``study add`` and ``study drop`` print."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+from specan_cli.output import emit_json, table
+from specan_cli.study_output import parameter_table
+
+if TYPE_CHECKING:
+    from specan.study.change import Change
+
+
+def show_change(change: Change, as_json: bool) -> None:
+    """Errors before and after, parameters, remarks."""
+    before, after = change.before, change.after
+    parameters = {name: dict(row) for name, row in after.parameters.items()}
+    for name, (low, high) in change.intervals.items():
+        parameters[name] |= {"low": low, "high": high}
+    if as_json:
+        emit_json(
+            {
+                "step": after.step,
+                "action": after.action,
+                "effect": after.effect,
+                "model_effects": list(after.model_effects),
+                "before": _errors(before),
+                "after": _errors(after),
+                "parameters": parameters,
+                "parameters_held": list(change.held),
+                "remarks": list(change.remarks),
+            }
+        )
+        return
+    rows = [*_rows("fit", "fitted", before, after), *_rows("held_out", "held-out", before, after)]
+    table(
+        f"Step {after.step}: {after.action} {after.effect}",
+        ["data", "observable", "RMS before", "after", "unit", "change"],
+        rows,
+    )
+    chi2 = [(s.reduced_chi2, s.held_out_reduced_chi2) for s in (before, after)]
+    if chi2[1][0] is not None:
+        text = f"\nReduced chi-square {chi2[0][0]:.2f} -> {chi2[1][0]:.2f} on fitted data"
+        if chi2[1][1] is not None:
+            text += (
+                f", {chi2[0][1]:.2f} -> {chi2[1][1]:.2f} on held-out data (prediction covariance included)"
+            )
+        click.echo(text)
+    click.echo("")
+    parameter_table(parameters)
+    for remark in change.remarks:
+        click.echo(f"Note: {remark}")
+    click.echo("Model: " + (", ".join(after.model_effects) or "the ideal machine"))
+
+
+def _errors(step: Any) -> dict[str, Any]:
+    return {
+        "fit_error": step.fit_error,
+        "held_out_error": step.held_out_error,
+        "errors": step.errors,
+        "reduced_chi2": step.reduced_chi2,
+        "held_out_reduced_chi2": step.held_out_reduced_chi2,
+        "p_value": step.p_value,
+    }
+
+
+def _rows(key: str, name: str, before: Any, after: Any) -> list[list[Any]]:
+    old = {e["observable"]: e for e in before.errors[key]}
+    rows = []
+    for new in after.errors[key]:
+        was = old[new["observable"]]["rms"]
+        percent = 100 * (new["rms"] / was - 1) if was > 0 else 0.0
+        unit = "" if new["unit"] == "1" else new["unit"]
+        rows.append([name, new["observable"], f"{was:.4g}", f"{new['rms']:.4g}", unit, f"{percent:+.0f} %"])
+    return rows

@@ -1,0 +1,101 @@
+"""``specan study compare``: fit the model and see where it fails."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from specan_cli.study_output import study_options
+
+
+@click.command("compare")
+@study_options
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw measured and model into this file.")
+@click.option("--accept-changes", is_flag=True, help="Go on although measured files have changed.")
+def command(
+    directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None, accept_changes: bool
+) -> None:
+    """Fit the parameters that the model of DIR has and show where it fails.
+
+    Held-out data are not looked at.
+
+    \b
+    specan study compare my_study --plot compare.png
+    """
+    from specan_cli.output import emit_json, say
+    from specan_cli.study_output import open_study
+
+    if plot is not None:
+        from specan.report.figure_style import figure_format
+
+        figure_format(plot)
+    study = open_study(directory, effects, accept_changes)
+    found = study.compare()
+    kept = study.record_changes()
+    if kept is not None:
+        say(f"The study was changed since its last step: kept as step {kept.step}.")
+    if as_json:
+        emit_json(_content(study, found))
+    else:
+        _print(study, found)
+    if plot is not None:
+        from specan.report.figures_study import figure_compare
+
+        from specan.report.figure_style import save_figure
+
+        save_figure(figure_compare(study), plot)
+
+
+def _content(study, found) -> dict:  # type: ignore[no-untyped-def, type-arg]
+    known, best, where = study.data.known, found.fit, found.localisation
+    return {
+        "model_effects": list(study.model_effects),
+        "errors": [e.as_dict() for e in found.errors],
+        "reduced_chi2": best.reduced_chi2 if known else None,
+        "p_value": best.p_value if known else None,
+        "n_effective": best.n_effective,
+        "dof": best.dof,
+        "model_discrepancy_percent": study.data.discrepancy_percent,
+        "parameters": found.parameters,
+        "at_bound": list(best.at_bound),
+        "fails_at": [b.as_dict() for b in where.fails_at] if where else [],
+        "trends": [
+            {"variable": t.variable, "p_value": t.p_value, "significant": t.significant, "text": t.sentence}
+            for t in (where.trends if where else ())
+        ],
+        "sentences": where.sentences() if where else [],
+        "assumptions": list(study.data.statements),
+    }
+
+
+def _print(study, found) -> None:  # type: ignore[no-untyped-def]
+    from specan_cli.output import table
+    from specan_cli.study_output import error_table, parameter_table, probability
+
+    best, where = found.fit, found.localisation
+    click.echo("Model: " + (", ".join(study.model_effects) or "the ideal machine"))
+    error_table("\nError on the fitted data", found.errors)
+    click.echo("")
+    parameter_table(found.parameters)
+    if where is None:
+        return
+    spent = " beside those of the repeats" if study.problem.pure_dof else ""
+    click.echo(
+        f"\nReduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
+        f"{best.dof - study.problem.pure_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
+        f"model discrepancy of {study.data.discrepancy_percent:g} % of the losses allowed for"
+    )
+    verdict = "The model fits." if best.p_value > 1e-3 else "The model does not fit."
+    click.echo(verdict)
+    for text in where.sentences():
+        click.echo(f"  {text}")
+    blocks = where.fails_at[:8]
+    if blocks:
+        click.echo("")
+        table(
+            "Where, the clearest first",
+            ["conditions", "values", "z", "p", ""],
+            [[b.short_place, b.n, f"{b.z:+.1f}", f"{b.p_value:.1g}", b.text] for b in blocks],
+        )
+    if best.p_value <= 1e-3:
+        click.echo(f"\nAsk what is missing: specan study diagnose {study.directory}")

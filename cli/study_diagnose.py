@@ -1,0 +1,104 @@
+"""``specan study diagnose``: which physical effect is missing."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from specan_cli.output import emit_json, say, table
+from specan_cli.study_output import open_study, probability, study_options
+
+if TYPE_CHECKING:
+    from specan.study.diagnosis import Diagnosis, Ranked
+
+SHOWN = 10  # rows of the table of candidates
+
+VERDICTS = {
+    "effect": "Missing: {names}.",
+    "group": "Missing: {names}; these data cannot tell which.",
+    "nothing-missing": "Nothing is missing, as far as these data can tell.",
+    "unknown-effect": "Something is missing that is not on the list of effects.",
+    "cannot-tell": "These data cannot tell.",
+}
+
+
+@click.command("diagnose")
+@study_options
+@click.option("--bootstrap", is_flag=True, help="Family-wise probabilities by simulation (slower).")
+def command(directory: Path, effects: tuple[Path, ...], as_json: bool, bootstrap: bool) -> None:
+    """Find out which effect the model of DIR is missing. Held-out data are not looked at.
+
+    \b
+    specan study diagnose my_study
+    """
+    study = open_study(directory, effects)
+    progress = say if sys.stderr.isatty() else None
+    found = study.diagnose(bootstrap=bootstrap, progress=progress)
+    if as_json:
+        emit_json(found.to_json())
+    else:
+        _print(found, directory)
+
+
+def _print(found: Diagnosis, directory: Path) -> None:
+    names = " or ".join(" with ".join(members) for members in found.alternatives)
+    click.echo(VERDICTS[found.verdict].format(names=names))
+    click.echo(f"{found.reason[:1].upper()}{found.reason[1:]}.")
+    if found.unknown_possible and found.alternatives:
+        click.echo("One unknown effect would explain the data as well.")
+    if found.residual_law is not None:
+        click.echo(f"What is left goes like {found.residual_law.text.lstrip('~ ')}.")
+    if found.lack_of_fit is not None:
+        fit = found.lack_of_fit
+        click.echo(
+            f"The model as it is: reduced chi-square {fit.reduced_chi2:.2f}, {probability(fit.p_value)}, "
+            f"{fit.n_effective:.0f} independent values; "
+            f"model discrepancy {found.model_discrepancy_percent:g} % allowed for."
+        )
+    if found.ranking:
+        click.echo("")
+        table(
+            "What was tried, the likeliest first",
+            ["effects", "delta BIC", "p", "CV gain", "error after", "", "parameters"],
+            [_row(r) for r in found.ranking[:SHOWN]],
+        )
+    _print_power(found)
+    for effect, why in found.not_testable.items():
+        click.echo(f"Not testable: {effect} {why}")
+    if found.next_measurement:
+        click.echo("\nWhat would decide:")
+        for row in found.next_measurement:
+            click.echo(f"  {row['text']}")
+    if found.verdict in ("effect", "group"):
+        click.echo(f"\nTry it: specan study add {directory} {found.alternatives[0][0]}")
+
+
+def _row(ranked: Ranked) -> list[Any]:
+    remark = "" if ranked.plausible else "implausible"
+    if ranked.at_bound:
+        remark = f"{remark}, at bound".lstrip(", ")
+    values = [f"{name.rpartition('.')[2]} {_value(p)}" for name, p in ranked.parameters.items()]
+    return [
+        " + ".join(ranked.effects), f"{ranked.delta_bic:.1f}", f"{ranked.p_value:.1g}",
+        f"{ranked.held_out_gain:.1f}", f"{ranked.error_after:.3g}", remark, "; ".join(values),
+    ]  # fmt: skip
+
+
+def _value(p: Mapping[str, Any]) -> str:
+    unit = "" if p["unit"] == "1" else f" {p['unit']}"
+    return f"{p['value']:.3g} ({p['low']:.3g} to {p['high']:.3g}){unit}"
+
+
+def _print_power(found: Diagnosis) -> None:
+    seen = {n: v for n, v in found.smallest_visible.items() if v is not None}
+    hidden = [n for n, v in found.smallest_visible.items() if v is None]
+    if seen:
+        sizes = [
+            f"{n} {v['value']:.2g}{'' if v['unit'] == '1' else ' ' + v['unit']}" for n, v in seen.items()
+        ]
+        click.echo("\nSmallest that these data would show: " + ", ".join(sizes))
+    if hidden:
+        click.echo("Invisible at any plausible size: " + ", ".join(hidden))

@@ -1,0 +1,28 @@
+"""``specan study drop``: take an effect out again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from specan_cli.study_output import study_options
+
+
+@click.command("drop")
+@study_options
+@click.argument("effect_name", metavar="EFFECT")
+@click.option("--because", default="", metavar="TEXT", help="Why, for the history.")
+def command(
+    directory: Path, effect_name: str, effects: tuple[Path, ...], as_json: bool, because: str
+) -> None:
+    """Take EFFECT out of the model of DIR and refit. The steps before stay in the history.
+
+    \b
+    specan study drop my_study seal-drag
+    """
+    from specan_cli.study_change_output import show_change
+    from specan_cli.study_output import open_study
+
+    from specan.study.change import drop_effect
+
+    show_change(drop_effect(open_study(directory, effects), effect_name, because), as_json)

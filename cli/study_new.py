@@ -1,0 +1,112 @@
+"""``specan study new``: begin a study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+FILE = click.Path(path_type=Path)
+
+
+@click.command("new")
+@click.argument("directory", type=FILE, metavar="DIR")
+@click.option("--model", "model_name", required=True, metavar="NAME", help="See specan model list.")
+@click.option("--rig", required=True, type=FILE, help="What is known of the set-up (TOML).")
+@click.option("--measurement", "measurements", multiple=True, type=FILE, required=True, metavar="FILE",
+              help="Measured data to fit; repeatable.")  # fmt: skip
+@click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
+              help="Measured data that are only ever predicted; repeatable.")  # fmt: skip
+@click.option("--hold-out", multiple=True, metavar="KEY=V,V...",
+              help="Conditions of the measurement to put aside: torque=60, speed_rpm=2400; repeatable.")  # fmt: skip
+@click.option("--calibration", type=FILE, help="A calibration.toml for recordings.")
+@click.option("--effects", metavar="NAME,NAME...|none",
+              help="Effects to begin with [default: those of the model's base; none: the ideal machine].")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+def command(
+    directory: Path,
+    model_name: str,
+    rig: Path,
+    measurements: tuple[Path, ...],
+    validations: tuple[Path, ...],
+    hold_out: tuple[str, ...],
+    calibration: Path | None,
+    effects: str | None,
+    as_json: bool,
+) -> None:
+    """Begin a study in DIR and say what was assumed.
+
+    Measured files stay where they are; the study keeps their hash and notices when they change.
+
+    \b
+    specan study new my_study --model worm-gear --rig rig.toml --measurement table.csv --hold-out torque=60
+    """
+    from specan.study.begin import begin
+
+    chosen = (
+        None if effects is None else [e.strip() for e in effects.split(",") if e.strip() not in ("", "none")]
+    )
+    begun = begin(
+        directory,
+        model_name,
+        rig,
+        measurements,
+        validations=validations,
+        hold_out=hold_out,
+        calibration=calibration,
+        effects=chosen,
+    )
+    _show(begun, as_json)
+
+
+def _show(begun: object, as_json: bool) -> None:
+    from specan_cli.output import emit_json
+    from specan_cli.study_output import amount, error_table
+
+    from specan.study.assemble import held_for_want_of_variation
+    from specan.study.begin import Begun
+
+    assert isinstance(begun, Begun)
+    study, step = begun.study, begun.step
+    held = held_for_want_of_variation(study.problem)
+    defaults = study.model.settings.get("defaults_used", {})
+    fitted = sum(o.n for o in study.data.fitted)
+    aside = sum(o.n for o in study.data.held_out)
+    if as_json:
+        emit_json(
+            {
+                "directory": str(study.directory),
+                "model_effects": list(study.model_effects),
+                "fitted_values": fitted,
+                "held_out_values": aside,
+                "uncertainty_known": study.data.known,
+                "model_discrepancy_percent": study.data.discrepancy_percent,
+                "assumptions": list(study.data.statements),
+                "rig_defaults_used": defaults,
+                "parameters_held": [*held, *begun.held],
+                "fit_error": step.fit_error,
+            }
+        )
+        return
+    click.echo(f"{study.directory}: {study.model.title}, {fitted} values to fit, {aside} put aside")
+    click.echo("Effects: " + (", ".join(study.model_effects) or "none, the ideal machine"))
+    click.echo("\nWhat was found and assumed about the measurement:")
+    for text in study.data.statements:
+        click.echo(f"  {text}")
+    for name, needed in held.items():
+        columns = ", ".join(study.model.conditions[n].column for n in needed if n in study.model.conditions)
+        click.echo(f"  {name} is held at its default: {columns or ', '.join(needed)} does not vary")
+    for name in begun.held:
+        click.echo(f"  {name} is held: these data do not determine it (fixed = true in study.toml)")
+    if defaults:
+        click.echo("  from the defaults, since the rig file does not say:")
+        for key, value in defaults.items():
+            click.echo(f"    {key} = {value}")
+    click.echo("")
+    error_table("Error of the fitted model", study.errors)
+    if not study.data.known:
+        click.echo(
+            "\nNothing tells how uncertain the measurement is: compare shows errors, diagnose will refuse."
+        )
+    click.echo(f"\nStep 0 is kept ({step.fit_error['metric']} {amount(step.fit_error)}). ", nl=False)
+    click.echo(f"Go on with: specan study compare {study.directory}")

@@ -1,0 +1,32 @@
+"""``specan study next``: which measurement would decide."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+from specan_cli.output import emit_json, say
+from specan_cli.study_output import open_study, study_options
+
+
+@click.command("next")
+@study_options
+def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
+    """Propose the measurements, within the rig's limits, that best separate what could be missing.
+
+    \b
+    specan study next my_study
+    """
+    study = open_study(directory, effects)
+    study.require_uncertainty("next")
+    found = study.diagnose(progress=say if sys.stderr.isatty() else None)
+    rows = found.to_json()["next_measurement"]
+    if as_json:
+        emit_json({"verdict": found.verdict, "next_measurement": rows})
+        return
+    if not rows:
+        click.echo("Nothing is left to decide: no two explanations compete for these data.")
+        return
+    for number, row in enumerate(rows, 1):
+        click.echo(f"{number}. {row['text']}")
