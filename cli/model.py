@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from specan_cli.output import emit_json, table
+
+if TYPE_CHECKING:
+    from specan.models.model import Model
 
 
 @click.group("model")
@@ -46,12 +49,10 @@ def list_models(as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
     """Show a model, or one of its effects or quantities."""
-    from specan.models.catalogue import example_model, load_model
     from specan.models.describe import describe_effect, describe_model, describe_quantity, find_part
     from specan.models.effect import Effect
-    from specan.schema import read_toml
 
-    model = load_model(name, read_toml(rig)) if rig else example_model(name)
+    model = _model(name, rig)
     if part is None:
         content = describe_model(model)
         emit_json(content) if as_json else _print_model(content)
@@ -63,6 +64,35 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
     else:
         content = describe_quantity(model, found)
         emit_json(content) if as_json else _print_quantity(content)
+
+
+@command.command("check")
+@click.argument("name")
+@click.argument("file", type=click.Path(path_type=Path), metavar="EFFECT.py")
+@click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+def check(name: str, file: Path, rig: Path | None, as_json: bool) -> None:
+    """Check the effects in a file of your own: neutral, commuting, finite, found again when planted."""
+    from specan.models import check_effect, conditions_over_limits
+    from specan.models.catalogue import effects_from_file
+
+    model = _model(name, rig)
+    conditions = conditions_over_limits(model)
+    effects = effects_from_file(file)
+    for effect in effects:
+        check_effect(effect, model, conditions)
+    if as_json:
+        emit_json({"passed": [effect.name for effect in effects]})
+        return
+    for effect in effects:
+        click.echo(f"{effect.name} keeps the rules: neutral, commutes, finite, and found again when planted.")
+
+
+def _model(name: str, rig: Path | None) -> Model:
+    from specan.models.catalogue import example_model, load_model
+    from specan.schema import read_toml
+
+    return load_model(name, read_toml(rig)) if rig else example_model(name)
 
 
 def _print_model(model: Mapping[str, Any]) -> None:

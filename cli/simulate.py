@@ -26,6 +26,20 @@ SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear"}
     help="An effect to switch on, or a parameter of one: seal-drag=0.2, churning.exponent=1.6; repeatable.",
 )
 @click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="TABLE.KEY=VALUE",
+    help="Take a value of the rig file to be another: model.mesh=article, oil.viscosity_40C_mm2_s=320.",
+)
+@click.option(
+    "--effect-file",
+    "effect_files",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    help="A Python file with effects of your own; repeatable.",
+)
+@click.option(
     "--without", multiple=True, metavar="NAME", help="An effect of the base to switch off; repeatable."
 )
 @click.option(
@@ -62,12 +76,15 @@ def command(model_name: str, rig: Path, **options: Any) -> None:
     Without --grid or --conditions the conditions run over the limits of the rig file.
     """
     from specan.errors import RequestError, nearest
-    from specan.models.catalogue import load_model, model_names
+    from specan.models.catalogue import effects_from_file, load_model, model_names
+    from specan.models.request import override
     from specan.schema import read_toml
 
     if model_name not in model_names():
         raise RequestError(f"there is no model {model_name!r}", remedy=nearest(model_name, model_names()))
     if model_name not in SIMULATORS:
         raise RequestError(f"the model {model_name!r} cannot be simulated from the command line")
-    model = load_model(model_name, read_toml(rig))
+    model = load_model(model_name, override(read_toml(rig), options["settings"]))
+    for file in options["effect_files"]:
+        model = model.with_effect(*effects_from_file(file))
     importlib.import_module(SIMULATORS[model_name]).run(model, options)

@@ -4,7 +4,7 @@ A model is an acyclic graph of named quantities; an effect is a small pure funct
 scales or joins some of them. See `specan.models.effect.effect` for how to write one.
 """
 
-from specan.models.check import check_effect
+from specan.models.check import check_effect, conditions_over_limits
 from specan.models.effect import Effect, Use, effect
 from specan.models.model import Assembly, Evaluation, LawSpace, Model, Nuisance, Observable, varying
 from specan.models.parameter import Parameter
@@ -12,5 +12,5 @@ from specan.models.quantity import Condition, Quantity, constant, quantity
 
 __all__ = [
     "Assembly", "Condition", "Effect", "Evaluation", "LawSpace", "Model", "Nuisance", "Observable", "Parameter",
-    "Quantity", "Use", "check_effect", "constant", "effect", "quantity", "varying",
+    "Quantity", "Use", "check_effect", "conditions_over_limits", "constant", "effect", "quantity", "varying",
 ]  # fmt: skip

@@ -36,7 +36,8 @@ def check_effect(
     model : Model
         The model that it belongs to.
     conditions : mapping
-        SI conditions to check at; arrays of one length.
+        SI conditions to check at; arrays of one length. An effect that looks at readings before wants its
+        first row to be the earliest.
     with_effects : sequence of str
         Uses that are switched on beside it; the model's base effects by default.
     at : str
@@ -58,6 +59,26 @@ def check_effect(
     _check_values(use, base, active, conditions)
     _check_scalar(use, active, conditions)
     _check_recovery(use, base, active, conditions, observable)
+
+
+def conditions_over_limits(model: Model, points: int = 4) -> dict[str, NDArray[np.float64]]:
+    """Conditions all over what the rig can run, in random order one a quarter of an hour, for `check_effect`.
+
+    Raises
+    ------
+    RequestError
+        The model's rig declares no limits.
+    """
+    limits = model.settings.get("limits")
+    if not limits:
+        raise RequestError(
+            f"the rig of {model.name} has no limits to check over", remedy="call check_effect from Python"
+        )
+    axes = np.meshgrid(*(np.linspace(low, high, points) for low, high in limits.values()), indexing="ij")
+    order = np.random.default_rng(0).permutation(axes[0].size)
+    found = {name: axis.ravel()[order] for name, axis in zip(limits, axes, strict=True)}
+    unknown = [c.name for c in model.conditions.values() if c.default is not None and not c.known]
+    return found | {name: 900.0 * np.arange(order.size) for name in unknown}
 
 
 def _fail(use: Use, what: str, remedy: str = "") -> None:

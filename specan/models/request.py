@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import copy
+import tomllib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Use
@@ -57,6 +60,41 @@ def read_request(model: Model, effects: Iterable[str] = (), without: Iterable[st
             full = f"{use}.{parameter or _first(model, use)}"
             values[full] = _value(assembly, full, text)
     return Request(assembly, values)
+
+
+def override(rig: Mapping[str, Any], texts: Iterable[str]) -> dict[str, Any]:
+    """A rig file's content with some keys set otherwise.
+
+    Parameters
+    ----------
+    rig : mapping
+        The parsed file; it is left as it is.
+    texts : iterable of str
+        ``model.mesh=article``, ``oil.viscosity_40C_mm2_s=320``; the value as TOML writes it, quotes optional.
+
+    Examples
+    --------
+    >>> override({"oil": {"density_kg_m3": 1000.0}}, ["oil.density_kg_m3=870", "model.mesh=article"])
+    {'oil': {'density_kg_m3': 870}, 'model': {'mesh': 'article'}}
+    """
+    changed = copy.deepcopy(dict(rig))
+    for text in texts:
+        key, equals, value = text.partition("=")
+        *path, last = key.strip().split(".")
+        place: Any = changed
+        for part in path:
+            place = place.setdefault(part, {}) if isinstance(place, dict) else None
+        if not equals or not isinstance(place, dict):
+            raise RequestError(f"{text!r} cannot be set", expected="TABLE.KEY=VALUE of the rig file")
+        place[last] = _toml_value(value.strip())
+    return changed
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
 
 
 def _split(model: Model, text: str) -> tuple[Use, str, str | None]:

@@ -68,6 +68,15 @@ def test_effects_are_switched_on_with_values_and_units():
     assert torque("-e", "tooth-friction=0.03") < base
 
 
+def test_values_of_the_rig_can_be_taken_otherwise():
+    assert torque("--set", "oil.viscosity_40C_mm2_s=460") > torque()
+    assert torque("--set", "model.mesh=article") != torque()
+    with pytest.raises(RequestError, match="did you mean 'oil'"):
+        torque("--set", "oils.density_kg_m3=1")
+    with pytest.raises(RequestError, match="cannot be set"):
+        torque("--set", "oil.density_kg_m3")
+
+
 def test_without_any_base_effect_the_gear_is_ideal():
     ideal = ("--without", "churning", "--without", "tooth-friction", "--without", "bearing-friction")
     assert torque(*ideal) == pytest.approx(50 / 7.5)

@@ -103,3 +103,65 @@ def test_loss_torque_rises_and_then_falls_with_load():
         rounding = torque / 7.5 * 0.005 / efficiency**2
         top, last = np.flatnonzero(torque == turning)[0], -1
         assert loss[top] - loss[last] > rounding[top] + rounding[last]
+
+
+# --- the base model beside the data sheet: docs/worm_gear.md prints these numbers ------------------
+
+
+@pytest.fixture(scope="module")
+def base_fit():
+    """The worm mesh fitted to tables 7 and 8 at once, all rows weighted by the rounding of what is printed."""
+    model = build(EXAMPLE_RIG)
+    assembly = model.assemble(model.base_effects)
+    free = assembly.free(())
+    ranges = [assembly.parameters[name].si for name in free]
+
+    def torque_and_efficiency(table, x):
+        conditions = {
+            "worm_speed": table["speed_rpm"] * np.pi / 30,
+            "indicated_output_torque": table["output_torque_Nm"],
+        }
+        found = assembly.evaluate(conditions, dict(zip(free, x, strict=True)))
+        return found["indicated_input_torque"], found["indicated_efficiency"]
+
+    def misfit(x):
+        idle = torque_and_efficiency(IDLE, x)[0] - IDLE["input_torque_Nm"]
+        return np.concatenate([idle, torque_and_efficiency(FITTED, x)[1] - FITTED["efficiency"]]) / 0.0029
+
+    start = np.array([r.default for r in ranges])
+    bounds = ([r.lower for r in ranges], [r.upper for r in ranges])
+    found = least_squares(misfit, start, bounds=bounds, x_scale=np.maximum(np.abs(start), 0.05))
+    return torque_and_efficiency, found.x, dict(zip(free, found.x, strict=True)), assembly
+
+
+def test_the_base_model_on_the_articles_tables(base_fit):
+    predict, x, _, _ = base_fit
+    idle = errors(predict(IDLE, x)[0] / IDLE["input_torque_Nm"] - 1)
+    assert idle == pytest.approx((0.50, 0.74), abs=0.005)
+    assert errors(predict(FITTED, x)[1] / FITTED["efficiency"] - 1) == pytest.approx((3.23, 8.7), abs=0.05)
+    assert errors(predict(VALIDATION, x)[1] / VALIDATION["efficiency"] - 1) == pytest.approx(
+        (4.37, 11.5), abs=0.05
+    )
+
+
+def test_the_data_sheet_beside_the_model(base_fit):
+    _, _, values, assembly = base_fit
+
+    def efficiency(speed_rpm, torque, celsius):
+        found = assembly.evaluate(
+            {
+                "worm_speed": speed_rpm * np.pi / 30,
+                "indicated_output_torque": torque,
+                "indicated_oil_temperature": celsius + 273.15,
+            },
+            values,
+        )
+        return float(found["indicated_efficiency"])
+
+    assert efficiency(1400.0, 90.0, 58.0) == pytest.approx(0.900, abs=5e-4)  # 89 % on the data sheet
+    gained = efficiency(1400.0, 60.0, 58.0) - efficiency(1400.0, 60.0, 40.0)
+    assert gained == pytest.approx(0.030, abs=5e-4)  # about 3 % in the article
+    assert values["tooth-friction.mu"] == pytest.approx(0.008, abs=5e-4)
+    lead = np.radians(18.92)
+    start = np.tan(lead) / np.tan(lead + np.arctan(values["tooth-friction.mu"] / np.cos(np.radians(20))))
+    assert start == pytest.approx(0.97, abs=0.005)  # 67 % on the data sheet
