@@ -87,7 +87,7 @@ def fit_sine(samples: Real, rate: float, frequency_hz: float, harmonics: int = 1
 
 def solve_normal(gram: Real, right: Real) -> Real:
     """Solve gram @ c = right for every row of `right` (..., k)."""
-    inverse = np.linalg.inv(gram)
+    inverse = np.linalg.pinv(gram, hermitian=True)  # a tone of hardly a cycle is hardly determined
     return np.asarray(np.einsum("ij,...j->...i", inverse, right))
 
 
@@ -112,9 +112,14 @@ def peak_frequency(samples: Real, rate: float, fmin: float = 0.0, fmax: float | 
     peak = int(np.argmax(np.where(allowed, spectrum, -1.0)))
     side = 1 if spectrum[peak + 1] >= spectrum[peak - 1] else -1
     if spectrum[peak] == 0:
-        return float(lines[peak])
+        return _inside(float(lines[peak]), rate, n)
     ratio = spectrum[peak + side] / spectrum[peak]
-    return float((peak + side * (2 * ratio - 1) / (ratio + 1)) * rate / n)
+    return _inside(float((peak + side * (2 * ratio - 1) / (ratio + 1)) * rate / n), rate, n)
+
+
+def _inside(frequency_hz: float, rate: float, n: int) -> float:
+    """Half a line away from 0 Hz and rate/2, where cosine and sine are no longer two functions."""
+    return min(max(frequency_hz, 0.5 * rate / n), (0.5 - 0.5 / n) * rate)
 
 
 def fit_frequency(samples: Real, rate: float, guess_hz: float | None = None, harmonics: int = 1) -> SineFit:
@@ -153,7 +158,7 @@ def fit_frequency(samples: Real, rate: float, guess_hz: float | None = None, har
             break
         step = float(solve_normal(gram, products(extended, samples))[-1]) * rate / n
         moved = float(np.clip(frequency + step, start - 0.5 * rate / n, start + 0.5 * rate / n))
-        moved = min(max(moved, 1e-3 * rate / n), 0.5 * rate * (1 - 1e-9))
+        moved = _inside(moved, rate, n)
         done = abs(moved - frequency) <= 1e-12 * frequency
         frequency = moved
         if done:

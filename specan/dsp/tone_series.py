@@ -16,6 +16,7 @@ Complex = NDArray[np.complex128]
 _BLOCK_S, _BLOCK_CYCLES, _LEAST_BLOCKS, _LEAST_CYCLES = 0.1, 10.0, 8, 3.0
 _LINES = 12  # of the block series from which the noise at the tone is taken
 _ROUNDING = 1e-13  # of the power, which the difference of two sums leaves
+_FARTHEST = 0.1  # offset of the frequency, in reciprocal block durations, that is still followed
 _WANDER = 0.002  # loss of power by a wandering frequency above which block phases are followed
 
 
@@ -131,12 +132,13 @@ class ToneSeries:
         turns, deviation_hz, wandering = self._follow(series[leader, :, 0])
         order = np.arange(1, series.shape[2] + 1)
         # An offset within a block costs sinc(offset * duration).
-        loss = np.sinc(order * deviation_hz * self.block / self.rate)
+        loss = np.maximum(np.sinc(order * deviation_hz * self.block / self.rate), 0.5)
         still = series * np.conj(turns)[:, None] ** order / loss
         fundamental = still[..., 0]
         phasors = np.mean(fundamental, axis=1)
+        strength = abs(phasors[leader])
+        lead = phasors[leader] / strength if np.isfinite(strength) and strength > 0 else 1.0
         with np.errstate(divide="ignore", invalid="ignore"):
-            lead = phasors[leader] / abs(phasors[leader])
             deviations = fundamental / phasors[:, None] - 1
             harmonics = np.mean(still, axis=1) * np.conj(lead) ** order
         mean = self._sum / self._count
@@ -159,6 +161,8 @@ class ToneSeries:
         if len(lead) == 1 or not np.all(np.isfinite(lead)):
             return np.ones(len(lead), dtype=complex), 0.0, False
         offset = _slope(np.unwrap(np.angle(lead)), np.abs(lead) ** 2, time) / (2 * np.pi)
+        if abs(offset) * self.block > _FARTHEST * self.rate:
+            return np.ones(len(lead), dtype=complex), 0.0, False  # this is not the tone that was looked for
         ramp = np.exp(2j * np.pi * offset * time)
         still = lead * np.conj(ramp)
         power = np.mean(np.abs(still) ** 2)
@@ -172,11 +176,14 @@ class ToneSeries:
 
 def _slope(values: Real, weights: Real, time: Real) -> float:
     """Slope of a weighted straight line."""
-    total = np.sum(weights)
-    if total == 0:
+    largest = np.max(weights)
+    if not largest > 0:
         return 0.0
-    centred = time - np.sum(weights * time) / total
-    return float(np.sum(weights * centred * values) / np.sum(weights * centred**2))
+    weights = weights / largest
+    centred = time - np.sum(weights * time) / np.sum(weights)
+    spread = np.sum(weights * centred**2)
+    # All the weight on one block says nothing about a slope.
+    return float(np.sum(weights * centred * values) / spread) if spread > 1e-6 * time[-1] ** 2 else 0.0
 
 
 def variance_of_mean(series: Real) -> Real:
