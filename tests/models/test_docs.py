@@ -72,6 +72,8 @@ def test_a_mistyped_quantity_is_answered_with_the_nearest(workplace):
     from specan.errors import RequestError
 
     text = (workplace / "belt_loss.py").read_text(encoding="utf-8")
-    (workplace / "typo.py").write_text(text.replace("input_torque, *", "input_torqe, *"), encoding="utf-8")
+    mistyped = re.sub(r"\binput_torque(?=,\s*\*)", "input_torqe", text)
+    assert mistyped != text
+    (workplace / "typo.py").write_text(mistyped, encoding="utf-8")
     with pytest.raises(RequestError, match="did you mean 'input_torque'"):
         CliRunner().invoke(main, ["model", "check", "worm-gear", "typo.py"], catch_exceptions=False)
