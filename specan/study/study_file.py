@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -154,7 +155,8 @@ class StudyText:
         for key, value in content.items():
             for entry in value if isinstance(value, list) else ():
                 text._append(key, entry)
-        return text
+        tidy = re.sub(r"\n{3,}", "\n\n", tomlkit.dumps(document))
+        return cls(path, tomlkit.parse(tidy))
 
     def add_effect(self, entry: Mapping[str, Any]) -> None:
         """Append an effect."""
