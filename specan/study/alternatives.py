@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from specan.study.candidates import candidates
-from specan.study.gate import DECISIVE
+from specan.study.gate import DECISIVE, FORM
 from specan.study.projection import Projection
 from specan.study.refit import Refit
 from specan.study.score import best_of_each, score, score_pairs
@@ -85,16 +85,20 @@ def alternatives(search: Search) -> list[Refit]:
         for uses, refit in search.refits.done.items()
         if uses and uses != best.uses and not uses > best.uses and len(uses) <= len(best.uses)
     ]
-    kept = [best, *(r for r in rivals if _alike(search, best, r))]
-    return sorted(kept, key=lambda r: r.bic(best.scale))
+    kept = [r for r in rivals if _alike(search, best, r)]
+    return [best, *sorted([*kept, *search.extensions], key=lambda r: r.bic(best.scale))]
 
 
 def _alike(search: Search, best: Refit, rival: Refit) -> bool:
-    """BIC within 6 of the best, or a distance below 10 while the data do not rule the rival out."""
-    if not search.believable(rival):
+    """BIC as good as the best one's, or a distance below 10 while the data do not rule the rival out.
+
+    As good is within 6, and within what an equation that is not exact may cost the right effect.
+    """
+    if not search.believable(rival) or (len(rival.uses) > 1 and not search.needs_all(rival)):
         return False
     behind = rival.bic(best.scale) - best.bic(best.scale)
-    if behind < DECISIVE:
+    explained = (search.base.chi2 - best.chi2) / best.scale
+    if behind < DECISIVE + FORM**2 * explained:
         return True
     there = distance(best, rival) / best.scale
     back = distance(rival, best) / best.scale

@@ -13,6 +13,7 @@ from specan.study.alternatives import alternatives
 from specan.study.diagnosis import Diagnosis, LackOfFit, Ranked
 from specan.study.error import observable_errors
 from specan.study.fit import Fit, fit
+from specan.study.gate import FORM
 from specan.study.localise import Block, localise
 from specan.study.next_measurement import Proposal, explore, propose
 from specan.study.power import by_effect, smallest_visible
@@ -147,20 +148,17 @@ def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
     names = " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
     if search.third is not None:
         return "unknown-effect", True, "three effects or more would be needed; one unknown is likelier"
-    left = best.lack_of_fit < LACK_OF_FIT
-    if left and search.explained(best) < EXPLAINED:
+    if best.lack_beyond(FORM**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
         return "unknown-effect", True, f"{names} explains a part, and much is left"
+    left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions)
     doubt = left or len(best.uses) > 1
     kind = "effect" if len(sets) == 1 else "group"
     reason = f"the data ask for {names}"
     if left:
-        reason += "; something is left, so that its form is not exact or another effect is there too"
+        reason += "; something is left: its form is not exact, or another effect is there too"
     elif doubt:
         reason += ", or for one unknown effect"
     return kind, doubt, reason
-
-
-EXPLAINED = 0.9  # share of the misfit that a named effect must take away where something remains
 
 
 def _what_is_left(search: Search, verdict: str) -> Refit:

@@ -13,6 +13,7 @@ from specan.study.significance import improvement_probability
 
 LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
 DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
+FORM = 0.2  # share of its trace to which the equation of an effect is trusted
 DRAWS = 20_000
 
 
@@ -28,9 +29,12 @@ class Passage:
         Fall in BIC, chi-square in units of max(s^2, 1).
     held_out_gain : float
         Gain in blocked cross-validation.
+    p_beyond_form : float
+        As `p_value`, allowing for effects that are in the model already but have another form in truth.
     """
 
     p_value: float
+    p_beyond_form: float
     delta_bic: float
     held_out_gain: float
     plausible: bool
@@ -39,6 +43,11 @@ class Passage:
     @property
     def passed(self) -> bool:
         """All of: improbable by chance, decisive, predicts better what was left out, plausible."""
+        return self.needed and self.p_beyond_form <= self.level
+
+    @property
+    def needed(self) -> bool:
+        """The same if the effects that are in the model already had exactly the form of their equations."""
         return (
             self.p_value <= self.level
             and self.delta_bic > DECISIVE
@@ -57,6 +66,8 @@ class Gate:
         What is to be extended.
     family : Family
         All directions tried from there.
+    explained : float
+        Chi-square that the effects which the search has added so far have taken away.
     level : float
         Family-wise level of this step.
     bootstrap : bool
@@ -65,6 +76,7 @@ class Gate:
 
     start: Refit
     family: Family
+    explained: float = 0.0
     level: float = LEVEL
     bootstrap: bool = False
 
@@ -80,17 +92,22 @@ class Gate:
         tests : float, optional
             Number of tests in the family, where it is not that of the directions (pairs).
         """
-        start = self.start
-        scale = extended.scale
-        single = improvement_probability(
-            start.chi2 - extended.chi2,
-            max(extended.amplitudes - start.amplitudes, 1),
-            scale=scale,
-            noise_dof=noise_dof(extended),
-            sided=1 if extended.uses - start.uses <= extended.one_sided else 2,
-        )
+        start, scale = self.start, extended.scale
+
+        def probability(tolerated: float) -> float:
+            single = improvement_probability(
+                start.chi2 - extended.chi2,
+                max(extended.amplitudes - start.amplitudes, 1),
+                scale=scale,
+                noise_dof=noise_dof(extended),
+                sided=1 if extended.uses - start.uses <= extended.one_sided else 2,
+                tolerated=tolerated,
+            )
+            return self._family_wise(single) if tests is None else min(tests * single, 1.0)
+
         return Passage(
-            p_value=self._family_wise(single) if tests is None else min(tests * single, 1.0),
+            p_value=probability(0.0),
+            p_beyond_form=probability(FORM**2 * self.explained / scale),
             delta_bic=start.bic(scale) - extended.bic(scale),
             held_out_gain=held_out_gain(start, extended),
             plausible=plausible,

@@ -85,7 +85,11 @@ class Refit:
     @property
     def lack_of_fit(self) -> float:
         """Probability that a right model leaves this much."""
-        return lack_of_fit_probability(self.lack, self.dof, self.problem.noise_dof)
+        return self.lack_beyond(0.0)
+
+    def lack_beyond(self, tolerated: float) -> float:
+        """The same for a model that may be wrong by a chi-square of `tolerated`."""
+        return lack_of_fit_probability(self.lack, self.dof, self.problem.noise_dof, tolerated)
 
     def bic(self, scale: float) -> float:
         """Chi-square in units of `scale` plus the price of the added parameters."""

@@ -10,10 +10,11 @@ import numpy as np
 from specan.models import Use
 from specan.study.candidates import candidates
 from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
+from specan.study.plan import plan
 from specan.study.plausibility import plausible
 from specan.study.refit import EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, family, score, score_pairs
-from specan.study.traces import Point, plan, traces
+from specan.study.traces import Point, traces
 
 REFITTED = 5  # candidates that are always refitted
 WINDOW = 10.0  # and all whose BIC lies within this of the best
@@ -42,6 +43,8 @@ class Search:
     ----------
     best : Refit
         The set that passed, the base where none did.
+    extensions : list of Refit
+        Pairs with the best single effect that would be needed if its equation were exact.
     passages : dict
         How every refitted set fared against the base or, where it has two effects, its best part.
     third : Refit or None
@@ -55,6 +58,7 @@ class Search:
     passages: dict[EffectSet, Passage] = field(default_factory=dict)
     points: dict[Use, list[Point]] = field(default_factory=dict)
     best: Refit = field(init=False)
+    extensions: list[Refit] = field(default_factory=list)
     third: Refit | None = None
 
     @property
@@ -102,7 +106,8 @@ class Search:
             self.points = self.points or plan(start.problem, start.fit, found)
             seen = traces(start.problem, start.fit, found, self.points)
             scored = score(start.linear, seen, start.weights)
-            gate = Gate(start, family(scored), level, self.bootstrap)
+            explained = max(self.base.chi2 - start.chi2, 0.0)
+            gate = Gate(start, family(scored), explained, level, self.bootstrap)
             self.steps[start.uses] = Step(start, scored, best_of_each(scored), gate, not_testable)
         return self.steps[start.uses]
 
@@ -134,13 +139,18 @@ class Search:
                 break
             self.progress("refitting with " + _text({*start.uses, *(m.use for m in members)}))
             self.refits.fit(start, [members])
-        passed = []
+        passed, needed = [], []
         for refit in self.refits.of_size(2):
             self.passages[refit.uses] = passage = self._pair_passage(refit, single)
-            if passage.passed and self._needs_both(refit):
-                passed.append(refit)
-        scale = min((r.scale for r in passed), default=1.0)
-        return min(passed, key=lambda r: r.bic(scale), default=None)
+            if passage.needed and self.needs_all(refit):
+                needed.append(refit)
+                passed += [refit] if passage.passed else []
+        scale = min((r.scale for r in needed), default=1.0)
+        best = min(passed, key=lambda r: r.bic(scale), default=None)
+        if best is None and single is not None and needed:
+            least = min(r.bic(scale) for r in needed)
+            self.extensions = [r for r in needed if r.bic(scale) < least + DECISIVE]
+        return best
 
     def _pair_passage(self, refit: Refit, single: Refit | None) -> Passage:
         believable = self.believable(refit)
@@ -149,10 +159,10 @@ class Search:
             return gate.passage(refit, plausible=believable, tests=gate.pairs)
         return self.step(single).gate.passage(refit, plausible=believable)
 
-    def _needs_both(self, pair: Refit) -> bool:
-        """Backward: without either of the two, BIC must rise decisively."""
-        parts = [self.refits.done.get(frozenset({use})) for use in pair.uses]
-        return all(p is None or p.bic(pair.scale) - pair.bic(pair.scale) > DECISIVE for p in parts)
+    def needs_all(self, refit: Refit) -> bool:
+        """Backward: without any one of its effects BIC must rise decisively."""
+        parts = [self.refits.done.get(refit.uses - {use}) for use in refit.uses]
+        return all(p is None or p.bic(refit.scale) - refit.bic(refit.scale) > DECISIVE for p in parts)
 
     def _promising_pairs(self, single: Refit | None) -> list[tuple[float, Refit, list[Scored]]]:
         """Pairs by the chi-square that their refit promises, BIC price included, best first."""

@@ -5,10 +5,17 @@ from __future__ import annotations
 import math
 
 LACK_OF_FIT = 1e-3  # probability below which a model is said not to fit
+LIKE_INFINITE = 1e5  # degrees of freedom
 
 
 def improvement_probability(
-    fall: float, amplitudes: int, *, scale: float = 1.0, noise_dof: float = math.inf, sided: int = 2
+    fall: float,
+    amplitudes: float,
+    *,
+    scale: float = 1.0,
+    noise_dof: float = math.inf,
+    sided: int = 2,
+    tolerated: float = 0.0,
 ) -> float:
     """Probability under the null that q further amplitudes lower chi-square by `fall` or more.
 
@@ -29,17 +36,24 @@ def improvement_probability(
         and 1 is never below their pooled variance, so that pooling the degrees keeps the level.
     sided : int
         1 or 2.
+    tolerated : float
+        Chi-square, in units of `scale`, that may be there without meaning anything: the law is then
+        the noncentral one.
 
     Examples
     --------
     >>> round(improvement_probability(3.841, 1), 4)
     0.05
     """
-    from scipy.special import chdtrc, fdtrc
+    from scipy.special import chdtrc, chndtr, fdtrc, ncfdtr
 
     if fall <= 0:
         return 1.0
     value = fall / scale
+    if tolerated > 0:
+        if math.isinf(noise_dof) or noise_dof > LIKE_INFINITE:
+            return float(max(1 - chndtr(value, amplitudes, tolerated), 0.0))
+        return float(max(1 - ncfdtr(amplitudes, noise_dof, tolerated, value / amplitudes), 0.0))
     if math.isinf(noise_dof):
         probability = chdtrc(amplitudes, value)
     else:
@@ -47,15 +61,19 @@ def improvement_probability(
     return float(probability) * (0.5 if sided == 1 and amplitudes == 1 else 1.0)
 
 
-def lack_of_fit_probability(chi2: float, dof: float, noise_dof: float = math.inf) -> float:
+def lack_of_fit_probability(
+    chi2: float, dof: float, noise_dof: float = math.inf, tolerated: float = 0.0
+) -> float:
     """Probability that a right model leaves a reduced chi-square as large as this.
+
+    `tolerated` as in `improvement_probability`.
 
     Examples
     --------
     >>> round(lack_of_fit_probability(124.342, 100), 3)
     0.05
     """
-    return improvement_probability(chi2, dof, noise_dof=noise_dof)  # type: ignore[arg-type]
+    return improvement_probability(chi2, dof, noise_dof=noise_dof, tolerated=tolerated)
 
 
 def visible_noncentrality(level: float, power: float = 0.8) -> float:

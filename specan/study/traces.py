@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,14 +11,12 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.candidates import Candidate, grid
+from specan.study.candidates import Candidate
 from specan.study.fit import Fit
 from specan.study.problem import Problem
 
 Array = NDArray[np.float64]
 
-SAME = 0.985  # cosine above which two traces are one direction: sizes of a linear effect, near shapes
-MOST_SHAPES = 60  # places of its shapes that one candidate is tried at
 MOST_VALUES = 4_000_000  # predicted values held at a time
 
 
@@ -57,32 +54,6 @@ class Trace:
 
 
 Point = Mapping[str, float]
-
-
-def plan(problem: Problem, fit: Fit, found: Sequence[Candidate]) -> dict[Use, list[Point]]:
-    """Sizes and shapes at which each candidate is to be tried, from how its trace turns at a fit.
-
-    Amplitudes are moved by sizes from the plausible range, not by infinitesimal steps, so that an
-    effect that saturates, or has a kink at zero, is seen as it is.
-    """
-    points: dict[Use, list[Point]] = {}
-    for candidate in found:
-        if candidate.released:
-            points[candidate.use] = [{n: default_value(candidate, n) for n in candidate.shapes}]
-            continue
-        amplitude = candidate.amplitudes[0]
-        several = len(candidate.amplitudes) > 1
-        sizes = (
-            [default_value(candidate, amplitude)]
-            if several
-            else _distinct_sizes(problem, fit, candidate, amplitude)
-        )
-        if sizes:
-            places = _places(problem, fit, candidate, amplitude, sizes[0])
-            points[candidate.use] = (
-                places if several else [{**p, amplitude: size} for p in places for size in sizes]
-            )
-    return points
 
 
 def traces(
@@ -168,61 +139,6 @@ def default_value(candidate: Candidate, name: str) -> float:
         neutral = candidate.neutral(name)
         return high if high - neutral >= neutral - low else low
     return value
-
-
-def _distinct_sizes(problem: Problem, fit: Fit, candidate: Candidate, amplitude: str) -> list[float]:
-    """Values of the amplitude whose traces differ in direction; the default first."""
-    neutral = candidate.neutral(amplitude)
-    low, high = candidate.plausible(amplitude)
-    wanted = [default_value(candidate, amplitude), high, low]
-    wanted += [neutral + 0.1 * (v - neutral) for v in (high, low)]
-    values = [v for v in dict.fromkeys(wanted) if abs(v - neutral) > 1e-9 * max(abs(high), abs(low))]
-    shapes = {n: default_value(candidate, n) for n in candidate.shapes}
-    columns = changes(problem, fit, candidate, [{**shapes, amplitude: v} for v in values])
-    kept: list[tuple[float, Array]] = []
-    for value, column in zip(values, columns):
-        if column is None or not np.any(column):
-            continue
-        unit = column / np.linalg.norm(column)
-        if all(abs(unit @ other) < SAME for _, other in kept):
-            kept.append((value, unit))
-    return [value for value, _ in kept]
-
-
-def _places(
-    problem: Problem, fit: Fit, candidate: Candidate, amplitude: str, size: float
-) -> list[dict[str, float]]:
-    """Places of the shapes: each over its plausible range, closer where the trace turns quickly."""
-    if not candidate.shapes:
-        return [{}]
-    defaults = {n: default_value(candidate, n) for n in candidate.shapes}
-    rest = {n: candidate.neutral(n) for n in candidate.amplitudes} | {amplitude: size}
-    axes = []
-    for name in candidate.shapes:
-        values = list(grid(*candidate.plausible(name), 3))
-        for _ in range(3):
-            columns = changes(problem, fit, candidate, [{**defaults, **rest, name: v} for v in values])
-            wide = [k for k in range(len(values) - 1) if _turns(columns[k], columns[k + 1])]
-            if not wide or len(values) > MOST_SHAPES // 2:
-                break
-            values = sorted({*values, *(_middle(values[k], values[k + 1]) for k in wide)})
-        axes.append(values)
-    places = [dict(zip(candidate.shapes, place)) for place in product(*axes)]
-    if len(places) > MOST_SHAPES:
-        places = [places[int(k)] for k in np.linspace(0, len(places) - 1, MOST_SHAPES)]
-    return [defaults, *places]
-
-
-def _middle(low: float, high: float) -> float:
-    return float(np.sqrt(low * high)) if low > 0 else (low + high) / 2
-
-
-def _turns(first: Array | None, second: Array | None) -> bool:
-    """Whether two neighbouring places leave traces that are less than 0.8 alike."""
-    if first is None or second is None:
-        return False
-    scale = np.linalg.norm(first) * np.linalg.norm(second)
-    return bool(scale > 0 and abs(first @ second) < 0.8 * scale)
 
 
 def changes(

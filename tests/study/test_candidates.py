@@ -1,0 +1,184 @@
+"""What can be added to a model, what it does to the residual, and what a refit would gain."""
+
+import numpy as np
+import pytest
+
+from specan.models import Parameter, Use, effect
+from specan.study.candidates import candidates, grid
+from specan.study.fit import fit
+from specan.study.plan import plan
+from specan.study.projection import Projection
+from specan.study.refit import Refit, Refits
+from specan.study.score import best_of_each, family, score, score_pairs
+from specan.study.traces import traces
+
+
+def scored(problem):
+    start = Refit(frozenset(), problem, fit(problem))
+    found, not_testable = candidates(problem)
+    points = plan(problem, start.fit, found)
+    seen = traces(problem, start.fit, found, points)
+    return start, score(start.linear, seen, start.weights), not_testable
+
+
+def refitted(start, items):
+    return Refits(start).fit(start, [items])
+
+
+def nothing(x, z):
+    return 0 * x
+
+
+def test_candidates_are_what_is_missing_and_what_is_certified(toy):
+    problem = toy.problem(nothing, ["square", "drift", "zero-error"])
+    found, not_testable = candidates(problem)
+    assert [str(c.use) for c in found] == ["square", "zero-error"]
+    assert not_testable == {"drift": "needs clock"}
+    assert found[1].released == ("zero-error.shift",)
+    assert found[0].count == 1
+
+
+def test_an_effect_with_fixed_amplitudes_is_no_candidate(toy):
+    @effect("held", adds_to="heat", neutral={"c": 0.0})
+    def held(x, *, c=Parameter(1.0, "W", min=0.0, max=2.0, fixed=True)):
+        "Held."
+        return c * x**2
+
+    found, not_testable = candidates(toy.problem(nothing, ["held"], also=[held]))
+    assert found == []
+    assert "fixed" in not_testable["held"]
+
+
+def test_the_score_of_a_linear_effect_is_the_gain_of_its_refit(toy):
+    problem = toy.problem(lambda x, z: 1.5 * x**2, ["square"], seed=1)
+    start, [only], _ = scored(problem)
+    after = refitted(start, [only])
+    assert only.gain == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
+    x = np.column_stack([np.ones(48), toy.x, toy.x**2])
+    measured = problem.observations[0].measured
+    exact = np.linalg.lstsq(x, measured, rcond=None)
+    assert after.chi2 == pytest.approx(float(exact[1][0]), rel=1e-9)
+    assert after.fit.values["square.c"] == pytest.approx(exact[0][2], rel=1e-5)
+
+
+def test_a_released_certificate_gains_what_the_refit_without_it_gains(toy):
+    problem = toy.problem(lambda x, z: 4.0 * (z > 0), ["zero-error"], seed=2)
+    start, [only], _ = scored(problem)
+    after = refitted(start, [only])
+    assert only.gain == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
+    assert after.problem.priors == {}
+    assert after.fit.values["zero-error.shift"] == pytest.approx(4.0, abs=1.0)
+
+
+def test_what_the_base_swallows_is_not_tested(toy):
+    _, found, _ = scored(toy.problem(nothing, ["tilt", "square"]))
+    assert {str(s.use) for s in found} == {"square"}
+
+
+def test_an_amplitude_of_one_sign_gains_nothing_from_the_other(toy):
+    _, found, _ = scored(toy.problem(lambda x, z: -8 * np.cos(4 * x), ["wave"], seed=3))
+    at_four = [s for s in found if abs(s.trace.shapes["wave.rate"] - 4) < 1e-9]
+    assert all(s.trace.one_sided for s in found)
+    assert max(s.gain for s in at_four) <= 1e-9
+
+
+def test_a_shape_is_tried_where_its_trace_turns(toy):
+    _, found, _ = scored(toy.problem(nothing, ["wave"]))
+    ordered = sorted(found, key=lambda s: s.trace.shapes["wave.rate"])
+    units = [s.clean[:, 0] / np.linalg.norm(s.clean[:, 0]) for s in ordered]
+    steps = [abs(a @ b) for a, b in zip(units, units[1:])]
+    assert min(steps) > 0.6
+    assert len(found) > 3
+
+
+def test_a_saturating_effect_is_seen_at_its_size(toy):
+    # Far up its curve the trace has no part of that at small sizes; a derivative at zero misses it.
+    _, found, _ = scored(toy.problem(lambda x, z: 3 * z * (1 - np.exp(-60 * x)), ["saturating"], noise=0.2))
+    best = best_of_each(found)[Use("saturating")][0]
+    start = Refit(
+        frozenset(), best_problem := toy.problem(lambda x, z: 0 * x, ["saturating"]), fit(best_problem)
+    )
+    assert start.chi2 > 0
+    assert best.trace.size[0] >= 20
+    small = min(found, key=lambda s: s.trace.size[0])
+    assert best.gain > small.gain
+
+
+def test_two_effects_that_hide_each_other_are_found_as_a_pair(toy):
+    line = Projection.of(toy.x, np.column_stack([np.ones(48), toy.x]))
+    cross, other = line.clean(toy.x * toy.z), line.clean(toy.x * toy.z**2)
+    share = (cross @ other) / (cross @ cross)  # of the other that cross alone could explain
+
+    def truth(x, z):
+        return 3 * x * (z**2 - share * z)
+
+    problem = toy.problem(truth, ["cross", "nearly-cross", "square"], seed=4)
+    start, found, _ = scored(problem)
+    singles = {str(use): items[0].gain for use, items in best_of_each(found).items()}
+    pairs = score_pairs(start.linear, found)
+    assert max(singles.values()) < 0.1 * pairs[0].gain
+    assert pairs[0].gain > 100
+    assert {str(u) for u in pairs[0].uses} == {"cross", "nearly-cross"}
+    after = refitted(start, [pairs[0].first, pairs[0].second])
+    assert pairs[0].gain == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
+
+
+def test_pairs_keep_to_their_domains(toy):
+    problem = toy.problem(lambda x, z: -9 * np.cos(4 * x) + 5 * x**2, ["wave", "square"], seed=5)
+    start, found, _ = scored(problem)
+    for pair in score_pairs(start.linear, found):
+        after = refitted(start, [pair.first, pair.second])
+        assert after.fit.values["wave.c"] >= 0
+        assert pair.gain <= start.chi2 - after.chi2 + 1e-6
+
+
+def test_elements_of_an_axis_are_candidates_of_their_own(toy):
+    from dataclasses import replace
+
+    from specan.study.problem import base_problem
+
+    @effect("spot", adds_to="heat", at="place", neutral={"c": 0.0})
+    def spot(x, *, c=Parameter(1.0, "W", min=-5.0, max=5.0)):
+        "At one place."
+        return c * x**2
+
+    model = replace(toy.model(), axes={"place": ("a", "b")}).with_effect(spot)
+    found, _ = candidates(base_problem(model, [toy.observation(toy.x)]))
+    assert [str(c.use) for c in found] == ["spot@a", "spot@b"]
+
+
+def test_twins_are_one_test(toy):
+    start, found, _ = scored(toy.problem(nothing, ["square", "twin"]))
+    assert len(found) == 2
+    assert family(found).probability(1e-4) == pytest.approx(1e-4, rel=1e-2)
+    assert start.linear.rank == 2
+
+
+def test_correlated_rows_count_for_less(toy):
+    from dataclasses import replace
+
+    class Halved(type(toy.observation(toy.x))):
+        n_effective = 24.0
+
+    problem = toy.problem(lambda x, z: 2 * x**2, ["square"], seed=6)
+    halved = problem.over([Halved(**vars_of(problem.observations[0]))])
+    one, two = (scored(p) for p in (problem, halved))
+    assert two[1][0].gain == pytest.approx(0.5 * one[1][0].gain, rel=1e-9)
+    assert two[0].reduced == pytest.approx(0.5 * one[0].chi2 / 22)
+    assert replace(problem).n_effective == 48
+
+
+def vars_of(observation):
+    from dataclasses import fields
+
+    return {f.name: getattr(observation, f.name) for f in fields(observation)}
+
+
+def test_grid_goes_in_ratios_over_wide_ranges():
+    np.testing.assert_allclose(grid(1.0, 100.0, 3), [1, 10, 100])
+    np.testing.assert_allclose(grid(-1.0, 1.0, 3), [-1, 0, 1])
+
+
+def test_projection_ignores_columns_that_add_nothing():
+    columns = np.array([[1.0, 2.0], [1.0, 2.0], [0.0, 0.0]])
+    assert Projection.of(np.zeros(3), columns).rank == 1
