@@ -168,7 +168,8 @@ def _show_channels(recording: Recording, quality: dict[int, tuple[float, Quality
         rows = [list(row) for row in zip(*columns.values(), strict=True)]
         if len(rows) > _MANY and not show_all:
             rows = _joined(rows)
-        table(title + ", ".join([f"{len(places)} channels", *shared]), list(columns), rows)
+        click.echo(title + ", ".join([f"{len(places)} channels", *shared]))
+        table("", list(columns), rows)
         click.echo()
 
 

@@ -79,7 +79,9 @@ def open_recording(
     if sampling_rate is not None and not 0.0 < sampling_rate < float("inf"):
         raise RequestError(f"the sampling rate is {sampling_rate}", expected="a number of hertz above zero")
     table = _table(channel_table, path, None if root is None else Path(root))
-    name = label or (path.name if root is None else path.relative_to(root).as_posix())
+    name = label or path.name
+    if label is None and root is not None and path.is_relative_to(root):
+        name = path.relative_to(root).as_posix()
     if kind == "tdms":
         from specan.io.tdms import open_tdms
 
@@ -114,7 +116,7 @@ def find_recordings(directories: Sequence[Path | str]) -> list[Found]:
         found += [
             Found(path, prefix + path.relative_to(directory).as_posix())
             for path in directory.rglob("*")
-            if path.suffix.lower() in SUFFIXES and path.is_file()
+            if path.suffix.lower() in SUFFIXES and not path.is_dir()  # a broken link is an input that fails
         ]
     return sorted(found, key=lambda f: f.label)
 

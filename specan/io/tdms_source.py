@@ -92,8 +92,7 @@ class TdmsSource:
                 _scale(target, slopes[rows], intercepts[rows])
                 return
             for into, values, feed in zip(target, raw, feeds[rows], strict=True):
-                native = values.astype(values.dtype.newbyteorder("="), copy=False).reshape(-1)
-                into[...] = feed.scaling.apply(native).reshape(values.shape)
+                into[...] = feed.scaling.apply(values.reshape(-1)).reshape(values.shape)
 
         self._gather([(r, f) for r, f in enumerate(feeds) if not f.foreign], start, stop, convert)
         return out

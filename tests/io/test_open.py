@@ -1,6 +1,7 @@
 """One entry for every format: what a file is decides its content, and directories give labels."""
 
 import gzip
+import os
 import zipfile
 
 import numpy as np
@@ -68,6 +69,7 @@ def test_labels(tmp_path):
     assert open_recording(path).label == "a.tdms"
     assert open_recording(path, root=tmp_path).label == "day 1/a.tdms"
     assert open_recording(path, label="x/a.tdms").label == "x/a.tdms"
+    assert open_recording(path, root=tmp_path / "elsewhere").label == "a.tdms"
 
 
 def test_recordings_of_a_directory(tmp_path):
@@ -78,6 +80,14 @@ def test_recordings_of_a_directory(tmp_path):
     found = find_recordings([tmp_path])
     assert [f.label for f in found] == ["B.wav", "a.tdms", "b/A.TDMS", "b/c/d.Wav"]
     assert all(f.path.is_file() for f in found)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need rights there")
+def test_a_broken_link_does_not_vanish(tmp_path):
+    (tmp_path / "a.tdms").symlink_to(tmp_path / "nowhere.tdms")
+    (found,) = find_recordings([tmp_path])
+    with pytest.raises(InputError, match="does not exist"):
+        open_recording(found.path)
 
 
 def test_recordings_of_several_directories(tmp_path):

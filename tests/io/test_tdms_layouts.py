@@ -107,6 +107,16 @@ class TestLayouts:
         recording = open_recording(path)
         np.testing.assert_array_equal(recording.read(recording.channels), [np.tile(a, 3), np.tile(b, 3)])
 
+    def test_channels_of_one_length_in_different_segments(self, path):
+        """Between two channels that lie alike stands one that lies elsewhere."""
+        data = np.arange(30, dtype="<i4").reshape(3, 10)
+        a, x, b = ((tb.path("g", n), tb.plain("i4", 10), tb.wave(1000.0)) for n in "axb")
+        content = tb.segment([a, b], data[[0, 2]].tobytes()) + tb.segment([x], data[1].tobytes())
+        path.write_bytes(content)
+        recording = open_recording(path)
+        axb = [recording.channel(n) for n in "axb"]
+        np.testing.assert_array_equal(recording.read(axb), data)
+
     def test_small_chunks_in_one_segment(self, path):
         """The writer that adds blocks of a few samples: thousands of chunks behind one header."""
         data = np.random.default_rng(1).integers(-1000, 1000, (5000, 4, 7)).astype("<i4")
@@ -150,6 +160,18 @@ class TestDaqmx:
         np.testing.assert_array_equal(recording.read(recording.channels), expected)
         peer = TdmsFile.read(path)["g"]
         np.testing.assert_array_equal(expected, [c[:] for c in peer.channels()])
+
+    def test_scalers_that_change_their_places(self, path):
+        rows = np.arange(40, dtype="<i2").reshape(20, 2)
+        first, second = ([("i2", 0, 0, 0), ("i2", 0, 2, 0)], [("i2", 0, 2, 0), ("i2", 0, 0, 0)])
+        parts = [
+            tb.segment(self.channels(10, s, [4]), r.tobytes(), flags=14 | tb.DAQMX)
+            for s, r in ((first, rows[:10]), (second, rows[10:]))
+        ]
+        path.write_bytes(b"".join(parts))
+        recording = open_recording(path)
+        expected = 0.5 * np.hstack([rows[:10].T, rows[10:].T[::-1]]) + 1.0
+        np.testing.assert_array_equal(recording.read(recording.channels), expected)
 
     def test_cut_off_in_the_second_card(self, path):
         scalers = [("i4", 0, 0, 0), ("i4", 1, 0, 0)]
