@@ -25,6 +25,7 @@ from specan.study.projection import orthonormal
 
 LEVEL = 0.05  # false discovery rate
 MOST_ROWS = 3000  # of data; beyond it blocks are tested by their direction only
+LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
 CLEAR = 3.0  # |z| from which a mean error is named
 
 
@@ -151,9 +152,10 @@ class LeftOut:
 
     def direction(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
         """Mean relative error of the prediction over some rows, and its z."""
-        column = self.columns(np.where(rows, self.predicted, 0.0)[:, None])[:, 0]
-        size = float(column @ column)
-        if size < 1e-12:
+        raw = np.where(rows, self.predicted, 0.0)
+        column = self.columns(raw[:, None])[:, 0]
+        size, whole = float(column @ column), float(np.sum(self.problem.whiten(raw) ** 2))
+        if size <= LEAST_SHARE * whole:
             return float("nan"), 0.0
         along = float(column @ self.clean)
         return along / size, along / np.sqrt(size)
@@ -162,7 +164,7 @@ class LeftOut:
         """S_b and its degrees of freedom: directions that only the block determines do not count."""
         columns = self._unit_columns[:, rows]
         values, vectors = np.linalg.eigh(columns.T @ columns)
-        kept = values > 1e-6 * max(values[-1], 1e-300)
+        kept = values > LEAST_SHARE * max(values[-1], 1e-300)
         along = vectors[:, kept].T @ (columns.T @ self.clean)
         return float(np.sum(along**2 / values[kept])), float(np.sum(kept))
 
@@ -211,7 +213,11 @@ def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], ND
         for one in _levels(labels[a])
         for two in _levels(labels[b])
     ]
-    return [(where, rows) for where, rows in [*single, *pairs] if np.any(rows) and not np.all(rows)]
+    found: dict[bytes, tuple[dict[str, Any], NDArray[np.bool_]]] = {}
+    for where, rows in [*single, *pairs]:
+        if np.any(rows) and not np.all(rows):
+            found.setdefault(rows.tobytes(), (where, rows))  # the same rows under two names count once
+    return list(found.values())
 
 
 def _levels(values: NDArray[Any]) -> list[Any]:

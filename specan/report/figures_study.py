@@ -1,0 +1,244 @@
+"""Figures of a study: measured beside model, where it fails, how the errors went."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError
+from specan.report.figure_style import COLOURS
+from specan.study.history import Step
+from specan.study.localise import spoken, variable_name
+from specan.study.observation.table import TableObservation
+from specan.units import convert
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from specan.study.study import Study
+
+MOST_PANELS = 4
+MOST_LINES = 7
+POINTS = 60  # along a curve
+Z_SHOWN = 6.0  # end of the colour scale of a map
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """Rows of one observable at one level of the third variable; which variable goes where."""
+
+    observable: str
+    rows: NDArray[np.bool_]
+    x: str
+    line: str | None
+    title: str
+
+
+def figure_compare(study: Study) -> Figure:
+    """Measured values with two standard uncertainties beside the fitted model, and the residual in sigma.
+
+    One pair of panels for every observable and, with three operating variables, for every level of the
+    third. The curves run at the levels of the other variables; where readings lie beside their level (a
+    brake that misses its set value), they are brought to it by the model, so that the gap between point
+    and curve is the residual.
+    """
+    from matplotlib.figure import Figure
+
+    observation = _table(study)
+    predicted = study.problem.predictions(study.best.theta)[0]
+    panels = _panels(observation)
+    figure = Figure(figsize=(1.0 + 3.8 * len(panels), 5.6), layout="constrained")
+    grid = figure.subplots(2, len(panels), squeeze=False, height_ratios=[2, 1])
+    explained = set()
+    for panel, (top, bottom) in zip(panels, grid.T, strict=True):
+        _draw(study, observation, predicted, panel, top, bottom)
+        if panel.line and panel.observable not in explained:
+            top.legend(title=_axis_text(panel.line), fontsize="small", title_fontsize="small")
+            explained.add(panel.observable)
+    grid[1, 0].set_ylabel("(model - measured) / sigma" if study.data.known else "relative to 1 %")
+    return figure
+
+
+def _table(study: Study) -> TableObservation:
+    observation = study.problem.observations[0]
+    if not isinstance(observation, TableObservation):
+        raise RequestError("this figure is drawn for tables only")
+    return observation
+
+
+def _order(labels: Mapping[str, NDArray[Any]], rows: NDArray[np.bool_]) -> list[str]:
+    """Operating variables that vary over some rows, the one with most levels first."""
+    counts = {n: np.unique(v[rows]).size for n, v in labels.items() if n != "measurement"}
+    return sorted((n for n in counts if counts[n] > 1), key=lambda n: (-counts[n], n))
+
+
+def _panels(observation: TableObservation) -> list[_Panel]:
+    found = []
+    for name in dict.fromkeys(observation.observable.tolist()):
+        rows = observation.observable == name
+        order = [*_order(observation.labels, rows), None, None, None][:3]
+        x, line, third = order[0] or next(iter(observation.labels)), order[1], order[2]
+        levels = [] if third is None else np.unique(observation.labels[third][rows]).tolist()
+        if not 0 < len(levels) <= MOST_PANELS:
+            found.append(_Panel(name, rows, x, line, ""))
+            continue
+        for level in levels:
+            inside = rows & (observation.labels[third or ""] == level)
+            found.append(_Panel(name, inside, x, line, spoken(third or "", level)))
+    return found
+
+
+def _draw(
+    study: Study,
+    observation: TableObservation,
+    predicted: NDArray[np.float64],
+    panel: _Panel,
+    top: Axes,
+    bottom: Axes,
+) -> None:
+    x = _x(study, observation, panel.x)
+    at_level = _predict(study, observation, _at_levels(study, observation, panel.x))
+    shown = observation.measured - predicted + at_level
+    z = (predicted - observation.measured) / observation.sigma
+    bottom.axhspan(-2, 2, color="0.9")
+    bottom.axhline(0, color="0.5", lw=0.8)
+    for text, colour, mine in _lines(observation, panel):
+        sigma = 2 * observation.sigma[mine] if study.data.known else None
+        top.errorbar(x[mine], shown[mine], yerr=sigma, fmt="o", ms=3, color=colour, capsize=2, lw=0.8)
+        top.plot(*_curve(study, observation, panel, mine), color=colour, lw=1.2, label=text)
+        bottom.plot(x[mine], z[mine], "o", ms=3, color=colour)
+    for axes in (top, bottom):
+        axes.grid(alpha=0.3)
+    top.set_ylabel(_quantity(study, panel.observable))
+    top.set_title(panel.title, fontsize="medium")
+    bottom.set_xlabel(_axis_text(panel.x))
+
+
+def _lines(observation: TableObservation, panel: _Panel) -> list[tuple[str, str, NDArray[np.bool_]]]:
+    """Text, colour and rows of each level that gets a line of its own; thinned out where they are many."""
+    if panel.line is None:
+        return [("model", COLOURS[0], panel.rows)]
+    values = observation.labels[panel.line]
+    levels = np.unique(values[panel.rows])
+    kept = levels[np.unique(np.linspace(0, levels.size - 1, MOST_LINES).astype(int))].tolist()
+    return [
+        (f"{level:g}", colour, panel.rows & (values == level))
+        for level, colour in zip(kept, COLOURS, strict=False)
+    ]
+
+
+def _condition_of(study: Study, column: str) -> str:
+    return next(n for n, c in study.model.conditions.items() if c.column == column)
+
+
+def _x(study: Study, observation: TableObservation, column: str) -> NDArray[np.float64]:
+    """Values along x as they were read, in the column's unit."""
+    name = _condition_of(study, column)
+    condition = study.model.conditions[name]
+    return np.asarray(convert(observation.conditions[name], condition.unit, condition.column_unit))
+
+
+def _at_levels(study: Study, observation: TableObservation, but: str) -> dict[str, NDArray[np.float64]]:
+    """Conditions with every operating variable at its level, except one."""
+    moved = dict(observation.conditions)
+    for column, level in observation.labels.items():
+        if column not in (but, "measurement", "elapsed_time_s"):
+            name = _condition_of(study, column)
+            condition = study.model.conditions[name]
+            moved[name] = np.asarray(convert(level, condition.column_unit, condition.unit))
+    return moved
+
+
+def _predict(
+    study: Study, observation: TableObservation, conditions: Mapping[str, NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    moved = replace(observation, conditions=dict(conditions), series=None, position=None)
+    return moved.predict(study.problem.assembly, study.problem.values_at(study.best.theta))
+
+
+def _curve(
+    study: Study, observation: TableObservation, panel: _Panel, mine: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The model along x, everything else as in the first of the rows."""
+    x = _x(study, observation, panel.x)[mine]
+    along = np.linspace(x.min(), x.max(), POINTS)
+    name = _condition_of(study, panel.x)
+    condition = study.model.conditions[name]
+    first = int(np.flatnonzero(mine)[0])
+    at = {n: np.full(POINTS, v[first]) for n, v in _at_levels(study, observation, panel.x).items()}
+    at[name] = np.asarray(convert(along, condition.column_unit, condition.unit))
+    line = replace(observation.take(np.full(POINTS, first)), conditions=at, series=None, position=None)
+    return along, line.predict(study.problem.assembly, study.problem.values_at(study.best.theta))
+
+
+def figure_map(study: Study) -> Figure:
+    """Mean error of every pair of levels in standard uncertainties; significant blocks are framed."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
+
+    from specan.study.localise import localise
+
+    observation = _table(study)
+    found = localise(study.problem, study.best)
+    order = _order(observation.labels, np.ones(observation.n, dtype=bool))
+    if len(order) < 2:
+        raise RequestError("a map needs two operating variables that vary")
+    horizontal, vertical = order[:2]
+    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    axes = figure.subplots()
+    across, up = (np.unique(observation.labels[n]).tolist() for n in (horizontal, vertical))
+    z = np.full((len(up), len(across)), np.nan)
+    for block in found.blocks:
+        if set(block.where) != {horizontal, vertical}:
+            continue
+        i, j = up.index(block.where[vertical]), across.index(block.where[horizontal])
+        if np.isnan(z[i, j]) or abs(block.z) > abs(z[i, j]):
+            z[i, j] = block.z
+        if block.significant:
+            axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, lw=2))
+    image = axes.imshow(z, origin="lower", cmap="PuOr_r", vmin=-Z_SHOWN, vmax=Z_SHOWN, aspect="auto")
+    axes.set_xticks(range(len(across)), [f"{v:g}" for v in across], rotation=45)
+    axes.set_yticks(range(len(up)), [f"{v:g}" for v in up])
+    axes.set(xlabel=_axis_text(horizontal), ylabel=_axis_text(vertical))
+    figure.colorbar(image, label="z: model low (-) or high (+)")
+    return figure
+
+
+def figure_history(steps: Sequence[Step]) -> Figure:
+    """The error of every step on fitted and on held-out data."""
+    from matplotlib.figure import Figure
+
+    if not steps:
+        raise RequestError("the history is empty", remedy="begin with specan study new")
+    figure = Figure(figsize=(max(5.0, 1.6 + 1.1 * len(steps)), 4.0), layout="constrained")
+    axes = figure.subplots()
+    numbers = np.arange(len(steps))
+    kinds = (("fit_error", "fitted", COLOURS[0], "-"), ("held_out_error", "held out", COLOURS[1], "--"))
+    for attribute, text, colour, dash in kinds:
+        errors = [getattr(s, attribute) for s in steps]
+        values = [np.nan if e is None else e["value"] for e in errors]
+        if not np.all(np.isnan(values)):
+            axes.step(numbers, values, where="mid", color=colour, linestyle=dash, label=text)
+            axes.plot(numbers, values, "o", color=colour)
+    axes.set_xticks(numbers, [f"{s.action}\n{s.effect}".strip() for s in steps], rotation=30, ha="right")
+    metric, unit = steps[-1].fit_error["metric"], steps[-1].fit_error["unit"]
+    axes.set_ylabel(metric.replace("_", " ") + ("" if unit == "1" else f" / {unit}"))
+    axes.set_ylim(bottom=0)
+    axes.grid(alpha=0.3)
+    axes.legend()
+    return figure
+
+
+def _quantity(study: Study, name: str) -> str:
+    unit = study.model.observables[name].unit
+    return name.replace("_", " ") + ("" if unit == "1" else f" / {unit}")
+
+
+def _axis_text(column: str) -> str:
+    unit = column.rpartition("_")[2]
+    return f"{variable_name(column)} / {unit}" if "_" in column else column
