@@ -84,7 +84,7 @@ def estimate(
     >>> x, y, xy = np.array([1.0]), np.array([5.0]), np.array([2.0 + 0j])
     >>> found = estimate("H1", x, y, xy, 100)
     >>> complex(found.response[0]), float(found.coherence[0]), round(float(found.u_relative[0]), 4)
-    ((2+0j), 0.8, 0.0355)
+    ((2+0j), 0.8, 0.0356)
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         strength = np.abs(cross) ** 2
