@@ -50,11 +50,15 @@ def identify(name: str, properties: Mapping[str, Any]) -> Identity:
     is applied to samples in volts only: to samples in pascals it is a remark.
     """
     raw_unit, raw_scale, said = sample_unit(properties)
+    sensitivity = _sensitivity(properties)
+    quantity = str(properties.get("QuantityUnit", "")).strip()
+    if not raw_unit and sensitivity is None and is_known(quantity):
+        # Nothing lies between the samples and the quantity.
+        (raw_unit, raw_scale), said = si_unit(quantity), f"property QuantityUnit {quantity!r}, no sensitivity"
     decisions = {"unit": said + _private_gain(properties, raw_unit)}
     unit, gain = raw_unit or "1", raw_scale
     if not raw_unit:
         decisions["unit"] += "; the samples are taken as they are"
-    sensitivity = _sensitivity(properties)
     if sensitivity is not None and raw_unit in ("V", ""):
         try:
             gain, unit = gain_of(*sensitivity, raw_scale)
@@ -69,9 +73,9 @@ def identify(name: str, properties: Mapping[str, Any]) -> Identity:
         decisions["sensitivity"] = (
             f"not used: the samples are already in {raw_unit}; the file remarks {sensitivity[0]:g} {sensitivity[1]}"
         )
-    quantity = str(properties.get("QuantityUnit", "")).strip()
     if quantity and is_known(quantity) and si_unit(quantity)[0] != unit:
-        decisions["unit"] += f"; QuantityUnit {quantity!r} is not reached without a sensitivity"
+        why = "is not reached without a sensitivity" if unit == raw_unit else "contradicts the sensitivity"
+        decisions["unit"] += f"; QuantityUnit {quantity!r} {why}"
     role, decisions["role"] = role_of(name, properties, unit if unit != "1" else "", quantity)
     return Identity(role, unit, raw_unit, raw_scale, gain, derivatives_of(role, unit, decisions), decisions)
 

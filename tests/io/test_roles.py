@@ -46,6 +46,18 @@ def test_the_laboratory_s_own_properties():
     assert "nominal" in found.decisions["sensitivity"]
 
 
+def test_a_quantity_that_contradicts_the_sensitivity_is_told():
+    properties = {"unit_string": "V", "QuantityUnit": "m/s", "Sensitivity": 50.0, "SensitivityUnit": "mV/Pa"}
+    assert "'m/s' contradicts" in identify("Mic", properties).decisions["unit"]
+
+
+def test_samples_whose_quantity_alone_is_named_are_that_quantity():
+    """The article: measured data are written as sound pressure."""
+    found = identify("Mic", {"QuantityUnit": "kPa"})
+    assert (found.unit, found.raw_unit, found.gain) == ("Pa", "Pa", 1000.0)
+    assert "QuantityUnit" in found.decisions["unit"]
+
+
 def test_samples_in_pascals_are_not_divided_by_a_sensitivity_again():
     found = identify("Mic", {"unit_string": "Pa", "Sensitivity": 50.0, "SensitivityUnit": "mV/Pa"})
     assert (found.unit, found.gain) == ("Pa", 1.0)
