@@ -64,7 +64,7 @@ def band_levels(
     frequencies = spectrum.frequencies
     quantity = _as_quantity(channels, frequencies)
     weights = power_weighting(frequencies, settings.weighting)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         mean_square = spectrum.band_mean_square(
             index, settings.fraction, weights if quantity is None else weights * quantity
         )

@@ -128,10 +128,10 @@ class LevelsAccumulator:
         with np.errstate(invalid="ignore", over="ignore"):
             self._transform.finish()
             spectrum = self._energy.result()
+            rms = np.sqrt(spectrum.alternating_mean_square)
         histories = self._history.result()
         references = tuple(self._reference(channel) for channel in self.channels)
         zero = np.array([reference.value**2 for reference in references])
-        rms = np.sqrt(spectrum.alternating_mean_square)
         low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))
         mean = spectrum.mean + self._transform.offset
         peak = np.maximum(high - mean, mean - low)

@@ -190,3 +190,24 @@ def test_a_long_history_has_a_bounded_number_of_readings() -> None:
     assert Octave(averaging="fast").reading_interval(100.0) == 0.125
     assert Octave(averaging="fast").reading_interval(3600.0) == pytest.approx(3.625)
     assert Octave(averaging="fast", interval_s=0.5).reading_interval(3600.0) == 0.5
+
+
+@pytest.mark.parametrize("n", [1, 2, 40])
+def test_a_few_samples_are_no_error(n: int) -> None:
+    few = recording(("Mic 1", "Pa", TONE[7 : 7 + n]))
+    assert Octave()(few).level_db.shape == (1, 23)
+    found = Octave(averaging="slow", hold="min")(few)
+    assert np.isnan(found.level_db).all()
+    assert found.unsettled is not None
+    assert found.unsettled.all()
+
+
+def test_samples_that_are_not_finite_or_huge_cost_their_channel_only() -> None:
+    infinite = np.where(np.arange(N) == 5, np.inf, TONE)
+    source = recording(("a", "Pa", infinite), ("b", "Pa", 1e200 * TONE), ("c", "Pa", TONE))
+    for averaging in ("linear", "fast"):
+        found = Octave(averaging=averaging, fraction=1)(source)
+        assert np.isnan(found.level_db[0]).all()
+        assert found.flags[0] == ("nan",)
+        alone = Octave(averaging=averaging, fraction=1)(recording(("c", "Pa", TONE)))
+        assert np.array_equal(found.level_db[2], alone.level_db[0])
