@@ -133,8 +133,8 @@ def _said(
             return to.to_si(float(convert(value, unit, to.unit)) if unit != to.unit else value)
 
         if entry.value is not None:
-            several = isinstance(entry.value, tuple)
-            values[name] = np.array([si(v) for v in entry.value]) if several else si(entry.value)
+            given = entry.value
+            values[name] = np.array([si(v) for v in given]) if isinstance(given, tuple) else si(given)
         if entry.low is not None or entry.high is not None:
             low = parameter.si.lower if entry.low is None else si(entry.low)
             high = parameter.si.upper if entry.high is None else si(entry.high)

@@ -68,8 +68,8 @@ def read_tables(
     hold_out : sequence of (file name or None, condition)
         Rows of the measurements to put aside, ``(None, "torque=60,90")``.
     """
-    files = [[DataFile(path.name, path) for path in paths] for paths in (measurements, validations)]
-    return open_data(model, DataRequest(*files, hold_out))
+    fitted, checked = ([DataFile(path.name, path) for path in paths] for paths in (measurements, validations))
+    return open_data(model, DataRequest(fitted, checked, hold_out))
 
 
 def _read(file: DataFile, model: Model) -> Measurement:

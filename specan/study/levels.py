@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ class Setting:
     relative: float = 0.0
     absolute: float = 0.0
 
-    def at(self, value: Array) -> Array:
+    def at(self, value: Any) -> Any:
         """Standard deviation at a value."""
         return np.hypot(self.relative * np.abs(value), self.absolute)
 

@@ -131,18 +131,27 @@ class Localisation:
 
 
 class LeftOut:
-    """The algebra of left-out rows of one fit."""
+    """The algebra of left-out rows of one fit.
+
+    Without a block the other rows may leave a parameter open; the linear refit then must not run out of
+    its domain. Parameters at a bound stay there, the others are held by half their domain's width.
+    """
 
     def __init__(self, problem: Problem, best: Fit) -> None:
         self.problem = problem
-        self.basis = orthonormal(best.jacobian)
-        self.clean = best.residual - self.basis @ (self.basis.T @ best.residual)
+        low, high = problem.bounds()
+        free = np.array([name not in best.at_bound for name in problem.names], dtype=bool)
+        hold = np.diag(2 / (high - low))[free]  # zero where the domain has no end
+        jacobian = np.vstack([best.jacobian, hold])[:, free]
+        residual = np.concatenate([best.residual, np.zeros(hold.shape[0])])
+        self.basis = orthonormal(jacobian)
+        self.clean = residual - self.basis @ (self.basis.T @ residual)
         self.predicted = np.concatenate(problem.predictions(best.theta))
-        self._priors = problem.n_priors
+        self._other_rows = residual.size - problem.n_data
 
     def columns(self, raw: Array) -> Array:
         """Columns over the data rows, whitened, with everything taken out that the parameters absorb."""
-        whole = np.vstack([self.problem.whiten(raw), np.zeros((self._priors, raw.shape[1]))])
+        whole = np.vstack([self.problem.whiten(raw), np.zeros((self._other_rows, raw.shape[1]))])
         return whole - self.basis @ (self.basis.T @ whole)
 
     @cached_property

@@ -77,7 +77,7 @@ def pooled(
     best = VarianceFunction(float(np.sum(nu * variance) / np.sum(nu)), 0.0, "", dof)
     gain_needed = ASKED_FOR
     for name, component in components.items():
-        mean = np.bincount(index, component)[several] / counts[several]
+        mean = np.asarray(np.bincount(index, component)[several] / counts[several], dtype=float)
         if not np.ptp(mean) > 0.05 * mean.max():
             continue
         level, share, gain = _with_component(variance, nu, mean)

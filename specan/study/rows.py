@@ -66,14 +66,15 @@ class Rows:
         """Keep some of the rows."""
         return replace(
             self,
-            **{
-                n: getattr(self, n)[mask]
-                for n in ("recording", "lines", "observable", "measured", "cell", "setup")
-            },
-            **{
-                n: {k: v[mask] for k, v in getattr(self, n).items()}
-                for n in ("conditions", "levels", "steps")
-            },
+            recording=self.recording[mask],
+            lines=self.lines[mask],
+            observable=self.observable[mask],
+            measured=self.measured[mask],
+            conditions={name: values[mask] for name, values in self.conditions.items()},
+            levels={name: values[mask] for name, values in self.levels.items()},
+            steps={name: values[mask] for name, values in self.steps.items()},
+            cell=self.cell[mask],
+            setup=self.setup[mask],
         )
 
     def place(self, row: int) -> str:
