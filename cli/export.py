@@ -18,7 +18,7 @@ SUFFIXES = {"csv": ".csv", "uff": ".uff", "wav": ".wav", "parquet": ".parquet"}
     "-o",
     "--output",
     type=click.Path(path_type=Path),
-    help="The file to write [default: beside FILE's name here].",
+    help="The file to write [default: named after FILE, here].",
 )
 @click.option(
     "--decimal",

@@ -26,7 +26,7 @@ def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -
                     frequency,
                     text.significant(response.magnitude[row]),
                     text.phases(response.phase_deg[row]),
-                    text.fixed(response.coherence[row], 4),
+                    text.fixed(response.coherence[row], 5),
                     text.significant(u_percent[row], 3),
                     _line_words(response, row, words),
                 ]

@@ -133,7 +133,7 @@ def _lines(
             text.levels(level),
             text.significant(tone_rms),
             text.phases(phase),
-            text.fixed(u_phase, 2),
+            text.significant(u_phase, 2),
             text.significant(magnitude),
             [text.word(reference)] * n,
             text.significant(reference_rms) * n,

@@ -1,0 +1,127 @@
+"""Every example of the user guide and of the README is run.
+
+In a page, blocks are run from top to bottom in one empty directory in which `sample_data` stands:
+
+- ``console``: lines that begin with ``$ specan`` are commands. Lines below one are its output on both
+  streams, ``...`` standing for anything, blanks not counted; nothing below means that any output is right.
+  A comment ``# exit code 1`` behind a command says how it ends where that is not 0.
+- ``python``: run in one name space; with ``>>>`` as a doctest.
+- a block behind the comment ``<!-- file: NAME -->``, in whatever language, is written to that file.
+- other blocks are for the eye.
+"""
+
+import contextlib
+import doctest
+import io
+import re
+import shlex
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from specan_cli.main import run
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+BLOCK = re.compile(
+    r"(?:<!-- file: (?P<file>\S+) -->\n+)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
+)
+
+
+@dataclass
+class Command:
+    line: int
+    text: str
+    expected: str
+    exit_code: int
+
+
+def commands(text: str, first: int) -> list[Command]:
+    found: list[Command] = []
+    # A command may go on behind a backslash, as in a shell.
+    for number, line in enumerate(text.replace("\\\n", " ").splitlines(), first):
+        if line.startswith("$ "):
+            said = re.search(r"\s+# exit code (\d+)$", line)
+            plain = line[2 : said.start()] if said else line[2:]
+            found.append(Command(number, plain, "", int(said[1]) if said else 0))
+        elif found:
+            found[-1].expected += line + "\n"
+    return found
+
+
+def run_console(page: Path, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The entry point itself, in this process: errors and exit codes are those of the command line."""
+    program, *arguments = shlex.split(command.text)
+    where = f"{page.name}:{command.line}: {command.text}"
+    assert program == "specan", f"{where}: only specan is run"
+    monkeypatch.setattr(sys, "argv", [program, *arguments])
+    said = io.StringIO()
+    with (
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(said),
+        pytest.raises(SystemExit) as ended,
+    ):
+        run()
+    found = said.getvalue()
+    assert ended.value.code == command.exit_code, f"{where}\n{found}"
+    if command.expected.strip():
+        right = doctest.OutputChecker().check_output(command.expected, found, FLAGS)
+        assert right, f"{where}\n--- expected\n{command.expected}\n--- found\n{found}"
+
+
+def run_python(page: Path, text: str, first: int, names: dict) -> None:
+    if ">>>" not in text:
+        exec(compile("\n" * (first - 1) + text, str(page), "exec"), names)
+        return
+    example = doctest.DocTestParser().get_doctest(text, names, page.name, str(page), first - 1)
+    report: list[str] = []
+    result = doctest.DocTestRunner(optionflags=FLAGS).run(example, out=report.append, clear_globs=False)
+    names.update(example.globs)
+    assert result.failed == 0, "".join(report)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_examples_of_a_page_do_what_it_says(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    try:
+        (tmp_path / "sample_data").symlink_to(ROOT / "sample_data", target_is_directory=True)
+    except OSError:  # Windows lets only some users do that
+        shutil.copytree(ROOT / "sample_data", tmp_path / "sample_data")
+    monkeypatch.chdir(tmp_path)
+    for name, value in (("COLUMNS", "110"), ("NO_COLOR", "1")):
+        monkeypatch.setenv(name, value)
+    content = page.read_text(encoding="utf-8")
+    names: dict = {"__name__": "page"}
+    for block in BLOCK.finditer(content):
+        first = content.count("\n", 0, block.start("text")) + 1
+        kind, text = block["kind"], block["text"]
+        if block["file"]:
+            (tmp_path / block["file"]).write_text(text, encoding="utf-8")
+        elif kind == "console":
+            for command in commands(text, first):
+                run_console(page, command, monkeypatch)
+        elif kind == "python":
+            run_python(page, text, first, names)
+
+
+def test_pages_have_examples() -> None:
+    assert sum(len(BLOCK.findall(page.read_text(encoding="utf-8"))) for page in PAGES) > 10
+
+
+def test_relative_links_lead_somewhere() -> None:
+    pages = [*PAGES, *(ROOT / "docs" / "decisions").glob("*.md"), ROOT / "CHANGELOG.md"]
+    for page in pages:
+        for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+            if "://" not in target:
+                assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+def test_readme_prints_exactly_the_two_commands_that_ci_runs() -> None:
+    blocks = BLOCK.finditer((ROOT / "README.md").read_text(encoding="utf-8"))
+    lines = [line for block in blocks for line in block["text"].splitlines()]
+    starts = [line.split("#")[0].strip() for line in lines if line.startswith("python3 start.py")]
+    assert starts == ["python3 start.py demo", "python3 start.py test"]
