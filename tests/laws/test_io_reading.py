@@ -12,6 +12,7 @@ from nptdms import TdmsFile
 sys.path.insert(0, str(Path(__file__).parent.parent / "io"))
 import tdms_bytes as tb
 
+from specan.errors import InputError
 from specan.io.open import open_recording
 
 KINDS = ("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8", "?")
@@ -112,3 +113,31 @@ def test_channels_come_in_the_order_asked_for(tmp_path, order):
     recording = open_recording(path)
     read = recording.read([recording.channels[k] for k in order], 2, 9)
     np.testing.assert_array_equal(read, data.T[list(order), 2:9])
+
+
+@given(content=files(), cut=st.floats(0.01, 0.99))
+@settings(max_examples=100, deadline=None)
+def test_a_file_that_was_cut_off_gives_the_beginning_of_each_channel(tmp_path_factory, content, cut):
+    directory = tmp_path_factory.mktemp("cut")
+    whole, short = directory / "whole.tdms", directory / "short.tdms"
+    whole.write_bytes(content)
+    short.write_bytes(content[: int(len(content) * cut)])
+    try:
+        recording = open_recording(short)
+    except InputError:
+        return  # nothing is left, or the headers are cut
+    full = open_recording(whole)
+    for channel in recording.channels:
+        expected = full.read([full.channel(channel.name)])[0]
+        np.testing.assert_array_equal(recording.read([channel])[0], expected[: channel.n_samples])
+    assert recording.flags == ("truncated",) or short.stat().st_size in _ends(content)
+
+
+def _ends(content: bytes) -> set[int]:
+    """Where segments end: a file that is cut there is whole."""
+    ends, position = set(), 0
+    while position < len(content):
+        big = content[position + 4] & tb.BIG_ENDIAN
+        position += 28 + int.from_bytes(content[position + 12 : position + 20], "big" if big else "little")
+        ends.add(position)
+    return ends
