@@ -250,19 +250,19 @@ def _inside(
     named: bool,
     label: str,
 ) -> list[int]:
-    """Positions of the channels that hear the calibrator."""
-    if named:
-        return [i for i in range(len(channels)) if np.isfinite(amplitude[i]) and amplitude[i] > 0]
+    """Positions of the channels that hear the calibrator; those that somebody named need no more than a signal."""
     audible = np.where(np.isfinite(amplitude), amplitude, 0.0)
-    enough = audible >= audible.max() * 10 ** (-HEARD_FROM_OUTSIDE_DB / 20)
-    found = [int(i) for i in np.flatnonzero(enough & (audible > np.sqrt(2) * noise))]
-    if not found:
+    clear = audible > np.sqrt(2) * noise
+    if not clear.any():
         raise InputError(
             f"{label}: no channel shows a tone above everything else that it holds",
             expected="the recording of a calibrator",
             remedy="leave the file out, or name the channels",
         )
-    return found
+    if named:
+        return [int(i) for i in np.flatnonzero(audible > 0)]
+    enough = audible >= audible.max() * 10 ** (-HEARD_FROM_OUTSIDE_DB / 20)
+    return [int(i) for i in np.flatnonzero(enough & clear)]
 
 
 def _level(recording: Recording, channel: Channel, settings: CalibrationSettings) -> float:
