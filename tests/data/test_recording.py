@@ -1,0 +1,94 @@
+"""Corrections of a channel in the frequency domain, and reading from a recording in memory."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from specan.data.recording import ArraySource, Channel, PhaseCalibration, Recording
+from specan.errors import RequestError
+
+F = np.array([0.0, 100.0, 1000.0, 4000.0])
+
+
+def degrees(factor):
+    return np.degrees(np.angle(factor))
+
+
+@given(delay=st.floats(-1e-4, 1e-4), frequency=st.floats(1.0, 4000.0))
+def test_a_delay_is_taken_out(delay, frequency):
+    """What comes late has a smaller phase under exp(+j w t); the correction gives it back."""
+    late = np.exp(-2j * np.pi * frequency * delay)
+    corrected = late * Channel("c", delay_s=delay).correction(np.array([frequency]))[0]
+    assert corrected == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("unit", "derivatives", "turn"), [("m", 1, 90.0), ("m/s^2", -1, -90.0)])
+def test_displacement_and_acceleration_become_velocity(unit, derivatives, turn):
+    channel = Channel("Vibrometer", unit=unit, derivatives=derivatives)
+    factor = channel.correction(F)
+    assert channel.target_unit == "m/s"
+    np.testing.assert_allclose(degrees(factor[1:]), turn)
+    np.testing.assert_allclose(np.abs(factor[1:]), (2 * np.pi * F[1:]) ** derivatives)
+    assert factor[0] == 0.0
+
+
+def test_a_leading_channel_is_turned_back():
+    phase = PhaseCalibration((1000.0,), (2.0,), (0.1,))
+    np.testing.assert_allclose(degrees(Channel("c", phase=phase).correction(F)), [0.0, -0.2, -2.0, -8.0])
+    constant = PhaseCalibration((1000.0,), (2.0,), (0.1,), "constant")
+    np.testing.assert_allclose(degrees(Channel("c", phase=constant).correction(F)), -2.0)
+
+
+def test_phases_between_tones_are_interpolated():
+    phase = PhaseCalibration((250.0, 1000.0), (1.0, 2.0), (0.1, 0.2), "constant")
+    assert phase.at(np.array([625.0]))[0] == pytest.approx(1.5)
+    assert phase.at(np.array([2000.0]))[0] == pytest.approx(2.0)
+    delay = PhaseCalibration((250.0, 1000.0), (1.0, 2.0), (0.1, 0.2))
+    assert delay.at(np.array([250.0, 1000.0, 2000.0])) == pytest.approx([1.0, 2.0, 4.0])
+
+
+@pytest.mark.parametrize("model", ["delay", "constant"])
+def test_the_uncertainty_grows_with_the_distance_from_the_tone(model):
+    phase = PhaseCalibration((1000.0,), (2.0,), (0.1,), model)
+    at = phase.u_at(np.array([1000.0, 2000.0, 4000.0]))
+    assert at[0] == pytest.approx(0.1)
+    assert np.all(np.diff(at) > 0.0)
+
+
+def test_delay_and_phase_add_up_in_the_uncertainty():
+    channel = Channel("c", u_delay_s=1e-5, phase=PhaseCalibration((1000.0,), (0.0,), (0.3,)))
+    assert channel.u_phase_deg(np.array([1000.0]))[0] == pytest.approx(np.hypot(3.6, 0.3))
+    assert Channel("c", u_delay_s=1e-5).u_phase_deg(np.array([1000.0]))[0] == pytest.approx(3.6)
+
+
+def recording():
+    channels = tuple(
+        Channel(f"Mic {k}", "g", gain=float(k), sampling_rate=100.0, n_samples=10) for k in (1, 2, 3)
+    )
+    return Recording("a", channels, ArraySource([np.full(10, 10.0 * k) for k in (1, 2, 3)]))
+
+
+def test_gains_are_applied_in_the_order_asked_for():
+    r = recording()
+    assert r.read(r.select(["Mic 3", "g/Mic 1"]))[:, 0].tolist() == [10.0, 90.0]
+    assert r.read([r.channel("g/Mic 3"), r.channel("Mic 1")])[:, 0].tolist() == [90.0, 10.0]
+
+
+def test_what_is_not_there_is_named():
+    r = recording()
+    with pytest.raises(RequestError, match="did you mean 'Mic 1'"):
+        r.channel("Mic1")
+    with pytest.raises(RequestError, match="no channel"):
+        r.select(["Vib*"])
+    with pytest.raises(RequestError, match="has no channel 'Mic 9'"):
+        r.read([Channel("Mic 9", sampling_rate=100.0, n_samples=10)])
+    two = Recording("b", (*r.channels, Channel("Mic 1", "h")), r.source)
+    with pytest.raises(RequestError, match="g/Mic 1, h/Mic 1"):
+        two.channel("Mic 1")
+
+
+def test_a_name_with_brackets_is_itself_before_it_is_a_pattern():
+    odd = Recording("a", (Channel("Mic [1]"), Channel("Mic 1")), ArraySource([]))
+    assert [c.name for c in odd.select(["Mic [1]"])] == ["Mic [1]", "Mic 1"]
+    assert odd.channel("Mic [1]").name == "Mic [1]"
