@@ -171,6 +171,7 @@ def content(found: BandLevels) -> dict[str, Any]:
         "lower_hz": found.lower_hz,
         "upper_hz": found.upper_hz,
         "u_dB": found.u_db,
+        "history_interval_s": None if found.history is None else found.history.interval_s,
         "history_time_s": None if found.history is None else found.history.time_s,
         "channels": channels,
         "notes": found.notes,

@@ -59,6 +59,7 @@ def test_one_band_weighted_in_time(directory):
         directory / "tone.wav", "--band", 500, "--averaging", "fast", "--hold", "max", "--interval", 0.5
     )
     assert (found["averaging"], found["hold"]) == ("fast", "max")
+    assert found["history_interval_s"] == 0.5
     assert found["history_time_s"] == [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
     assert found["channels"][0]["level_dB"] == pytest.approx([80.0], abs=0.02)
     assert len(found["channels"][0]["history_dB"][0]) == 6
