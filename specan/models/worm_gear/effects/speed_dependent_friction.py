@@ -5,18 +5,18 @@ from specan.models import Parameter, effect
 
 @effect(
     "speed-dependent-friction",
-    scales="friction_coefficient",
+    adds_to="friction_coefficient",
     neutral={"rise": 0.0},
     valid={"sliding_speed": (0.05, 25.0, "m/s")},
     separate_by="low speeds at high torque, on a full grid of torque and speed",
-    reference="the form of ISO/TS 14521:2020 / DIN 3996, mu_0T = a + b/(v_g + v_0)^c with c about 1, written "
-    "relative to the friction at high speed; for polyglycols rise 5, speed 0.2 m/s; both are left free here",
+    reference="the form of ISO/TS 14521:2020 / DIN 3996, mu_0T = a + b/(v_g + v_0)^c with c about 1; for "
+    "polyglycols b/v_0 = 0.1 and v_0 = 0.2 m/s; both are left free here",
 )
 def speed_dependent_friction(
     sliding_speed,
     *,
     rise=Parameter(
-        1.0, "1", min=0.1, max=8.0, lower=0.0, upper=50.0, doc="friction at rest over that at speed, less 1"
+        0.03, "1", min=0.003, max=0.15, lower=0.0, upper=0.6, doc="friction at rest, less that at high speed"
     ),
     speed=Parameter(
         0.5, "m/s", min=0.1, max=2.0, lower=0.05, upper=5.0, doc="sliding speed at which half of it is gone"
@@ -24,7 +24,7 @@ def speed_dependent_friction(
 ):
     """A film of oil builds up between the flanks as they slide faster, and friction falls (Stribeck's curve).
 
-    mu = mu_fast (1 + rise / (1 + v/v_0)): the loss goes with the torque and grows less than the speed; what
-    stands out is an extra loss at low speed and high torque.
+    mu = mu_fast + rise / (1 + v/v_0): the loss goes with the torque and grows less than the speed; what stands
+    out is an extra loss at low speed and high torque.
     """
-    return 1.0 + rise / (1.0 + sliding_speed / speed)
+    return rise / (1.0 + sliding_speed / speed)
