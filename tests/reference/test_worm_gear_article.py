@@ -59,7 +59,9 @@ def efficiency_error(idle_fit):
     churning = {**dict(zip(CHURNING, idle_fit.x, strict=True)), "churning.viscosity_exponent": 1.0}
 
     def error(table, friction):
-        values = {**churning, "tooth-friction.mu": friction}
+        # eq. 3 is all the oil: the bearings' reduction factors act on the bearings only
+        shares = {"inlet-shear-heating.share": 0.0, "starvation.share": 0.0}
+        values = {**churning, **shares, "tooth-friction.mu": friction}
         return predicted(LOADED, table, values, "indicated_efficiency") / table["efficiency"] - 1
 
     return error

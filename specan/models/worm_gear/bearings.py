@@ -7,12 +7,13 @@ The factors for inlet shear heating and for starvation are effects of their own 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from specan.models.quantity import Quantity, constant, quantity
 from specan.models.worm_gear.bearing_table import K_Z
-from specan.models.worm_gear.forces import AXES
+from specan.models.worm_gear.forces import AXES, WORM
 from specan.models.worm_gear.rig import PlacedBearing
 
 SKF = "SKF, The SKF model for calculating the frictional moment (catalogue 10000 EN 2013, 17000 EN 2018)"
@@ -37,6 +38,15 @@ def bearing_quantities(bearings: Sequence[PlacedBearing], ratio: float) -> list[
         wheel_bearing_torque,
         bearing_loss,
     ]  # fmt: skip
+
+
+def without_load(factor: np.ndarray, share: Any) -> np.ndarray:
+    """What a factor on the bearings' rolling moments makes of the viscous loss without load.
+
+    A `share` of that loss is the bearings', and most of it that of the larger one on the fast shaft, whose
+    factor lies furthest from one.
+    """
+    return 1.0 - share * (1.0 - factor[WORM].min(axis=0))
 
 
 def _column(values: Sequence[float], like: np.ndarray) -> np.ndarray:

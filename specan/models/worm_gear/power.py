@@ -14,9 +14,15 @@ def _ratio(part, whole):
 
 
 @quantity(unit="W")
-def no_load_loss():
-    """Power lost whether the gear carries load or not: churning, seals, air; an ideal gear loses none."""
+def viscous_loss():
+    """Power that the oil's viscosity takes without load; an ideal gear loses none."""
     return 0.0
+
+
+@quantity(unit="W")
+def no_load_loss(viscous_loss):
+    """Power lost whether the gear carries load or not: to the oil, to seals, to the air."""
+    return viscous_loss
 
 
 @quantity(unit="W")
@@ -62,6 +68,6 @@ def indicated_power_loss(indicated_output_torque, indicated_input_torque, gear_r
 
 
 QUANTITIES = [
-    no_load_loss, power_loss, output_power, input_torque, efficiency,
+    viscous_loss, no_load_loss, power_loss, output_power, input_torque, efficiency,
     indicated_input_torque, indicated_efficiency, indicated_power_loss,
 ]  # fmt: skip

@@ -76,7 +76,7 @@ class Oil(Settings):
     viscosity_40C_mm2_s: Positive
     viscosity_100C_mm2_s: Positive
     volume_ml: Positive = 180.0
-    vogel_constant_C: Annotated[float, Field(ge=60, le=273)] = 95.0
+    vogel_constant_C: Annotated[float, Field(ge=60, le=273)] | None = None
 
     @model_validator(mode="after")
     def _thins_when_warm(self) -> Oil:

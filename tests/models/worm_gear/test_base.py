@@ -7,7 +7,7 @@ import pytest
 
 from specan.models import varying
 from specan.models.catalogue import example_model
-from specan.models.worm_gear.oil import exponential, vogel
+from specan.models.worm_gear.oil import chart_constant, exponential, vogel
 
 MODEL = example_model("worm-gear")
 BASE = MODEL.assemble(MODEL.base_effects)
@@ -196,21 +196,25 @@ def test_drag_and_seals_of_bearings_come_from_the_rig():
 
 
 def test_viscosity_goes_through_the_data_sheet():
-    for law in (vogel(220e-6, 36e-6), exponential(220e-6, 36e-6)):
+    for law in (vogel(220e-6, 36e-6, 95.0), exponential(220e-6, 36e-6)):
         assert law(np.array([313.15, 373.15])) == pytest.approx([220e-6, 36e-6])
     assert at(celsius=40.0)["kinematic_viscosity"] == pytest.approx(220e-6)
 
 
-def test_vogel_follows_the_standard_chart_for_a_mineral_oil():
-    """ASTM D341, log log (nu + 0.7) over log T, for ISO VG 220 with a viscosity index near 95."""
+@pytest.mark.parametrize("at_100", [19.0, 36.0])
+def test_viscosity_follows_the_standard_chart(at_100):
+    """ASTM D341, log log (nu + 0.7) over log T, for a mineral oil and a polyglycol of ISO VG 220."""
     kelvin = np.linspace(293.15, 373.15, 20)
 
     def ordinate(viscosity):
         return np.log10(np.log10(viscosity + 0.7))
 
-    slope = (ordinate(220) - ordinate(19)) / np.log10(373.15 / 313.15)
+    slope = (ordinate(220) - ordinate(at_100)) / np.log10(373.15 / 313.15)
     chart = 10 ** (10 ** (ordinate(220) - slope * np.log10(kelvin / 313.15))) - 0.7
-    np.testing.assert_allclose(1e6 * vogel(220e-6, 19e-6)(kelvin), chart, rtol=0.04)
+    law = vogel(220e-6, 1e-6 * at_100, chart_constant(220e-6, 1e-6 * at_100))
+    warm = kelvin >= 313.15
+    np.testing.assert_allclose(1e6 * law(kelvin)[warm], chart[warm], rtol=0.004)
+    np.testing.assert_allclose(1e6 * law(kelvin), chart, rtol=0.03)
 
 
 def test_oil_level_changes_churning_only():

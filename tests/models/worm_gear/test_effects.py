@@ -256,6 +256,18 @@ def test_reduction_factors_are_the_catalogues():
     )
 
 
+@pytest.mark.parametrize("name", ["inlet-shear-heating", "starvation"])
+def test_a_share_of_the_viscous_loss_is_the_bearings(name):
+    """The larger bearing of the fast shaft leads; with no share the no-load loss stays."""
+    uses = ["churning", name]
+    at = conditions(speed_rpm=3000.0, celsius=40.0)
+    plain = MODEL.assemble(["churning"]).evaluate(at)
+    for share in (0.0, 0.4):
+        found = MODEL.assemble(uses).evaluate(at, {f"{name}.share": share})
+        factor = found["bearing_rolling_moment"][0] / plain["bearing_rolling_moment"][0]
+        assert found["no_load_loss"] == pytest.approx(plain["no_load_loss"] * (1 - share * (1 - factor)))
+
+
 def test_starvation_is_worse_with_less_oil():
     low, standard = (
         MODEL.assemble(["starvation"]).evaluate({**conditions(), "oil_level": level})[

@@ -8,7 +8,7 @@ REFERENCE_VISCOSITY = 1e-4  # m^2/s
 
 @effect(
     "churning",
-    adds_to="no_load_loss",
+    adds_to="viscous_loss",
     neutral={"power": 0.0, "constant": 0.0},
     reference="Bizon, Dziedziech, Macheta 2012, eq. 3, with a free power of the viscosity "
     "(Changenet and Velex 2007, J. Mech. Des. 129:128: 0.21 laminar, 0 turbulent)",

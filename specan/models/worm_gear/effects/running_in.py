@@ -7,8 +7,7 @@ from specan.models import Parameter, effect
 
 @effect(
     "running-in",
-    scales="friction_coefficient",
-    adds_to="no_load_loss",
+    adds_to=("friction_coefficient", "no_load_loss"),
     neutral={"friction": 0.0, "drag": 0.0},
     needs=("elapsed_time",),
     separate_by="randomise the order of the measurements and repeat one reference point all along",
@@ -19,7 +18,9 @@ def running_in(
     elapsed_time,
     worm_speed,
     *,
-    friction=Parameter(0.1, "1", min=0.0, max=1.0, lower=-0.8, upper=5.0, doc="extra share at the start"),
+    friction=Parameter(
+        0.005, "1", min=0.0, max=0.05, lower=-0.1, upper=0.3, doc="more of it between new flanks"
+    ),
     drag=Parameter(0.02, "N*m", min=0.0, max=0.3, lower=-1.0, upper=5.0, doc="of seals at the start"),
     time=Parameter(5.0, "hour", min=0.2, max=100.0, lower=0.05, upper=500.0, doc="in which 63 % is gone"),
 ):
@@ -29,4 +30,4 @@ def running_in(
     order: then it looks like anything.
     """
     left = np.exp(-elapsed_time / time)
-    return {"friction_coefficient": 1.0 + friction * left, "no_load_loss": drag * left * worm_speed}
+    return {"friction_coefficient": friction * left, "no_load_loss": drag * left * worm_speed}

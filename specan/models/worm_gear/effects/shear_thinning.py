@@ -7,7 +7,7 @@ from specan.models import Parameter, effect
     "shear-thinning",
     scales="kinematic_viscosity",
     neutral={"exponent": 0.0},
-    aliases=("inlet-shear-heating", "oil-heating", "churning"),
+    aliases=("oil-heating", "churning"),
     separate_by="an oil without polymers of the same viscosity, or a rheometer",
     reference="Carreau 1972, Trans. Soc. Rheol. 16: eta = eta_0 (1 + (shear rate / critical)^2)^(-m/2); "
     "the shear rate is taken proportional to the sliding speed, both constants are left free here",

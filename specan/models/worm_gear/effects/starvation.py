@@ -4,14 +4,14 @@ import numpy as np
 
 from specan.models import Parameter, effect
 from specan.models.worm_gear.bearing_table import K_Z
-from specan.models.worm_gear.bearings import RPM
+from specan.models.worm_gear.bearings import RPM, without_load
 
 OIL_BATH = 3e-8
 
 
 @effect(
     "starvation",
-    scales="bearing_rolling_moment",
+    scales=("bearing_rolling_moment", "viscous_loss"),
     neutral={"strength": 0.0},
     aliases=("inlet-shear-heating", "oil-heating"),
     separate_by="a series of oil levels at high speed",
@@ -26,6 +26,9 @@ def starvation(
     bearing_outside,
     *,
     strength=Parameter(1.0, "1", min=0.3, max=3.0, lower=0.0, upper=50.0, doc="K_rs over 3e-8"),
+    share=Parameter(
+        0.3, "1", min=0.0, max=1.0, doc="of the viscous loss without load that the bearings have"
+    ),
     level_exponent=Parameter(
         1.0,
         "1",
@@ -40,9 +43,11 @@ def starvation(
     """Each ball pushes the oil aside, and before it has flowed back the next one comes.
 
     With thick oil and high speed the contacts run with less oil than they want: the rolling loss falls where
-    one expects it to grow. The lower the oil level, the sooner it begins.
+    one expects it to grow. The lower the oil level, the sooner it begins. It acts on the rolling moments and on
+    that share of the viscous loss without load which is the bearings'.
     """
     bore, outside = 1e3 * bearing_bore, 1e3 * bearing_outside
     geometry = (bore + outside) * np.sqrt(K_Z / (2 * (outside - bore)))
     reach = 1e6 * RPM * kinematic_viscosity * (bearing_speed.T * geometry).T
-    return np.exp(-strength * OIL_BATH * oil_level**-level_exponent * reach)
+    factor = np.exp(-strength * OIL_BATH * oil_level**-level_exponent * reach)
+    return {"bearing_rolling_moment": factor, "viscous_loss": without_load(factor, share)}
