@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -31,8 +32,11 @@ def chosen(arguments: argparse.Namespace) -> list[Case]:
         for kind in kinds
     }
     only = tuple(arguments.effects or ())
+    rig = {key: float(value) for key, _, value in (word.partition("=") for word in arguments.rig)}
     return [
-        case for kind in kinds for case in planned(kind, counts[kind], reserved=arguments.reserved, only=only)
+        replace(case, rig=rig)
+        for kind in kinds
+        for case in planned(kind, counts[kind], reserved=arguments.reserved, only=only)
     ]
 
 
@@ -48,6 +52,9 @@ def main() -> int:
     parser.add_argument("--kinds", nargs="+", choices=KINDS)
     parser.add_argument("--effects", nargs="+", help="hide only these")
     parser.add_argument("--reserved", action="store_true", help="the reserved seeds: once, at the end")
+    parser.add_argument(
+        "--rig", nargs="+", default=[], metavar="TABLE.KEY=VALUE", help="values for the rig file"
+    )
     parser.add_argument("--out", type=Path, default=Path("hidden_effects.jsonl"))
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument(

@@ -6,7 +6,7 @@ are run once, at the end, and nothing is changed because of what they show.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import combinations
 from typing import Any
 
@@ -74,6 +74,8 @@ class Case:
         Hidden effects with their strengths.
     without : tuple of str
         Candidates that the search is denied.
+    rig : dict
+        Values that the rig file gets instead: ``{"oil.vogel_constant_C": 145.0}``.
     """
 
     kind: str
@@ -81,6 +83,7 @@ class Case:
     design: str
     effects: dict[str, float]
     without: tuple[str, ...] = ()
+    rig: dict[str, float] = field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -94,7 +97,11 @@ class Case:
 
     def simulate(self) -> TruthCase:
         """The data."""
-        return simulate(self.seed, self.effects, self.design)
+        case = simulate(self.seed, self.effects, self.design)
+        for key, value in self.rig.items():
+            table, _, name = key.partition(".")
+            case.rig[table][name] = value
+        return case
 
     def as_dict(self) -> dict[str, Any]:
         """For a result file."""

@@ -1,5 +1,6 @@
 """The bench itself: fixed cases, fair counting, results that survive a broken run."""
 
+import dataclasses
 import json
 import sys
 import types
@@ -76,6 +77,12 @@ def test_what_is_left_out_is_what_is_hidden():
 
 def test_effects_can_be_chosen():
     assert {n for c in cases.planned("single", 9, only=("windage",)) for n in c.effects} == {"windage"}
+
+
+def test_the_rig_file_can_be_told_more():
+    case = dataclasses.replace(cases.planned("null", 1)[0], rig={"oil.vogel_constant_C": 145.0})
+    assert case.simulate().rig["oil"]["vogel_constant_C"] == 145.0
+    assert "vogel_constant_C" not in cases.planned("null", 1)[0].simulate().rig["oil"]
 
 
 @pytest.mark.parametrize(

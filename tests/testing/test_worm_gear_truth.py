@@ -123,6 +123,10 @@ def _catalogue_bearing(mean_diameter, static, rolling, sliding, radial, axial, s
     return (roll + skid * (0.12 * boundary + 0.04 * (1 - boundary))) / 1000
 
 
+def _together(*forces):
+    return np.sqrt(sum(force**2 for force in forces))
+
+
 def _article(parameters, table):
     """The article's loss groups: constant friction, drag ~ viscosity, catalogue bearings."""
     friction, drag, exponent, constant = parameters
@@ -140,14 +144,21 @@ def _article(parameters, table):
         14600.0,
         4.1e-7,
         (3.73e-3, 14.6),
-        np.hypot(tangential / 2, radial / 2 + tilt),
+        _together(tangential / 2, radial / 2 + tilt, 3.0),
         worm_axial,
         speed,
         oil,
     ) + _catalogue_bearing(
-        25.0, 3750.0, 3.9e-7, (3.23e-3, 36.5), np.hypot(tangential / 2, radial / 2 - tilt), none, speed, oil
+        25.0,
+        3750.0,
+        3.9e-7,
+        (3.23e-3, 36.5),
+        _together(tangential / 2, radial / 2 - tilt, 3.0),
+        none,
+        speed,
+        oil,
     )
-    half = np.hypot(worm_axial, radial) / 2
+    half = _together(worm_axial / 2, radial / 2, 12.5)
     at_wheel = sum(
         _catalogue_bearing(77.5, 29000.0, 3.9e-7, (3.23e-3, 36.5), half, axial, speed / RATIO, oil)
         for axial in (tangential, none)

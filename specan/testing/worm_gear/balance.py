@@ -14,6 +14,7 @@ from specan.testing.worm_gear.gear import (
     RATIO,
     REFERENCE_SPEED,
     REFERENCE_VISCOSITY,
+    SHAFT_WEIGHT,
     Array,
     Gear,
     viscosity,
@@ -127,7 +128,9 @@ def _bearing_torques(
     torques = []
     for shaft, shaft_speed in (("worm", omega), ("wheel", omega / RATIO)):
         near, far = (bearing for bearing in BEARINGS if bearing.shaft == shaft)
-        axial, at_near, at_far = mesh.shaft_loads(contact, shaft, near.position, far.position)
+        axial, at_near, at_far = mesh.shaft_loads(
+            contact, shaft, near.position, far.position, SHAFT_WEIGHT[shaft]
+        )
         total = np.zeros_like(omega)
         for bearing, radial in ((near, at_near), (far, at_far)):
             thrust = (axial if bearing.locating else 0.0 * axial) + gear.bearing_seat

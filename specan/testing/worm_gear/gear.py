@@ -45,6 +45,7 @@ BEARINGS = (
     Bearing("6211", "wheel", -0.0548, 0.0775, 0.01429, 10, locating=True),
     Bearing("6211", "wheel", +0.0622, 0.0775, 0.01429, 10, locating=False),
 )
+SHAFT_WEIGHT = {"worm": 6.0, "wheel": 25.0}  # N: a shaft of 0.6 kg, a wheel of 2.5 kg
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,9 @@ def forces(wheel_torque: Array, speed: Array, friction: Array) -> MeshForces:
     return MeshForces(normal_force, worm_torque, power, force)
 
 
-def shaft_loads(mesh: MeshForces, shaft: str, near: float, far: float) -> tuple[Array, Array, Array]:
+def shaft_loads(
+    mesh: MeshForces, shaft: str, near: float, far: float, weight: float = 0.0
+) -> tuple[Array, Array, Array]:
     """Axial load and the radial loads of the two bearings of a shaft, N, from the balance of forces and moments.
 
     Parameters
@@ -108,6 +110,8 @@ def shaft_loads(mesh: MeshForces, shaft: str, near: float, far: float) -> tuple[
         Which one.
     near, far : float
         Bearing positions along the shaft from the mesh plane, m.
+    weight : float
+        Of the shaft, in the middle between its bearings, N; the worm lies below the wheel.
     """
     points = contact_points()
     if shaft == "worm":
@@ -127,4 +131,7 @@ def shaft_loads(mesh: MeshForces, shaft: str, near: float, far: float) -> tuple[
     )
     at_far = -moment / (far - near)
     at_near = -total - at_far
+    down = others.index(1)
+    at_near[:, down] += weight / 2.0
+    at_far[:, down] += weight / 2.0
     return np.abs(axial), np.linalg.norm(at_near, axis=1), np.linalg.norm(at_far, axis=1)
