@@ -67,6 +67,14 @@ def test_a_chain_leads_through_microphones_other_than_the_first(rig: Rig) -> Non
     )
 
 
+def test_a_chain_may_pass_180_degrees(rig: Rig) -> None:
+    # Wires swapped, filters of another make: 0, 150, -150, 100 degrees.
+    wide = dataclasses.replace(rig, phase_deg=np.array([0.0, 150.0, -150.0, 100.0, *np.zeros(20)]))
+    calibration = calibrate(insertions(wide, [(1, 2), (2, 3), (3, 4), (2, 4)]))
+    phases = [c.phase.phase_deg[0] for c in calibration.channels]
+    np.testing.assert_allclose(phases, wide.phase_deg[:4], atol=0.1)
+
+
 def test_groups_without_a_shared_microphone_are_not_chained(rig: Rig) -> None:
     calibration = calibrate(insertions(rig, [(1, 2, 3), (4, 5, 6)]))
     phases = {c.channel: c.phase for c in calibration.channels}

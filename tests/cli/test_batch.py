@@ -334,6 +334,19 @@ def test_the_nearest_calibration_file_counts(tmp_path: Path, rig: Rig) -> None:
     assert rms["sub/deeper/a.tdms"] == rms["sub/a.tdms"]
 
 
+def test_a_calibration_file_counts_before_calibrator_recordings(
+    place: Path, tmp_path: Path, rig: Rig
+) -> None:
+    write_tdms(place / "calibrator.tdms", rig, calibrator_take(rig, (1, 2), 12000, RATE, 60))
+    (place / "calibration.toml").write_text(
+        'schema = 1\n[[channel]]\nchannel = "Mic 1"\nsensitivity = 25.0\n'
+    )
+    assert run(place, "-o", tmp_path / "out")[0] == 0
+    truth = np.sqrt(np.mean(sine(rig).truth[0] ** 2))
+    (found, *_) = table(tmp_path / "out" / "sine.txt")
+    assert float(found["rms"]) == pytest.approx(truth * 1000 * rig.sensitivity_V_per_Pa[0] / 25.0, rel=0.005)
+
+
 def test_a_failed_calibrator_recording_costs_the_others_nothing(
     place: Path, tmp_path: Path, rig: Rig
 ) -> None:
@@ -414,11 +427,13 @@ def test_the_place_in_use_is_not_written_to(place: Path, tmp_path: Path) -> None
     assert run(place, "-o", tmp_path / "out")[0] == 0
 
 
-def test_a_batch_leaves_nothing_but_its_tables(place: Path, tmp_path: Path) -> None:
+def test_a_batch_leaves_its_tables_and_what_it_can_be_resumed_from(place: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    (out / ".specan-parts").mkdir(parents=True)
-    (out / ".specan-parts" / "0000000.sine.txt").write_text("of a batch that was killed")
+    (out / ".specan").mkdir(parents=True)
+    (out / ".specan" / ".0123.result.part").write_text("of a batch that was killed")
+    (out / ".specan" / "0123.result").write_text("of a recording that is gone")
     assert run(place, "-o", out)[0] == 0
     names = sorted(p.name for p in out.iterdir())
-    assert names == ["bands.txt", "noise.txt", "other.txt", "sine.txt", "skipped.txt"]
-    assert "killed" not in (out / "sine.txt").read_text()
+    assert names == [".specan", "bands.txt", "noise.txt", "other.txt", "sine.txt", "skipped.txt"]
+    (kept,) = (out / ".specan").iterdir()
+    assert kept.name != "0123.result"

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from specan.errors import RequestError
@@ -10,6 +10,8 @@ from specan.io.results_text import fixed, frequencies, levels, phases, rows, sig
 
 
 @given(st.floats(-1e6, 1e6))
+@example(180.01)
+@example(-180.0)
 def test_phase_is_in_the_half_open_turn_after_rounding(angle: float) -> None:
     (text,) = phases(angle)
     value = float(text)
