@@ -74,13 +74,13 @@ def chart_constant(at_40: float, at_100: float) -> float:
     """Vogel's constant c, degC, with which the law meets the chart of ASTM D341 half-way between its points.
 
     The chart, ``log log (nu + 0.7)`` over ``log T`` with nu in mm^2/s, is what laboratories interpolate with. For
-    mineral oils c is 97 to 101 (Cameron, Basic Lubrication Theory, 3rd ed., 1981, gives 95 for all of them), for
+    mineral oils c is near 95 (Cameron, Basic Lubrication Theory, 3rd ed., 1981, gives that for all of them), for
     polyglycols of a high viscosity index up to 160.
 
     Examples
     --------
     >>> round(chart_constant(220e-6, 19e-6)), round(chart_constant(220e-6, 36e-6))
-    (98, 149)
+    (94, 144)
     """
     middle = (T_40 + T_100) / 2
     ends = [math.log10(math.log10(1e6 * nu + 0.7)) for nu in (at_40, at_100)]

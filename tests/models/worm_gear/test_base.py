@@ -214,7 +214,7 @@ def test_viscosity_follows_the_standard_chart(at_100):
     law = vogel(220e-6, 1e-6 * at_100, chart_constant(220e-6, 1e-6 * at_100))
     warm = kelvin >= 313.15
     np.testing.assert_allclose(1e6 * law(kelvin)[warm], chart[warm], rtol=0.004)
-    np.testing.assert_allclose(1e6 * law(kelvin), chart, rtol=0.03)
+    np.testing.assert_allclose(1e6 * law(kelvin), chart, rtol=0.04)
 
 
 def test_oil_level_changes_churning_only():
