@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -32,6 +31,8 @@ from specan_cli.output import emit_json, say, table
 @click.option("--sampling-rate", type=float, metavar="HZ", help="Of all files, instead of what they say.")
 @click.option("--lines", type=int, help="Lines of a transfer function up to fs/2.56 [default: 3200].")
 @click.option("--jobs", type=int, help="Number of processes [default: as many as are worth it].")
+@click.option("--cluster", metavar="ADDRESS", help="Work on a dask cluster: tcp://host:8786.")
+@click.option("--verify", is_flag=True, help="Look at every byte to see whether a file has changed.")
 @click.option("--json", "as_json", is_flag=True, help="Print a summary as JSON.")
 def command(
     directories: tuple[Path, ...],
@@ -44,11 +45,15 @@ def command(
     sampling_rate: float | None,
     lines: int | None,
     jobs: int | None,
+    cluster: str | None,
+    verify: bool,
     as_json: bool,
 ) -> int:
     """Analyse every recording (*.tdms, *.wav) below DIR and write sine.txt, noise.txt and the other tables.
 
     Calibrations that lie in DIR are applied: a calibration.toml, or recordings of a calibrator.
+
+    A batch that was interrupted goes on where it was when the same command is given again.
     """
     from specan.analysis.batch.run import run_batch
     from specan.analysis.batch.settings import read_settings
@@ -62,15 +67,24 @@ def command(
             "transfer_function": {"lines": lines},
         },
     )
-    report = run_batch(
-        directories,
-        output,
-        chosen,
-        calibration=calibration,
-        channel_table=channel_table,
-        jobs=jobs,
-        progress=progress_line(),
-    )
+    try:
+        report = run_batch(
+            directories,
+            output,
+            chosen,
+            calibration=calibration,
+            channel_table=channel_table,
+            jobs=jobs,
+            cluster=cluster,
+            verify=verify,
+            progress=progress_line(),
+            warn=say,
+        )
+    except KeyboardInterrupt:
+        say("What is done is kept: the same command goes on from here.")
+        raise
+    if report.resumed:
+        say(f"{report.resumed} results of an earlier run hold and were kept.")
     failed = report.of_kind("failed")
     for result in failed:
         say(f"Failed: {result.label}: {result.reason}")
@@ -104,11 +118,17 @@ def progress_line() -> Callable[[int, int, float], None] | None:
     """Shows files done and the time that remains, on a terminal only."""
     if not sys.stderr.isatty():
         return None
-    began = time.monotonic()
 
-    def show(count: int, total: int, part: float) -> None:
-        remaining = (time.monotonic() - began) * (1 - part) / max(part, 1e-9)
+    def show(count: int, total: int, remaining_s: float) -> None:
         end = "\n" if count == total else ""
-        click.echo(f"\r{count}/{total} files, about {remaining:.0f} s left   {end}", err=True, nl=False)
+        click.echo(
+            f"\r{count}/{total} files, about {_duration(remaining_s)} left   {end}", err=True, nl=False
+        )
 
     return show
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

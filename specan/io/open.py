@@ -138,9 +138,21 @@ def _table(given: ChannelTable | Path | str | None, path: Path, root: Path | Non
         return given
     if given is not None:
         return read_channel_table(given)
+    beside = channel_table_of(path, root)
+    return None if beside is None else read_channel_table(beside)
+
+
+def channel_table_of(path: Path, root: Path | None = None) -> Path | None:
+    """The channel table that applies to a recording: beside it, or in a directory above it up to `root`.
+
+    Raises
+    ------
+    RequestError
+        A directory holds two of them.
+    """
     for directory in _upwards(path.parent, root):
         if (table := find_channel_table(directory)) is not None:
-            return read_channel_table(table)
+            return table
     return None
 
 

@@ -36,8 +36,11 @@ def assign_calibrations(
     out: Path,
     settings: CalibrationSettings,
     open_headers: Callable[[Input], Recording],
+    known: Callable[[Input], bool] = lambda _: False,
 ) -> Assigned:
     """Give each file its calibration; calibrator recordings become results of their own.
+
+    Files that are `known` not to be calibrator recordings are not opened.
 
     The first that there is counts: the calibration that was given; a `calibration.toml` in the file's
     directory or in one above it, up to the directory of the batch; the calibrator recordings of that
@@ -52,8 +55,8 @@ def assign_calibrations(
     others: list[Input] = []
     for entry in inputs:
         try:
-            stated = stated_excitation(open_headers(entry))
-        except SpecanError:
+            stated = None if known(entry) else stated_excitation(open_headers(entry))
+        except (SpecanError, OSError):
             stated = None  # it will be opened again for its own sake, and then this is its reason
         (calibrators if stated is not None and stated.kind == "calibrator" else others).append(entry)
     if given is not None:

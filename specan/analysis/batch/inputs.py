@@ -61,13 +61,21 @@ def find_inputs(directories: Sequence[Path]) -> list[Input]:
     for recording in find_recordings(directories):
         below = recording.label if len(directories) == 1 else recording.label.split("/", 1)[1]
         root = recording.path.parents[below.count("/")]
-        found.append(Input(str(recording.path), recording.label, str(root), recording.path.stat().st_size))
+        path = str(recording.path)
+        found.append(Input(path, recording.label, str(root), _size(path)))
     if not found:
         listed = ", ".join(str(directory) for directory in directories)
         raise InputError(
             f"{listed} holds no recording", expected="files that end in .tdms or .wav, at any depth"
         )
     return found
+
+
+def _size(path: str) -> int:
+    try:
+        return os.stat(path).st_size
+    except OSError:
+        return 0  # a broken link, or gone already: the analysis says so
 
 
 @contextlib.contextmanager

@@ -58,6 +58,8 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
     except SpecanError as fault:
         kind: Kind = "aside" if isinstance(fault, NoSignalError) else "failed"
         return FileResult(entry.label, kind, entry.neutral(str(fault)))
+    except OSError as fault:
+        return FileResult(entry.label, "failed", f"it cannot be read ({fault.strerror or fault})")
     except Exception as fault:
         reason = f"specan met something it does not know: {type(fault).__name__}: {fault}"
         return FileResult(entry.label, "failed", entry.neutral(reason))

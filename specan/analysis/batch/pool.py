@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import signal
+import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -63,7 +66,8 @@ def _round(
     if not waiting:
         return [], []
     spawn = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(jobs, len(waiting)), spawn, prepare, context)
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(min(jobs, len(waiting)), spawn, _begin, (prepare, *context))
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
@@ -75,6 +79,24 @@ def _round(
                 yield running.pop(future), result
     except BrokenProcessPool:
         return waiting[::-1], sorted(running.values())
+    except BaseException:  # interrupted, or not wanted any more: nobody waits for what is in work
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+        raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
     return [], []
+
+
+def _begin(prepare: Callable[..., None], *context: Any) -> None:
+    """Prepare a process; it leaves interruptions to the one that began it, and ends with that one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    prepare(*context)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import os
-import shutil
+import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
 from specan.analysis.batch.inputs import Input, claim, find_inputs
-from specan.analysis.batch.one_file import analyse_file, open_headers
+from specan.analysis.batch.one_file import open_headers
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
+from specan.analysis.batch.resume import context_of, unchanged
 from specan.analysis.batch.settings import BatchSettings
+from specan.analysis.batch.store import Kept, Store
 from specan.analysis.batch.tables import write_tables
+from specan.analysis.batch.task import Outcome, analyse_unchanged
 from specan.data.calibration import Calibration
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import read_channel_table
 from specan.io.results_text import COLUMNS
 
-PARTS = ".specan-parts"
+STORE = ".specan"
 # Below this many bytes of recordings another process costs more than it gains.
 WORTH_A_PROCESS = 100_000_000
 Progress = Callable[[int, int, float], None]
@@ -37,10 +41,13 @@ class BatchReport:
         Sorted by label, without their lines.
     tables : tuple of Path
         The files that were written.
+    resumed : int
+        Number of results that an earlier batch had left.
     """
 
     results: tuple[FileResult, ...]
     tables: tuple[Path, ...]
+    resumed: int = 0
 
     def of_kind(self, kind: str) -> tuple[FileResult, ...]:
         """Results that are "done", "aside" or "failed"."""
@@ -55,13 +62,17 @@ def run_batch(
     calibration: Path | None = None,
     channel_table: Path | None = None,
     jobs: int | None = None,
+    cluster: str | None = None,
+    verify: bool = False,
     progress: Progress | None = None,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> BatchReport:
     """Analyse every recording below `directories` and write the tables into `out`.
 
-    Files are analysed independently, each with its samples read once, by `jobs` processes; the tables
-    are put together at the end in the order of the labels, so that they do not depend on the order in
-    which files were finished.
+    Files are analysed independently, each with its samples read once, by `jobs` processes or the workers
+    of a cluster. The result of each is kept in `out` as soon as it is there, and the tables are put together
+    at the end in the order of the labels: a batch that is interrupted goes on where it was when it is run again,
+    and its tables are those of one that was not.
 
     Parameters
     ----------
@@ -69,18 +80,27 @@ def run_batch(
         For all files, in place of what the directories hold.
     jobs : int, optional
         Number of processes; by default one for each core, but no more than the recordings are worth.
+    cluster : str, optional
+        Address of a dask scheduler whose workers analyse the files in place of processes here.
+    verify : bool
+        Hash every byte of the recordings to find out whether a kept result holds, in place of size, time and samples.
     progress : callable, optional
-        Called with the number of files done, of all files, and the part of all bytes that is done.
+        Called with the number of files done, of all files, and an estimate of the seconds that remain.
+    warn : callable, optional
+        Called with what the user should know while the work goes on.
 
     Raises
     ------
     RequestError
-        A directory does not exist, `out` cannot be written to, or the calibration is not valid.
+        A directory does not exist, `out` cannot be written to or is in use, the calibration is not valid, or the
+        cluster does not answer.
     InputError
         There is no recording.
     """
     if jobs is not None and jobs < 1:
         raise RequestError(f"the number of processes is {jobs}", expected="1 or more")
+    if jobs is not None and cluster is not None:
+        raise RequestError("processes and a cluster are asked for", expected="--jobs or --cluster, not both")
     settings = (settings or BatchSettings()).completed()
     inputs = [
         replace(entry, channel_table=str(channel_table or ""), sampling_rate=settings.sampling_rate)
@@ -88,71 +108,121 @@ def run_batch(
     ]
     if channel_table is not None:
         read_channel_table(channel_table)
-    if jobs is None:
-        worth = sum(entry.size for entry in inputs) // WORTH_A_PROCESS
-        jobs = max(1, min(os.cpu_count() or 1, worth))
     with claim(out, tuple(COLUMNS)):
-        parts = out / PARTS
-        shutil.rmtree(parts, ignore_errors=True)  # of a batch that was killed
-        parts.mkdir()
+        store = Store(out / STORE)
+        earlier = {entry.label: unchanged(entry, store, verify=verify) for entry in inputs}
+        assigned = assign_calibrations(
+            inputs,
+            calibration,
+            store.place,
+            settings.calibration,
+            open_headers,
+            lambda entry: earlier[entry.label] is not None,
+        )
+        context = context_of(settings)
+        kept: dict[str, Kept] = {}
+        for entry in assigned.inputs:
+            found = earlier[entry.label]
+            if found is not None and found.context == context(entry):
+                kept[entry.label] = found
+        resumed, failed = len(kept), list[FileResult]()
+        todo = [entry for entry in assigned.inputs if entry.label not in kept]
+        for entry, outcome in _watched(
+            todo, _outcomes(todo, settings, jobs, cluster, verify, warn), len(kept), progress
+        ):
+            if outcome.identity is None:
+                failed.append(outcome.result)
+            else:
+                kept[entry.label] = store.put(outcome.result, outcome.identity, context(entry))
+        results = [*assigned.calibrators, *failed, *(one.result for one in kept.values())]
+        results.sort(key=lambda result: result.label)
+        header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
+        if channel_table is not None:
+            header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
+        write_tables(store.place, header, results, kept)
+        _publish(store.place, out)
+        store.keep_only(kept)
+    return BatchReport(tuple(results), tuple(out / name for name in COLUMNS), resumed)
+
+
+def _watched(
+    todo: Sequence[Input],
+    outcomes: Iterator[tuple[int, Outcome]],
+    before: int,
+    progress: Progress | None,
+) -> Iterator[tuple[Input, Outcome]]:
+    """The outcomes with their inputs; tells the progress of each."""
+    begin, left = time.monotonic(), sum(entry.size for entry in todo)
+    total, done = max(left, 1), 0
+    with closing(outcomes):  # type: ignore[type-var]
+        for count, (position, outcome) in enumerate(outcomes, before + 1):
+            yield todo[position], outcome
+            done += todo[position].size
+            if progress is not None:
+                remaining = (time.monotonic() - begin) * (total - done) / max(done, 1)
+                progress(count, before + len(todo), remaining)
+
+
+def _outcomes(
+    todo: Sequence[Input],
+    settings: BatchSettings,
+    jobs: int | None,
+    cluster: str | None,
+    verify: bool,
+    warn: Callable[[str], None],
+) -> Iterator[tuple[int, Outcome]]:
+    """Position and outcome of every file, in the order in which they are ready."""
+    if cluster is not None:
+        from specan.analysis.batch.cluster import spread_over_cluster
+
+        yield from spread_over_cluster(cluster, todo, settings, _calibrations_of(todo), verify, warn)
+        return
+    if jobs is None:
+        worth = sum(entry.size for entry in todo) // WORTH_A_PROCESS
+        jobs = max(1, min(os.cpu_count() or 1, worth))
+    context = (settings.model_dump_json(), _calibrations_of(todo), verify)
+    yield from spread(todo, _one, _prepare, context, jobs, _lost)
+
+
+def _calibrations_of(todo: Sequence[Input]) -> dict[str, Calibration]:
+    return {path: read_calibration(path) for path in sorted({entry.calibration for entry in todo} - {""})}
+
+
+def _publish(ready: Path, out: Path) -> None:
+    """Put tables that are complete in place, one right after the other."""
+    for path in [*sorted(ready.glob("*.toml")), *(ready / name for name in COLUMNS)]:
         try:
-            assigned = assign_calibrations(inputs, calibration, out, settings.calibration, open_headers)
-            results = [*assigned.calibrators]
-            blocks: dict[str, dict[str, Path]] = {}
-            for position, result in _work(assigned.inputs, settings, jobs, progress):
-                blocks[result.label] = _keep(parts, position, result)
-                results.append(replace(result, blocks={}))
-            results.sort(key=lambda result: result.label)
-            header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
-            if channel_table is not None:
-                header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
-            write_tables(out, header, results, blocks)
-        finally:
-            shutil.rmtree(parts, ignore_errors=True)
-    return BatchReport(tuple(results), tuple(out / name for name in COLUMNS))
-
-
-def _work(
-    inputs: Sequence[Input], settings: BatchSettings, jobs: int, progress: Progress | None
-) -> Iterator[tuple[int, FileResult]]:
-    total, done = max(sum(entry.size for entry in inputs), 1), 0
-    context = (settings.model_dump_json(),)
-    for count, (position, result) in enumerate(spread(inputs, _one, _prepare, context, jobs, _lost), 1):
-        done += inputs[position].size
-        if progress is not None:
-            progress(count, len(inputs), done / total)
-        yield position, result
-
-
-def _keep(parts: Path, position: int, result: FileResult) -> dict[str, Path]:
-    """The lines of a file on disk until all are there: memory does not grow with the number of files."""
-    kept = {}
-    for table, lines in result.blocks.items():
-        kept[table] = parts / f"{position:07d}.{table}"
-        kept[table].write_text(lines, encoding="utf-8", newline="\n")
-    return kept
+            path.replace(out / path.name)
+        except OSError as fault:
+            raise RequestError(
+                f"{path.name} cannot be written to {out} ({fault.strerror or fault})",
+                remedy="close the program that has it open, and run the same command again",
+            ) from None
 
 
 # What a process needs for its files, set once by `_prepare`.
 _settings = BatchSettings()
 _calibrations: dict[str, Calibration] = {}
+_verify = False
 
 
-def _prepare(settings: str) -> None:
-    global _settings  # noqa: PLW0603 - the initialiser of a process has no other place
-    _settings = BatchSettings.model_validate_json(settings)
+def _prepare(settings: str, calibrations: dict[str, Calibration], verify: bool) -> None:
+    global _settings, _verify
+    _settings, _verify = BatchSettings.model_validate_json(settings), verify
     _calibrations.clear()
+    _calibrations.update(calibrations)
 
 
-def _one(entry: Input) -> FileResult:
-    if entry.calibration and entry.calibration not in _calibrations:
-        _calibrations[entry.calibration] = read_calibration(entry.calibration)
-    return analyse_file(entry, _settings, _calibrations.get(entry.calibration))
+def _one(entry: Input) -> Outcome:
+    return analyse_unchanged(entry, _settings, _calibrations.get(entry.calibration), whole=_verify)
 
 
-def _lost(entry: Input) -> FileResult:
-    return FileResult(
-        entry.label,
-        "failed",
-        "the process that analysed it was ended from outside (memory?); run it alone, or with fewer processes",
+def _lost(entry: Input) -> Outcome:
+    return Outcome(
+        FileResult(
+            entry.label,
+            "failed",
+            "the process that analysed it was ended from outside (memory?); "
+            "run it alone, or with fewer processes",
+        )
     )

@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from specan import __version__
 from specan.analysis.batch.result import FileResult
+from specan.analysis.batch.store import Kept
 from specan.analysis.batch.tone_lines import joined_lines
 from specan.analysis.stepped_sine import join_stepped_sine
 from specan.data.frequency_response import FrequencyResponse
@@ -33,7 +34,7 @@ UNITS = {
 
 
 def write_tables(
-    out: Path, header: Sequence[str], results: Sequence[FileResult], parts: Mapping[str, Mapping[str, Path]]
+    out: Path, header: Sequence[str], results: Sequence[FileResult], kept: Mapping[str, Kept]
 ) -> None:
     """Write every table, those without a row as well.
 
@@ -42,19 +43,19 @@ def write_tables(
     header : sequence of str
         Lines on settings and calibration.
     results : sequence of FileResult
-        Sorted by label, without their blocks.
-    parts : mapping
-        Label to table to the file that holds the block of lines.
+        Sorted by label.
+    kept : mapping
+        Label to where the lines of a file stand.
     """
     for name, columns in text.COLUMNS.items():
-        here = [r for r in results if name in parts.get(r.label, {})]
+        here = [r for r in results if r.label in kept and name in kept[r.label].places]
         about = [f"file {r.label}: {line}" for r in here for line in r.about]
         if name == "skipped.txt":
             lines: Iterator[str] = _skipped(results)
         elif name == "sine.txt":
-            lines = _sine_lines(results, _blocks(name, here, parts))
+            lines = _sine_lines(results, _blocks(name, here, kept))
         else:
-            lines = (block for _, block in _blocks(name, here, parts))
+            lines = (block for _, block in _blocks(name, here, kept))
         text.write_table(out / name, [*_head(name, header), *about], columns, lines)
 
 
@@ -68,11 +69,9 @@ def _head(name: str, header: Sequence[str]) -> list[str]:
     ]
 
 
-def _blocks(
-    name: str, results: Sequence[FileResult], parts: Mapping[str, Mapping[str, Path]]
-) -> Iterator[tuple[str, str]]:
+def _blocks(name: str, results: Sequence[FileResult], kept: Mapping[str, Kept]) -> Iterator[tuple[str, str]]:
     for result in results:
-        yield result.label, parts[result.label][name].read_text(encoding="utf-8")
+        yield result.label, kept[result.label].lines(name)
 
 
 def _skipped(results: Sequence[FileResult]) -> Iterator[str]:

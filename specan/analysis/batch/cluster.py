@@ -1,0 +1,243 @@
+"""Files spread over the workers of a dask cluster, which read them from a path that all machines share."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from specan.analysis.batch.identity import identify, program_identity
+from specan.analysis.batch.inputs import Input
+from specan.analysis.batch.result import FileResult
+from specan.analysis.batch.settings import BatchSettings
+from specan.analysis.batch.task import Outcome, analyse_unchanged
+from specan.data.calibration import Calibration
+from specan.errors import RequestError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+# Seconds: for the scheduler to answer, and for a first worker, or another after the last one has gone.
+ANSWER, WORKER = 5.0, 30.0
+_EXAMPLE = "that of a dask scheduler, such as tcp://host:8786"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker is told: a path, the hash of the file that should be there, and how to analyse it."""
+
+    entry: Input
+    digest: str
+    settings: str
+    calibration: Calibration | None
+    program: str
+    whole: bool
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A worker cannot do a task; `everywhere` where no other worker should try."""
+
+    worker: str
+    reason: str
+    everywhere: bool = False
+
+
+def spread_over_cluster(
+    address: str,
+    entries: Sequence[Input],
+    settings: BatchSettings,
+    calibrations: Mapping[str, Calibration],
+    whole: bool,
+    warn: Callable[[str], None],
+) -> Iterator[tuple[int, Outcome]]:
+    """Position and outcome of every file, in the order in which they are ready.
+
+    A file whose worker dies, or does not see it, is given to another worker.
+
+    Parameters
+    ----------
+    address : str
+        Of the scheduler.
+    calibrations : mapping
+        Those that the entries name.
+    whole : bool
+        Hash all bytes of the files.
+    warn : callable
+        Told once for each worker that does not see a file.
+
+    Raises
+    ------
+    RequestError
+        The scheduler does not answer, has no workers or is lost, a worker runs another version, or no
+        worker sees a file.
+    """
+    if not entries:
+        return
+    with _connected(address) as client:
+        work = _Work(client, entries, settings, calibrations, whole, warn)
+        try:
+            yield from work.outcomes()
+        except (CancelledError, OSError) as fault:
+            raise RequestError(
+                f"the connection to the scheduler {address} was lost ({type(fault).__name__})",
+                remedy="start it and run the same command again: what is done is kept",
+            ) from None
+
+
+@contextmanager
+def _connected(address: str) -> Iterator[Client]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise RequestError(
+            "a cluster needs the package distributed",
+            remedy="install it with the extra 'cluster' of specan",
+        ) from None
+    if not re.fullmatch(r"(\w+://)?[^/]+:\d+", address):
+        raise RequestError(f"{address!r} is no address of a cluster", expected=_EXAMPLE)
+    try:
+        client = Client(address, timeout=ANSWER, set_as_default=False)
+    except (OSError, ValueError) as fault:
+        raise RequestError(
+            f"the cluster address {address} does not answer ({str(fault).splitlines()[0]})",
+            expected=_EXAMPLE,
+            remedy="start one with 'dask scheduler', or check the address",
+        ) from None
+    try:
+        yield client
+    finally:
+        client.close(timeout=ANSWER)
+
+
+class _Work:
+    """The files of a batch on their way through the workers."""
+
+    def __init__(
+        self,
+        client: Client,
+        entries: Sequence[Input],
+        settings: BatchSettings,
+        calibrations: Mapping[str, Calibration],
+        whole: bool,
+        warn: Callable[[str], None],
+    ) -> None:
+        self._client, self._entries, self._warn = client, entries, warn
+        self._calibrations, self._whole = calibrations, whole
+        self._settings = settings.model_dump_json()
+        self._running: dict[Future, int] = {}
+        self._refused: dict[int, dict[str, str]] = {}
+        self._told: set[str] = set()
+
+    def outcomes(self) -> Iterator[tuple[int, Outcome]]:
+        """Keep every worker busy until all is done; few tasks are under way, so that memory stays bounded."""
+        self._wait_for_workers()
+        waiting = list(range(len(self._entries)))[::-1]
+        while waiting or self._running:
+            room = 2 * sum(self._client.nthreads().values()) - len(self._running)
+            for _ in range(min(max(room, 0 if self._running else 1), len(waiting))):
+                self._submit(waiting.pop())
+            for future in self._ready():
+                position = self._running.pop(future)
+                outcome = self._outcome(position, future)
+                if outcome is not None:
+                    yield position, outcome
+
+    def _wait_for_workers(self) -> None:
+        try:
+            self._client.wait_for_workers(1, timeout=WORKER)
+        except TimeoutError:
+            raise RequestError(
+                f"the scheduler {self._client.scheduler.address} has no worker",  # type: ignore[union-attr]
+                remedy="start some with 'dask worker ADDRESS'; what is done is kept",
+            ) from None
+
+    def _submit(self, position: int) -> None:
+        entry = self._entries[position]
+        path = os.path.abspath(entry.path)
+        try:
+            digest = identify(path).digest
+        except OSError:
+            digest = ""  # gone or not to be read from here either: the analysis will say so
+        task = Task(
+            replace(entry, path=path, root=os.path.abspath(entry.root)),
+            digest,
+            self._settings,
+            self._calibrations.get(entry.calibration),
+            program_identity(),
+            self._whole,
+        )
+        refused = self._refused.get(position, {})
+        allowed = [worker for worker in self._client.nthreads() if worker not in refused] if refused else None
+        self._running[self._client.submit(run_task, task, pure=False, workers=allowed)] = position
+
+    def _ready(self) -> list[Future]:
+        from distributed import wait
+
+        while True:
+            try:
+                with self._client.as_current():
+                    found = wait(list(self._running), timeout=WORKER, return_when="FIRST_COMPLETED")
+                return list(found.done)
+            except TimeoutError:
+                if not self._client.nthreads():
+                    self._wait_for_workers()
+
+    def _outcome(self, position: int, future: Future) -> Outcome | None:
+        """What a task has given; None where it was given to another worker."""
+        from distributed import KilledWorker
+
+        entry = self._entries[position]
+        try:
+            found: Outcome | Refusal = future.result()
+        except KilledWorker:
+            reason = "every worker that analysed it was ended from outside (memory?); run it alone"
+            return Outcome(FileResult(entry.label, "failed", reason))
+        except ImportError as fault:
+            raise RequestError(
+                f"a worker of the cluster cannot load specan ({fault})", remedy="install it on every worker"
+            ) from None
+        if isinstance(found, Outcome):
+            return found
+        if found.everywhere:
+            raise RequestError(
+                found.reason, remedy="install the same versions everywhere and restart the workers"
+            )
+        refused = self._refused.setdefault(position, {})
+        refused[found.worker] = found.reason
+        if not set(self._client.nthreads()) - set(refused):
+            raise RequestError(
+                found.reason,
+                expected="recordings on a path that every worker sees, the same as here",
+                remedy="mount it there; what is done is kept",
+            )
+        if found.worker not in self._told:
+            self._told.add(found.worker)
+            self._warn(f"{found.reason}; its files go to other workers.")
+        self._submit(position)
+        return None
+
+
+def run_task(task: Task) -> Outcome | Refusal:
+    """Analyse one file on a worker."""
+    from distributed import get_worker
+
+    worker: Any = get_worker().address
+    mine = program_identity()
+    if mine != task.program:
+        return Refusal(
+            worker, f"the worker {worker} runs {mine}, and this is {task.program}", everywhere=True
+        )
+    if task.digest:
+        try:
+            digest = identify(task.entry.path).digest
+        except OSError as fault:
+            return Refusal(worker, f"the worker {worker} cannot read {task.entry.path} ({fault.strerror})")
+        if digest != task.digest:
+            return Refusal(worker, f"the worker {worker} sees another file at {task.entry.path}")
+    settings = BatchSettings.model_validate_json(task.settings)
+    return analyse_unchanged(task.entry, settings, task.calibration, whole=task.whole)

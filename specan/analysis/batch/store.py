@@ -1,0 +1,169 @@
+"""Results of single files on disk, so that a batch can be interrupted and resumed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from specan.analysis.batch.identity import Identity
+from specan.analysis.batch.result import FileResult
+from specan.data.tone import ToneTable
+from specan.errors import RequestError
+from specan.io.results_text import replacing
+
+_SCHEMA, _SUFFIX = 1, ".result"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A result that stands in the store.
+
+    Attributes
+    ----------
+    result : FileResult
+        Without its lines; see `lines`.
+    identity : Identity
+        Of the recording that it was made from.
+    context : str
+        What else it was made from: settings, calibration, program.
+    path : Path
+    places : mapping of str to (int, int)
+        First byte and number of bytes of the lines of each table.
+    """
+
+    result: FileResult
+    identity: Identity
+    context: str
+    path: Path
+    places: Mapping[str, tuple[int, int]]
+
+    def lines(self, table: str) -> str:
+        """Lines of one table."""
+        start, size = self.places[table]
+        with self.path.open("rb") as file:
+            file.seek(start)
+            return file.read(size).decode("utf-8")
+
+
+class Store:
+    """A directory with one file for each result: one line of JSON, then the lines of the tables.
+
+    A result is written beside its place and put there as a whole: what is in the store is complete.
+
+    Parameters
+    ----------
+    place : Path
+        Made if it does not exist; what an interrupted write has left there is removed.
+    """
+
+    def __init__(self, place: Path) -> None:
+        self.place = place
+        try:
+            place.mkdir(exist_ok=True)
+            for half in place.glob("*.part"):
+                half.unlink()
+        except OSError as fault:
+            raise RequestError(f"{place} cannot be used ({fault.strerror})", remedy="remove it") from None
+
+    def find(self, label: str) -> Kept | None:
+        """The result of a file; None where there is none, or none that this version can read."""
+        path = self._path(label)
+        try:
+            with path.open("rb") as file:
+                head = file.readline()
+                found = json.loads(head)
+                if found["schema"] != _SCHEMA or found["label"] != label:
+                    return None
+                places, end = {}, len(head)
+                for table, size in found["lines"].items():
+                    places[table] = (end, size)
+                    end += size
+                if file.seek(0, 2) != end:
+                    return None
+                result = _result(found)
+                return Kept(result, Identity(**found["identity"]), found["context"], path, places)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
+
+    def put(self, result: FileResult, identity: Identity, context: str) -> Kept:
+        """Keep a result; it is read back, so that a new result and a kept one are the same to whoever asks.
+
+        Raises
+        ------
+        RequestError
+            There is no room, or the store cannot be written to.
+        """
+        head = {
+            "schema": _SCHEMA,
+            "label": result.label,
+            "context": context,
+            "identity": asdict(identity),
+            "kind": result.kind,
+            "reason": result.reason,
+            "about": result.about,
+            "set_aside": result.set_aside,
+            "tone": None if result.tone is None else _plain(result.tone),
+            "lines": {table: len(lines.encode()) for table, lines in result.blocks.items()},
+        }
+        try:
+            with replacing(self._path(result.label)) as file:
+                file.write(json.dumps(head) + "\n")
+                for lines in result.blocks.values():
+                    file.write(lines)
+        except RequestError as fault:
+            raise RequestError(
+                f"the result of {result.label} cannot be kept: {fault.found}",
+                expected="room in the output directory",
+                remedy="make room and run the same command again: what is done is kept",
+            ) from None
+        kept = self.find(result.label)
+        assert kept is not None
+        return kept
+
+    def renew(self, kept: Kept, identity: Identity) -> Kept:
+        """Keep a result that still holds for a file with a new time or a full hash."""
+        blocks = {table: kept.lines(table) for table in kept.places}
+        return self.put(replace(kept.result, blocks=blocks), identity, kept.context)
+
+    def keep_only(self, labels: Iterable[str]) -> None:
+        """Remove the results of all other files."""
+        wanted = {self._path(label).name for label in labels}
+        for path in self.place.glob(f"*{_SUFFIX}"):
+            if path.name not in wanted:
+                path.unlink(missing_ok=True)
+
+    def _path(self, label: str) -> Path:
+        return self.place / (hashlib.sha256(label.encode()).hexdigest()[:32] + _SUFFIX)
+
+
+def _plain(tone: ToneTable) -> dict[str, Any]:
+    """A tone table for JSON: numbers keep every digit, arrays are marked as such."""
+    found = {}
+    for field in fields(tone):
+        value = getattr(tone, field.name)
+        found[field.name] = {"array": value.tolist()} if isinstance(value, np.ndarray) else value
+    return found
+
+
+def _result(found: Mapping[str, Any]) -> FileResult:
+    tone = found["tone"]
+    if tone is not None:
+        tone = ToneTable(**{name: _restored(value) for name, value in tone.items()})
+    about, aside = _restored(found["about"]), _restored(found["set_aside"])
+    return FileResult(found["label"], found["kind"], found["reason"], about, {}, tone, aside)
+
+
+def _restored(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_restored(entry) for entry in value)
+    if isinstance(value, dict):
+        if set(value) == {"array"}:
+            return np.array(value["array"], dtype=float)
+        return {key: _restored(entry) for key, entry in value.items()}
+    return value
