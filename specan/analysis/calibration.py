@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from specan.analysis.insertion import CalibrationSettings, Heard, Insertion, evaluate_insertion
-from specan.analysis.phase_chain import ChainedPhase, chain_phases
+from specan.analysis.phase_chain import ChainedPhase, chain_phases, natural
 from specan.data.calibration import Calibration, ChannelCalibration, Verdict
 from specan.data.recording import PhaseCalibration, Recording
 from specan.errors import InputError
@@ -93,11 +92,6 @@ def join_insertions(
         notes=tuple(notes),
         source="calibrator recordings",
     )
-
-
-def natural(name: str) -> list[tuple[int, int | str]]:
-    """Sorting key under which "Mic 2" stands before "Mic 10"."""
-    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name) if part]
 
 
 def _tones(insertions: Sequence[Insertion]) -> list[list[float]]:

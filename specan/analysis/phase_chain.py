@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ from specan.analysis.insertion import Insertion
 
 @dataclass(frozen=True)
 class ChainedPhase:
-    """Phase relative to `reference`, the first channel that chains of shared microphones lead to."""
+    """Phase relative to `reference`, the first channel of all that chains of shared microphones lead to."""
 
     phase_deg: float
     u_phase_deg: float
@@ -59,9 +60,8 @@ def _connected(insertions: Sequence[Insertion]) -> list[list[Insertion]]:
 
 
 def _adjust(insertions: Sequence[Insertion]) -> dict[str, ChainedPhase]:
-    """Least squares over one connected group; the reference is the channel that opens most insertions."""
-    firsts = [insertion.heard[0].channel for insertion in insertions]
-    reference = max(firsts, key=lambda name: (firsts.count(name), -firsts.index(name)))
+    """Least squares over one connected group; the reference is its first channel as people count."""
+    reference = min((h.channel for insertion in insertions for h in insertion.heard), key=natural)
     rough = _rough(insertions, reference)
     unknown = [name for name in rough if name != reference]
     columns = {name: i for i, name in enumerate(unknown)}
@@ -100,6 +100,11 @@ def _rough(insertions: Sequence[Insertion], reference: str) -> dict[str, float]:
         for h in insertion.heard:
             rough.setdefault(h.channel, rough[tie.channel] + h.phase_deg - tie.phase_deg)
     return rough
+
+
+def natural(name: str) -> list[tuple[int, int | str]]:
+    """Sorting key under which "Mic 2" stands before "Mic 10"."""
+    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name) if part]
 
 
 def _wrap(degrees: float) -> float:

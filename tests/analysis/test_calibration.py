@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from specan.analysis.calibration import calibrate, natural
+from specan.analysis.calibration import calibrate
 from specan.analysis.insertion import CalibrationSettings, evaluate_insertion
+from specan.analysis.phase_chain import natural
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
 from specan.testing.rig import Rig, Take, box_rig, calibrator_take
