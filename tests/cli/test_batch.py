@@ -437,3 +437,25 @@ def test_a_batch_leaves_its_tables_and_what_it_can_be_resumed_from(place: Path, 
     assert names == [".specan", "bands.txt", "noise.txt", "other.txt", "sine.txt", "skipped.txt"]
     (kept,) = (out / ".specan").iterdir()
     assert kept.name != "0123.result"
+
+
+@pytest.mark.parametrize("make", [sine, noise])
+def test_a_group_at_another_rate_is_analysed_or_named(tmp_path: Path, rig: Rig, make) -> None:
+    take = make(rig)
+    path = tmp_path / "in" / "two_rates.tdms"
+    write_tdms(path, rig, take)
+    with TdmsWriter(str(path), mode="a") as writer:
+        properties = {"wf_increment": 1 / 16000, "wf_start_offset": 0.0, "unit_string": "V"}
+        spare = ChannelObject("Fast", "Spare", np.sin(np.arange(2.0 * take.volts.shape[1])), properties)
+        writer.write_segment([GroupObject("Fast"), spare])
+    out = tmp_path / "out"
+    assert run(tmp_path / "in", "-o", out)[0] == 0
+    if make is sine:
+        assert {row["channel"] for row in table(out / "sine.txt")} == {*FEW, "energy-mean"}
+        (row,) = table(out / "skipped.txt")
+        assert (row["channel"], row["kind"]) == ("Fast/Spare", "aside")
+        assert "16000 Hz, not at 8000 Hz" in row["reason"]
+    else:
+        assert {row["channel"] for row in table(out / "noise.txt")} == set(FEW[:3])
+        assert {row["channel"] for row in table(out / "bands.txt")} == {*FEW, "Spare"}
+        assert table(out / "skipped.txt") == []
