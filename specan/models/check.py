@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models.assembly import Assembly
 from specan.models.effect import Effect, Use
-from specan.models.model import Assembly, Model
+from specan.models.model import Model
 
 
 def check_effect(

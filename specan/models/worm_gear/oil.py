@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.models.quantity import Quantity, constant, quantity
 from specan.models.worm_gear.rig import Choice, Oil
@@ -52,7 +52,7 @@ def viscosity_quantities(oil: Oil, choice: Choice) -> list[Quantity]:
     ]
 
 
-Law = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Law = Callable[[Any], Any]  # kelvin to m^2/s, numbers or arrays
 
 
 def vogel(at_40: float, at_100: float, constant: float) -> Law:

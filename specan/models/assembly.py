@@ -1,0 +1,348 @@
+"""A model with some of its effects switched on: evaluated for conditions and parameter values."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from specan.errors import ComputationError, RequestError, nearest
+from specan.models.effect import Effect, Use
+from specan.models.fixed_point import settle
+from specan.models.graph import components, cut
+from specan.models.parameter import Parameter
+from specan.units import convert
+
+if TYPE_CHECKING:
+    from specan.models.model import Model
+
+BASE = "base"  # the name of the part of a quantity that is no effect's
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A model with a set of effects switched on; evaluated for conditions and parameter values."""
+
+    model: Model
+    uses: tuple[Use, ...]
+
+    @cached_property
+    def parameters(self) -> dict[str, Parameter]:
+        """Every parameter by its full name (``churning.exponent``, ``wall-impedance@z1.mass``)."""
+        found = {
+            f"{node.name}.{name}": parameter
+            for node in self.model.quantities.values()
+            for name, parameter in node.parameters.items()
+        }
+        for use in self.uses:
+            effect = self.model.effects[use.name]
+            found |= {f"{use}.{name}": parameter for name, parameter in effect.parameters.items()}
+        return found
+
+    @cached_property
+    def neutral(self) -> dict[str, float]:
+        """SI values at which every effect of the assembly vanishes."""
+        return {
+            f"{use}.{name}": value
+            for use in self.uses
+            for name, value in self.model.effects[use.name].neutral_si.items()
+        }
+
+    @cached_property
+    def validity(self) -> dict[str, tuple[float, float]]:
+        """SI range of each quantity within which all effects hold: the intersection of theirs."""
+        ranges: dict[str, tuple[float, float]] = {}
+        for use in self.uses:
+            for name, (low, high, unit) in self.model.effects[use.name].valid.items():
+                node = self.model.quantities.get(name) or self.model.conditions.get(name)
+                si = node.unit if node else unit
+                old = ranges.get(name, (float("-inf"), float("inf")))
+                ranges[name] = (max(old[0], convert(low, unit, si)), min(old[1], convert(high, unit, si)))
+        return ranges
+
+    def defaults(self) -> dict[str, float]:
+        """SI default of every parameter."""
+        return {name: parameter.si.default for name, parameter in self.parameters.items()}
+
+    def free(self, varying: Collection[str]) -> tuple[str, ...]:
+        """Parameters that a fit sets free, where only some conditions take several values (see `varying`)."""
+        return tuple(
+            name
+            for name, parameter in self.parameters.items()
+            if not parameter.fixed and all(needed in varying for needed in parameter.needs)
+        )
+
+    def evaluate(
+        self,
+        conditions: Mapping[str, Any],
+        values: Mapping[str, Any] | None = None,
+        wanted: Sequence[str] | None = None,
+        after: Evaluation | None = None,
+        changed: Iterable[str] = (),
+    ) -> Evaluation:
+        """Evaluate for SI conditions (arrays) and SI parameter values (defaults where none is given).
+
+        Parameters
+        ----------
+        conditions : mapping
+            ``{name: array}``; a missing condition takes its default.
+        values : mapping, optional
+            ``{"effect.parameter": value}``; a vector for a parameter with an axis.
+        wanted : sequence of str, optional
+            Quantities to evaluate, with what they read; all by default.
+        after : Evaluation, optional
+            An evaluation at the same conditions from which only the parameters named in `changed`
+            differ: what does not depend on them is taken over. A derivative by a microphone's gain
+            then costs no sound field.
+        changed : iterable of str
+            Full names of those parameters.
+
+        Raises
+        ------
+        ComputationError
+            A loop that an effect closes does not settle.
+        """
+        parameters = {**self._defaults, **(values or {})}
+        known: dict[str, Any] = dict(self._condition_defaults)
+        known.update(conditions)
+        parts: dict[str, dict[str, Any]] = {}
+        needed = self._needed(tuple(wanted)) if wanted is not None else None
+        touched = self._downstream(tuple(changed)) if after is not None else None
+        for loop in self._plan:
+            if after is not None and touched is not None and not touched.intersection(loop):
+                known.update((name, after.values[name]) for name in loop if name in after.values)
+                parts.update((name, dict(after.parts[name])) for name in loop if name in after.parts)
+                continue
+            if needed is not None and not needed.intersection(loop):
+                continue
+            if len(loop) == 1 and loop[0] not in self._reads[loop[0]]:
+                self._value(loop[0], known, parameters, parts)
+            else:
+                self._settle(loop, known, parameters, parts)
+        return Evaluation(known, parts)
+
+    # --- how it is done -----------------------------------------------------------------------
+
+    @cached_property
+    def _defaults(self) -> dict[str, float]:
+        return self.defaults()
+
+    @cached_property
+    def _condition_defaults(self) -> dict[str, float]:
+        return {
+            name: float(convert(c.default, c.column_unit or c.unit, c.unit))
+            for name, c in self.model.conditions.items()
+            if c.default is not None
+        }
+
+    @cached_property
+    def _acting(self) -> dict[str, list[Use]]:
+        """Uses that change each quantity, in identifier order."""
+        acting: dict[str, list[Use]] = {name: [] for name in self.model.quantities}
+        for use in self.uses:
+            for name in self.model.effects[use.name].changes:
+                acting[name].append(use)
+        return acting
+
+    @cached_property
+    def _reads(self) -> dict[str, tuple[str, ...]]:
+        """Quantities that each quantity depends on, effects included."""
+        quantities = self.model.quantities
+        return {
+            name: tuple(
+                r
+                for r in dict.fromkeys(
+                    (
+                        *node.reads,
+                        *(r for use in self._acting[name] for r in self.model.effects[use.name].reads),
+                    )
+                )
+                if r in quantities
+            )
+            for name, node in quantities.items()
+        }
+
+    @cached_property
+    def _plan(self) -> list[list[str]]:
+        """Quantities in the order of evaluation; those of one loop together, in the base's order."""
+        base_order = {
+            name: i
+            for i, part in enumerate(components({n: q.reads for n, q in self.model.quantities.items()}))
+            for name in part
+        }
+        return [sorted(part, key=base_order.__getitem__) for part in components(self._reads)]
+
+    @cached_property
+    def _walks(self) -> dict[tuple[str, ...], tuple[list[str], tuple[str, ...]]]:
+        """For each loop: the order in which it is walked, and what is guessed to begin with."""
+        return {tuple(loop): cut(loop, self._reads) for loop in self._plan}
+
+    @cached_property
+    def _needed_cache(self) -> dict[tuple[str, ...], set[str]]:
+        return {}
+
+    def _needed(self, wanted: tuple[str, ...]) -> set[str]:
+        if wanted not in self._needed_cache:
+            seen: set[str] = set()
+            stack = list(wanted)
+            while stack:
+                name = stack.pop()
+                if name not in seen and name in self.model.quantities:
+                    seen.add(name)
+                    stack.extend(self._reads[name])
+            self._needed_cache[wanted] = seen
+        return self._needed_cache[wanted]
+
+    @cached_property
+    def _downstream_cache(self) -> dict[tuple[str, ...], set[str]]:
+        return {}
+
+    def _downstream(self, changed: tuple[str, ...]) -> set[str]:
+        """Quantities that depend on any of the parameters."""
+        if changed not in self._downstream_cache:
+            touched: set[str] = set()
+            for parameter in changed:
+                owner = parameter.rpartition(".")[0]
+                if owner in self.model.quantities:
+                    touched.add(owner)
+                else:
+                    touched.update(self.model.effects[Use.parse(owner).name].changes)
+            for part in self._plan:  # what is read comes first, so one pass suffices
+                if any(not touched.isdisjoint(self._reads[name]) or name in touched for name in part):
+                    touched.update(part)
+            self._downstream_cache[changed] = touched
+        return self._downstream_cache[changed]
+
+    def _value(
+        self,
+        name: str,
+        known: dict[str, Any],
+        parameters: Mapping[str, Any],
+        parts: dict[str, dict[str, Any]],
+    ) -> None:
+        """(base + what is added) x what scales it; or the base collection and what joins it."""
+        node = self.model.quantities[name]
+        base = node(
+            *(_read(known, r, name) for r in node.reads),
+            **{p: parameters[f"{name}.{p}"] for p in node.parameters},
+        )
+        contributions: dict[str, Any] = {BASE: base}
+        total, factor = base, None
+        for use in self._acting[name]:
+            effect = self.model.effects[use.name]
+            given = self._contribution(use, effect, name, known, parameters)
+            contributions[str(use)] = given
+            if name in effect.joins:
+                total = (*total, given)
+            elif name in effect.adds_to:
+                total = total + given
+            else:
+                factor = given if factor is None else factor * given
+        known[name] = total if factor is None else total * factor
+        parts[name] = contributions
+
+    def _contribution(
+        self, use: Use, effect: Effect, name: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
+    ) -> Any:
+        given = effect.function(
+            *(_read(known, r, effect.name) for r in effect.reads),
+            **{p: parameters[f"{use}.{p}"] for p in effect.parameters},
+        )
+        if len(effect.changes) > 1:
+            given = given[name]
+        if effect.at and name not in effect.joins:
+            return self._spread(use, effect, name, given)
+        return given if name not in effect.joins or not effect.at else (use.at, given)
+
+    def _spread(self, use: Use, effect: Effect, name: str, given: Any) -> Any:
+        """Put one element's contribution into an array over the axis; neutral elsewhere."""
+        import numpy as np
+
+        axis = self.model.axes[effect.at]
+        given = np.asarray(given)
+        rest = np.zeros if name in effect.adds_to else np.ones
+        whole = rest((len(axis), *given.shape), dtype=np.result_type(given, float))
+        whole[axis.index(use.at)] = given
+        return whole
+
+    def _settle(
+        self,
+        loop: list[str],
+        known: dict[str, Any],
+        parameters: Mapping[str, Any],
+        parts: dict[str, dict[str, Any]],
+    ) -> None:
+        """Solve a loop from the values without effects; see `specan.models.fixed_point`."""
+        import numpy as np
+
+        for name in loop:
+            node = self.model.quantities[name]
+            known[name] = node(
+                *(_read(known, r, name) for r in node.reads),
+                **{p: parameters[f"{name}.{p}"] for p in node.parameters},
+            )
+
+        def once_around(guess: Mapping[str, Any]) -> dict[str, Any]:
+            known.update(guess)
+            for name in order:
+                self._value(name, known, parameters, parts)
+            return {name: known[name] for name in guess}
+
+        order, guessed = self._walks[tuple(loop)]
+        with np.errstate(all="ignore"):  # a loop that runs away is told below, once
+            if settle(once_around, {name: known[name] for name in guessed}):
+                return
+        raise ComputationError(
+            f"the loop through {', '.join(loop)} does not settle",
+            expected="a fixed point within 200 iterations",
+            remedy="reduce the effect that closes it (" + ", ".join(map(str, self.uses)) + ")",
+        )
+
+
+def varying(rows: Iterable[Mapping[str, Any]], least: float = 0.01) -> frozenset[str]:
+    """Conditions that take several values over some data: a spread of more than `least` of the largest.
+
+    Examples
+    --------
+    >>> sorted(varying([{"speed": [100.0, 200.0], "oil_level": [1.0]}, {"oil_level": [0.6]}]))
+    ['oil_level', 'speed']
+    """
+    import numpy as np
+
+    spans: dict[str, tuple[float, float]] = {}
+    for conditions in rows:
+        for name, values in conditions.items():
+            finite = np.asarray(values, dtype=float)
+            finite = finite[np.isfinite(finite)]
+            if finite.size:
+                low, high = spans.get(name, (np.inf, -np.inf))
+                spans[name] = (min(low, float(finite.min())), max(high, float(finite.max())))
+    return frozenset(n for n, (low, high) in spans.items() if high - low > least * max(abs(low), abs(high)))
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Values of all quantities, and what each effect contributed to them."""
+
+    values: Mapping[str, Any]
+    parts: Mapping[str, Mapping[str, Any]]
+
+    def __getitem__(self, name: str) -> Any:
+        try:
+            return self.values[name]
+        except KeyError:
+            raise RequestError(f"no quantity {name!r}", remedy=nearest(name, self.values)) from None
+
+    def contributions(self, name: str) -> Mapping[str, Any]:
+        """Contribution of the base and of every effect to a quantity (terms, and factors as factors)."""
+        return self.parts[name]
+
+
+def _read(known: Mapping[str, Any], name: str, reader: str) -> Any:
+    try:
+        return known[name]
+    except KeyError:
+        raise RequestError(
+            f"{reader!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
+        ) from None
