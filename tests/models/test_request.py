@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from specan.errors import RequestError
+from specan.models import conditions_over_limits
 from specan.models.catalogue import example_model
 from specan.models.prediction import grid, outside_validity, predict, to_conditions
 from specan.models.request import read_request
@@ -56,3 +57,12 @@ def test_rows_outside_are_counted():
     [left] = outside_validity(request, rows)
     assert (left.quantity, left.rows, left.low) == ("sliding_speed", 2, 0.05)
     assert outside_validity(read_request(MODEL), rows) == []
+
+
+def test_own_effects_are_checked_all_over_what_the_rig_can_run():
+    rows = conditions_over_limits(MODEL, points=3)
+    for name, (low, high) in MODEL.settings["limits"].items():
+        assert sorted(set(rows[name])) == pytest.approx([low, (low + high) / 2, high])
+    assert len({tuple(row) for row in zip(*(rows[n] for n in MODEL.settings["limits"]), strict=True)}) == 27
+    assert np.all(np.diff(rows["elapsed_time"]) > 0)
+    assert not np.all(np.diff(rows["worm_speed"]) >= 0)  # the order is random
