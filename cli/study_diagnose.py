@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from specan.study.diagnosis import Diagnosis, Ranked
 
 SHOWN = 10  # rows of the table of candidates
+DETAILED = 3  # of them with their parameters
 
 VERDICTS = {
     "effect": "Missing: {names}.",
@@ -62,9 +63,14 @@ def _print(found: Diagnosis, directory: Path) -> None:
         click.echo("")
         table(
             "What was tried, the likeliest first",
-            ["effects", "delta BIC", "p", "CV gain", "error after", "", "parameters"],
+            ["effects", "delta BIC", "p", "CV gain", "error after", ""],
             [_row(r) for r in found.ranking[:SHOWN]],
         )
+        click.echo("")
+        for ranked in found.ranking[:DETAILED]:
+            click.echo(f"{' + '.join(ranked.effects)}:")
+            for name, p in ranked.parameters.items():
+                click.echo(f"  {name} = {_value(p)}")
     _print_power(found)
     for effect, why in found.not_testable.items():
         click.echo(f"Not testable: {effect} {why}")
@@ -80,10 +86,9 @@ def _row(ranked: Ranked) -> list[Any]:
     remark = "" if ranked.plausible else "implausible"
     if ranked.at_bound:
         remark = f"{remark}, at bound".lstrip(", ")
-    values = [f"{name.rpartition('.')[2]} {_value(p)}" for name, p in ranked.parameters.items()]
     return [
         " + ".join(ranked.effects), f"{ranked.delta_bic:.1f}", f"{ranked.p_value:.1g}",
-        f"{ranked.held_out_gain:.1f}", f"{ranked.error_after:.3g}", remark, "; ".join(values),
+        f"{ranked.held_out_gain:.1f}", f"{ranked.error_after:.3g}", remark,
     ]  # fmt: skip
 
 

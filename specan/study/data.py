@@ -14,7 +14,7 @@ from specan.models import Model
 from specan.study.kinds import DataFile, DataRequest, OpenedData
 from specan.study.levels import Setting
 from specan.study.measurement import Measurement, read_measurement
-from specan.study.rows import ASSUMED, ASSUMED_KELVIN, Rows, check_varied, join, setting_of
+from specan.study.rows import Rows, check_varied, grouping_of, join
 from specan.study.uncertainty import uncertainty
 from specan.units import convert
 
@@ -94,7 +94,7 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
     key, _, text = where.partition("=")
     name = _condition_named(key.strip(), rows, model)
     condition = model.conditions[name]
-    setting = setting_of(model, condition) or (ASSUMED_KELVIN if condition.unit == "K" else ASSUMED)
+    setting = grouping_of(model, condition)
     found = np.zeros(rows.n, dtype=bool)
     for word in text.split(","):
         try:

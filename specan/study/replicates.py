@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from specan.study.observation import Array
 
 ASKED_FOR = 9.0  # gain in 2 log-likelihood that takes in a component: p = 0.01 over some four that are tried
+ASKED_FOR_MORE = 3.84  # the same for a second size of what is known to be there: p = 0.05
+
+THERE = 0.1  # of a declared variance that must be found for it to be there at all
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ def pooled(
     groups: NDArray[np.intp],
     slopes: Array,
     components: Mapping[str, Array],
+    declared: str = "",
+    instrument: Array | None = None,
 ) -> VarianceFunction | None:
     """Variance of `values` about the means of their groups.
 
@@ -60,6 +65,12 @@ def pooled(
         A linear dependence on these is fitted and taken out.
     components : mapping
         Non-negative functions of the condition that the variance may grow with.
+    declared : str
+        The component that is known beforehand, but for its size: what the rig says of setting. It is
+        believed to be there unless the data speak against it; few repeats can tell a size, but no shape.
+    instrument : array, optional
+        Variance of a reading by the rig. With it the whole of `declared` and instrument has one free size;
+        a second one is taken in where the data ask for it.
 
     Returns
     -------
@@ -74,17 +85,42 @@ def pooled(
     several = counts > 1
     nu = share * (counts - 1)[several]
     variance = np.bincount(index, rest**2)[several] / nu
-    best = VarianceFunction(float(np.sum(nu * variance) / np.sum(nu)), 0.0, "", dof)
-    gain_needed = ASKED_FOR
-    for name, component in components.items():
-        mean = np.asarray(np.bincount(index, component)[several] / counts[several], dtype=float)
-        if not np.ptp(mean) > 0.05 * mean.max():
-            continue
-        level, share, gain = _with_component(variance, nu, mean)
-        if gain > gain_needed:
-            gain_needed = gain
-            best = VarianceFunction(level, share, name, dof)
+    constant = VarianceFunction(float(np.sum(nu * variance) / np.sum(nu)), 0.0, "", dof)
+    if constant.level == 0:  # repeats that agree to the last digit have no shape
+        return constant
+    means = {
+        name: np.asarray(np.bincount(index, component)[several] / counts[several], dtype=float)
+        for name, component in components.items()
+    }
+    best, misfit = constant, _misfit(variance, nu, np.full(nu.size, constant.level))
+    if declared and np.any(means[declared] > 0):
+        told = None if instrument is None else np.bincount(index, instrument)[several] / counts[several]
+        known, left = _as_declared(variance, nu, means[declared], told, declared, dof)
+        if known.share > THERE and left - misfit < ASKED_FOR:
+            best, misfit = known, left
+    most = ASKED_FOR
+    for name, mean in means.items():
+        if np.ptp(mean) > 0.05 * mean.max():
+            level, share, left = _with_component(variance, nu, mean)
+            if misfit - left > most:
+                most = misfit - left
+                best = VarianceFunction(level, share, name, dof)
     return best
+
+
+def _as_declared(
+    variance: Array, nu: Array, setting: Array, instrument: Array | None, name: str, dof: float
+) -> tuple[VarianceFunction, float]:
+    """Setting and instrument at one common size, or at two where the data ask for it; with its misfit."""
+    level, share, left = _with_component(variance, nu, setting)
+    two = VarianceFunction(level, share, name, dof), left
+    if instrument is None or not np.all(instrument > 0):
+        return two
+    shape = instrument + setting
+    size = float(np.sum(nu * variance / shape) / np.sum(nu))
+    left = _misfit(variance, nu, size * shape)
+    one = VarianceFunction(size * float(np.mean(instrument)), size, name, dof), left
+    return two if left - two[1] > ASKED_FOR_MORE else one
 
 
 def _within(values: Array, groups: NDArray[np.intp], slopes: Array) -> tuple[Array, int]:
@@ -109,16 +145,18 @@ def _within(values: Array, groups: NDArray[np.intp], slopes: Array) -> tuple[Arr
     return y, dof
 
 
-def _with_component(variance: Array, nu: Array, component: Array) -> tuple[float, float, float]:
-    """Level, share and gain in 2 log-likelihood over a constant, their ratio on a fine grid."""
-    scaled = component / component.mean()
+def _misfit(variance: Array, nu: Array, expected: Array) -> float:
+    """Minus twice the log-likelihood of variances under chi-square laws, up to a constant."""
+    return float(np.sum(nu * (np.log(expected) + variance / expected)))
 
-    def minus_two_log_likelihood(ratio: float) -> tuple[float, float]:
+
+def _with_component(variance: Array, nu: Array, component: Array) -> tuple[float, float, float]:
+    """Level, share and misfit of a constant plus a component, their ratio on a fine grid."""
+    scaled = component / component.mean()
+    tried = []
+    for ratio in np.geomspace(0.03, 3000.0, 60):
         shape = 1 + ratio * scaled
         level = float(np.sum(nu * variance / shape) / np.sum(nu))
-        return float(np.sum(nu * np.log(max(level, 1e-300) * shape))), level
-
-    constant, _ = minus_two_log_likelihood(0.0)
-    tried = [(*minus_two_log_likelihood(r), r) for r in np.geomspace(0.03, 3000.0, 60)]
-    value, level, ratio = min(tried)
-    return level, level * ratio / float(component.mean()), constant - value
+        tried.append((_misfit(variance, nu, max(level, 1e-300) * shape), level, ratio))
+    misfit, level, ratio = min(tried)
+    return level, level * ratio / float(component.mean()), misfit

@@ -17,8 +17,9 @@ from specan.study.observation import Array
 from specan.units import convert, scale_to
 
 TIME = "elapsed_time"  # orders the readings; never a setting
-ASSUMED = Setting(relative=0.02)  # for telling levels apart where the rig says nothing of the setting
-ASSUMED_KELVIN = Setting(absolute=1.5)
+# Scatter of setting, for telling levels apart where the rig says nothing: a brake, a drive, a heater, others.
+ASSUMED = {"N*m": Setting(relative=0.05), "rad/s": Setting(relative=0.01), "K": Setting(absolute=1.5)}
+ASSUMED_OTHERS = Setting(relative=0.02)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +114,11 @@ def setting_of(model: Model, condition: Condition) -> Setting | None:
     return None
 
 
+def grouping_of(model: Model, condition: Condition) -> Setting:
+    """Scatter of setting by which levels are told apart: the rig's, or what is usual."""
+    return setting_of(model, condition) or ASSUMED.get(condition.unit, ASSUMED_OTHERS)
+
+
 def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     """Put the rows of several tables under each other.
 
@@ -121,9 +127,7 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     sizes = [m.n for m in measurements]
     recording = np.repeat(np.arange(len(sizes)), sizes)
     conditions, steps, notes = _conditions(measurements, model)
-    settings = {
-        n: setting_of(model, model.conditions[n]) or _assumed(model.conditions[n]) for n in conditions
-    }
+    settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
     distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0) if conditions else np.empty((0, 0))
     level, is_set = {}, {}
     for k, (name, values) in enumerate(conditions.items()):
@@ -147,10 +151,6 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         setups_from=how,
         notes=(*(f"{m.name}: {note}" for m in measurements for note in m.notes), *notes),
     )
-
-
-def _assumed(condition: Condition) -> Setting:
-    return ASSUMED_KELVIN if condition.unit == "K" else ASSUMED
 
 
 def _conditions(

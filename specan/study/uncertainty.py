@@ -28,6 +28,8 @@ from specan.study.rows import TIME, Rows, setting_of
 ENOUGH = 8  # degrees of freedom above which repeats are believed rather than a declared uncertainty
 LEAST = 3  # and below which they say nothing
 COARSE = 1e-3  # rounding below this share of the reading is no account of a measurement's uncertainty
+SETTING = "the scatter of setting that the rig declares"
+OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
 REACH = 0.5  # correlation length of the discrepancy, in ranges of each operating variable
 
 
@@ -178,7 +180,7 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
             continue
         size = 1.0 if condition.unit == "K" else x
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
-    return found
+    return {**found, SETTING: declared_setting(model, centre, rows)}
 
 
 def declared_reading(model: Model, centre: Reference, rows: Rows) -> Array:
@@ -231,10 +233,13 @@ def _noise_of(
     first = np.unique(part.setup, return_index=True)[1]
     mean = _SetupMeans(part.setup)
     means = np.stack([mean(c) for c in slopes.T], axis=1) if slopes.shape[1] else np.empty((first.size, 0))
-    _check_repeats(rows, np.flatnonzero(mine), part, rest)
-    reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
-    setup = pooled(mean(rest), part.cell[first], means, {n: mean(c) for n, c in grows.items()})
     declared = declared_reading(model, centre, part)
+    _check_repeats(rows, np.flatnonzero(mine), part, rest, declared + grows[SETTING])
+    reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
+    instrument = mean(declared) / np.bincount(mean.index) if np.any(declared) else None
+    setup = pooled(
+        mean(rest), part.cell[first], means, {n: mean(c) for n, c in grows.items()}, SETTING, instrument
+    )
     column = column_of(model.observables[str(part.observable[0])])
     unit = "" if model.observables[str(part.observable[0])].unit == "1" else " Nm"
     several = float(np.mean(np.bincount(np.unique(part.setup, return_inverse=True)[1])))
@@ -310,17 +315,22 @@ def _slopes(rows: Rows) -> Array:
     return np.stack(columns, axis=1) if columns else np.empty((rows.n, 0))
 
 
-def _check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array) -> None:
+def _check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array, declared: Array) -> None:
     _, index, counts = np.unique(part.cell, return_inverse=True, return_counts=True)
     centre = np.array([np.median(rest[index == k]) for k in range(counts.size)])
     off = np.abs(rest - centre[index])
     repeated = counts[index] > 1
     if not np.any(repeated):
         return
-    usual = 1.4826 * np.median(off[repeated]) if np.sum(counts > 1) >= 4 else 0.0
-    bad = repeated & (off > 0.08 * np.abs(part.measured)) & (off > 8 * usual)
+    size = np.maximum(np.abs(part.measured), 1e-300)
+    limit = np.maximum(0.1 * size, OUTRAGEOUS * np.sqrt(declared))
+    moved = repeated & (off > 0)  # the one in the middle of three is no measure of their scatter
+    if np.sum(counts > 1) >= 4 and np.any(moved):
+        usual, usual_share = np.median(off[moved]), np.median((off / size)[moved])
+        limit = np.maximum(limit, OUTRAGEOUS * 1.4826 * np.maximum(usual, usual_share * size))
+    bad = repeated & (off > limit)
     if np.any(bad):
-        k = int(np.argmax(np.where(bad, off, -1.0)))
+        k = int(np.argmax(np.where(bad, np.abs(rest), -1.0)))
         others = [i for i in np.flatnonzero(index == index[k]) if i != k]
         other = others[int(np.argmax(np.abs(part.measured[others] - part.measured[k])))]
         raise InputError(
@@ -360,6 +370,8 @@ def _told(found: VarianceFunction | None, how: str, kind: str, unit: str, grows:
     sigma = np.sqrt(found.at(grows, next(iter(grows.values())).size))
     ends = f"{sigma.min():.2g} to {sigma.max():.2g}" if found.component else f"{sigma.mean():.2g}"
     grown = f", growing with {found.component}" if found.component else ""
+    if found.component == SETTING:
+        grown = ", the scatter of setting that the rig declares in it"
     by = {"setup": "column 'setup'", "repeat": "column 'repeat'", "order": "the order of the rows"}[how]
     return f"scatter {ends}{unit} from repeats {kind} ({by}), {found.dof:.0f} degrees of freedom{grown}"
 
