@@ -7,7 +7,6 @@ D is the chi-square that a rival leaves on the noise-free data of another: the c
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -26,9 +25,17 @@ MOST_RIVALS = 8
 
 
 def distance(truth: Refit, rival: Refit) -> float:
-    """Chi-square that the rival leaves on what the truth predicts, one Gauss-Newton step from its own fit."""
+    """Chi-square that the rival leaves on what the truth predicts, one step inside its bounds from its fit."""
     gap = rival.fit.residual * rival.weights - truth.residual_like(rival)
-    return rival.linear.free_chi2(gap)
+    if not rival.fit.at_bound:
+        return rival.linear.free_chi2(gap)
+    from scipy.optimize import lsq_linear
+
+    size = rival.problem.scale
+    low, high = rival.problem.bounds()
+    ends = ((low - rival.fit.theta) / size, np.maximum(high - rival.fit.theta, 0.0) / size + 1e-12)
+    columns = rival.fit.jacobian * rival.weights[:, None] * size
+    return 2 * float(lsq_linear(columns, -gap, (np.minimum(ends[0], 0.0), ends[1])).cost)
 
 
 def seen_from(base: Refit, best: Refit) -> Refit:
@@ -100,11 +107,11 @@ def _alike(search: Search, best: Refit, rival: Refit) -> bool:
     explained = (search.base.chi2 - best.chi2) / best.scale
     if behind < DECISIVE + FORM**2 * explained:
         return True
-    there = distance(best, rival) / best.scale
-    back = distance(rival, best) / best.scale
-    return there < TELLING or (back < TELLING and behind < TELLING)
+    there, back = distance(best, rival) / best.scale, distance(rival, best) / best.scale
+    off = (rival.chi2 - best.chi2) / best.scale
+    return (there < TELLING and off < _as_far_as(there)) or (back < TELLING and behind < TELLING)
 
 
-def union(sets: Iterable[Refit]) -> list[str]:
-    """Bare names of all effects in any of the sets."""
-    return sorted({use.name for refit in sets for use in refit.uses})
+def _as_far_as(distance_there: float) -> float:
+    """Chi-square by which a rival at this distance may lie behind in one of twenty samples: D + 2 sd."""
+    return distance_there + 4 * float(np.sqrt(max(distance_there, 1.0)))

@@ -139,11 +139,8 @@ def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
     base, best = search.base, search.best
     if not best.uses:
         if base.lack_of_fit < LACK_OF_FIT:
-            return (
-                "unknown-effect",
-                True,
-                "the model does not fit, and no effect of the catalogue explains it",
-            )
+            reason = "the model does not fit, and no effect of the catalogue explains it"
+            return "unknown-effect", True, reason + _implausible(search)
         return "nothing-missing", False, "the model fits, and no effect of the catalogue improves it"
     names = " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
     if search.third is not None:
@@ -159,6 +156,13 @@ def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
     elif doubt:
         reason += ", or for one unknown effect"
     return kind, doubt, reason
+
+
+def _implausible(search: Search) -> str:
+    """What would explain the data with values that the machine cannot have."""
+    found = search.implausible()
+    names = " or ".join(str(u) for r in found[:3] for u in r.uses)
+    return f" ({names} would, with values that are not plausible)" if names else ""
 
 
 def _what_is_left(search: Search, verdict: str) -> Refit:

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 EffectSet = frozenset[Use]
 
+# Change of the whitened residual by a parameter's typical size below which it is on a plateau.
+MOVES = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class Refit:
@@ -53,8 +56,10 @@ class Refit:
 
     @cached_property
     def linear(self) -> Projection:
-        """The fit linearised, rows weighted."""
-        return Projection.of(self.fit.residual * self.weights, self.fit.jacobian * self.weights[:, None])
+        """The fit linearised, rows weighted; parameters that change nothing there are left out."""
+        columns = self.fit.jacobian * self.weights[:, None]
+        moves = np.linalg.norm(columns, axis=0) * self.problem.scale > MOVES
+        return Projection.of(self.fit.residual * self.weights, columns[:, moves])
 
     @cached_property
     def chi2(self) -> float:

@@ -107,7 +107,7 @@ def _effect(problem: Problem, space: LawSpace, means: Mapping[str, float]) -> Ef
     def law(*values: Any, amplitude: Any, **exponents: Any) -> Any:
         total = amplitude
         for symbol, value in zip(symbols, values):
-            total = total * np.maximum(np.asarray(value) / means[symbol], FLOOR) ** exponents[symbol]
+            total = total * np.maximum(np.asarray(value) / means[symbol], FLOOR) ** exponents[_of(symbol)]
         return total
 
     kind = inspect.Parameter
@@ -116,10 +116,17 @@ def _effect(problem: Problem, space: LawSpace, means: Mapping[str, float]) -> Ef
         [
             *(kind(n, kind.POSITIONAL_OR_KEYWORD) for n in names),
             kind("amplitude", kind.KEYWORD_ONLY, default=Parameter(0.0, unit)),
-            *(kind(s, kind.KEYWORD_ONLY, default=Parameter(0.0, "1", min=LOW, max=HIGH)) for s in symbols),
+            *(
+                kind(_of(s), kind.KEYWORD_ONLY, default=Parameter(0.0, "1", min=LOW, max=HIGH))
+                for s in symbols
+            ),
         ]
     )
     return effect(NAME, adds_to=space.quantity, neutral={"amplitude": 0.0})(law)
+
+
+def _of(symbol: str) -> str:
+    return f"exponent_of_{symbol}"
 
 
 def _with_model(problem: Problem, model: Any, values: Mapping[str, Any]) -> Problem:
@@ -144,7 +151,11 @@ def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fi
 
     def traces(many: list[Array]) -> Array:
         sets = [
-            {**start.fit.values, f"{NAME}.amplitude": size, **{f"{NAME}.{s}": e for s, e in zip(symbols, x)}}
+            {
+                **start.fit.values,
+                f"{NAME}.amplitude": size,
+                **{f"{NAME}.{_of(s)}": e for s, e in zip(symbols, x)},
+            }
             for x in many
         ]
         columns = np.zeros((linear.residual.size, len(many)))
@@ -184,7 +195,7 @@ def _describe(
     space: LawSpace, start: Refit, means: Mapping[str, float], fitted: _Fitted, size: float
 ) -> ResidualLaw:
     symbols = list(means)
-    errors = WIDTH * np.sqrt(np.diag(fitted.covariance))[1:]
+    errors = WIDTH * np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))[1:]
     exponents = {s: float(x) for s, x in zip(symbols, fitted.exponents)}
     low = {s: float(x - e) for s, x, e in zip(symbols, fitted.exponents, errors)}
     high = {s: float(x + e) for s, x, e in zip(symbols, fitted.exponents, errors)}

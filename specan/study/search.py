@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from specan.models import Use
-from specan.study.candidates import candidates
+from specan.study.candidates import Candidate, candidates
 from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
 from specan.study.plan import plan
 from specan.study.plausibility import plausible
 from specan.study.refit import EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, family, score, score_pairs
-from specan.study.traces import Point, traces
+from specan.study.traces import Point, changes, default_value, traces
 
 REFITTED = 5  # candidates that are always refitted
 WINDOW = 10.0  # and all whose BIC lies within this of the best
 MOST_PAIRS = 8
 STARTS = 2
+SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhere
 
 Progress = Callable[[str], None]
 
@@ -91,6 +92,15 @@ class Search:
             self.passages[refit.uses] = gate.passage(refit, plausible=self.believable(refit))
         return self.passages[refit.uses]
 
+    def implausible(self) -> list[Refit]:
+        """Single effects that would pass, had they plausible values."""
+        found = []
+        for refit in self.refits.of_size(1):
+            passage = self.passage(refit)
+            if not passage.plausible and replace(passage, plausible=True).passed:
+                found.append(refit)
+        return sorted(found, key=lambda r: r.chi2)
+
     def explained(self, refit: Refit) -> float:
         """Share of what the base leaves beyond noise that a set takes away."""
         missing = self.base.lack - self.base.dof
@@ -104,6 +114,7 @@ class Search:
             self.progress("scoring what could be added to " + (_text(start.uses) or "the base"))
             found, not_testable = candidates(start.problem)
             self.points = self.points or plan(start.problem, start.fit, found)
+            not_testable |= _not_finite(start, [c for c in found if c.use not in self.points])
             seen = traces(start.problem, start.fit, found, self.points)
             scored = score(start.linear, seen, start.weights)
             explained = max(self.base.chi2 - start.chi2, 0.0)
@@ -173,14 +184,12 @@ class Search:
             members = [pair.first, pair.second]
             cost = price * sum(_count(m) for m in members)
             best[pair.uses] = (self.base.chi2 - pair.gain + cost, self.base, members)
-        if single is not None:
+        if single is not None:  # scored at the fit of one of them: better than at the base
             singles = sorted(self.refits.of_size(1), key=lambda r: r.bic(single.scale))
-            for start in singles[:3]:
-                step = self.step(start)
-                for use, items in step.by_use.items():
-                    uses = start.uses | {use}
+            for start in reversed(singles[:3]):
+                for use, items in self.step(start).by_use.items():
                     value = start.chi2 - items[0].gain + price * (start.count + _count(items[0]))
-                    best[uses] = (value, start, [items[0]])  # scored at the fit: better than at the base
+                    best[start.uses | {use}] = (value, start, [items[0]])
         return sorted(best.values(), key=lambda item: item[0])
 
     def _hopeless(self, reference: Refit, promised_bic: float) -> bool:
@@ -205,6 +214,16 @@ class Search:
         return min(passed, key=lambda r: r.chi2, default=None)
 
 
+def _not_finite(start: Refit, found: Sequence[Candidate]) -> dict[str, str]:
+    """Candidates at whose default values the model has no finite value."""
+    reasons = {}
+    for candidate in found:
+        point = {n: default_value(candidate, n) for n in candidate.own}
+        if changes(start.problem, start.fit, candidate, [point])[0] is None:
+            reasons[candidate.use.name] = "gives values that are not finite at these conditions"
+    return reasons
+
+
 def _worth_refitting(step: Step) -> list[Use]:
     price = float(np.log(step.start.problem.n_effective))
     scale = step.start.scale
@@ -218,14 +237,18 @@ def _count(item: Scored) -> int:
 
 
 def _different(items: Sequence[Scored], count: int) -> list[Scored]:
-    """The best trace of a candidate and the best of those that differ from it in shape."""
+    """The best trace of a candidate and the best of those that point elsewhere, in shape or size."""
     taken = [items[0]]
     for item in items[1:]:
         if len(taken) == count:
             break
-        if all(item.trace.shapes != t.trace.shapes for t in taken) and item.gain < 0.95 * taken[-1].gain:
+        if item.gain < SAME_GAIN * taken[-1].gain and all(_apart(item, t) for t in taken):
             taken.append(item)
     return taken
+
+
+def _apart(one: Scored, two: Scored) -> bool:
+    return one.trace.shapes != two.trace.shapes or bool(np.any(one.trace.size != two.trace.size))
 
 
 def _text(uses: frozenset[Use] | set[Use]) -> str:

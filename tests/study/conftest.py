@@ -24,15 +24,15 @@ def reading(heat):
 def line(
     x,
     *,
-    offset=Parameter(1.0, "W", min=-100.0, max=100.0),
-    slope=Parameter(1.0, "W", min=-100.0, max=100.0),
+    offset=Parameter(1.0, "W", min=-1e4, max=1e4),
+    slope=Parameter(1.0, "W", min=-1e4, max=1e4),
 ):
     "A straight line."
     return offset + slope * x
 
 
 @effect("square", adds_to="heat", neutral={"c": 0.0})
-def square(x, *, c=Parameter(1.0, "mW", min=-50000.0, max=50000.0)):
+def square(x, *, c=Parameter(1.0, "mW", min=-1e5, max=1e5)):
     "A parabola."
     return c * x**2
 
@@ -44,7 +44,7 @@ def twin(x, *, c=Parameter(1.0, "W", min=-50.0, max=50.0)):
 
 
 @effect("wave", adds_to="heat", neutral={"c": 0.0})
-def wave(x, *, c=Parameter(1.0, "W", min=0.0, max=50.0), rate=Parameter(4.0, "1", min=2.0, max=12.0)):
+def wave(x, *, c=Parameter(1.0, "W", min=0.0, max=50.0), rate=Parameter(5.0, "1", min=4.0, max=12.0)):
     "A wave of one sign and unknown wavelength."
     return c * np.cos(rate * x)
 

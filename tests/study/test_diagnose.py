@@ -1,0 +1,314 @@
+"""Verdicts on the analytic toy: what is there is named, what is not is not, and the numbers hold."""
+
+import json
+
+import numpy as np
+import pytest
+
+from specan.errors import ComputationError
+from specan.models import Parameter, Use, effect
+from specan.study.alternatives import distance
+from specan.study.diagnose import diagnose
+from specan.study.fit import fit
+from specan.study.gate import LEVEL, Gate
+from specan.study.power import smallest_visible
+from specan.study.problem import base_problem
+from specan.study.refit import Refit, Refits
+from specan.study.residual_law import residual_law, simplest
+from specan.study.search import Search
+from specan.study.significance import improvement_probability
+
+CATALOGUE = ["square", "wave", "saturating", "cross", "zero-error", "tilt", "drift"]
+
+
+def nothing(x, z):
+    return 0 * x
+
+
+def searched(problem):
+    search = Search(Refits(Refit(frozenset(), problem, fit(problem))))
+    search.run()
+    return search
+
+
+# --- the verdict -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("truth", "name"),
+    [
+        (lambda x, z: 3 * x**2, "square"),
+        (lambda x, z: 3 * np.cos(6 * x), "wave"),
+        (lambda x, z: 3 * z * (1 - np.exp(-9 * x)), "saturating"),
+        (lambda x, z: 4 * (z > 0), "zero-error"),
+    ],
+)
+def test_one_effect_is_named(toy, truth, name):
+    found = diagnose(toy.problem(truth, CATALOGUE, seed=1))
+    assert found.verdict == "effect"
+    assert found.alternatives == ((name,),)
+    assert not found.unknown_possible
+    assert found.ranking[0].effects == (name,)
+    assert found.ranking[0].delta_bic > 6
+
+
+def test_its_parameters_come_back_in_their_own_unit(toy):
+    found = diagnose(toy.problem(lambda x, z: 3 * x**2, CATALOGUE, seed=2))
+    row = found.ranking[0].parameters["square.c"]
+    assert row["unit"] == "mW"
+    assert row["low"] < 3000 < row["high"]
+    assert row["high"] - row["low"] < 2500
+
+
+def test_intervals_cover_the_truth(toy):
+    inside = 0
+    for seed in range(60):
+        problem = toy.problem(lambda x, z: 4 * x**2, ["square"], seed=seed)
+        row = diagnose(problem).ranking[0].parameters["square.c"]
+        inside += row["low"] <= 4000 <= row["high"]
+    assert 53 <= inside <= 60
+
+
+def test_nothing_is_named_where_nothing_is(toy):
+    verdicts = [diagnose(toy.problem(nothing, CATALOGUE, seed=s)).verdict for s in range(30)]
+    assert verdicts == ["nothing-missing"] * 30
+
+
+def test_what_cannot_be_tested_is_said(toy):
+    found = diagnose(toy.problem(nothing, CATALOGUE))
+    assert found.not_testable == {"drift": "needs clock"}
+    assert found.smallest_visible["tilt"] is None
+    assert found.smallest_visible["square"]["unit"] == "mW"
+
+
+def test_twins_are_a_group_and_another_measurement_is_proposed(toy):
+    found = diagnose(toy.problem(lambda x, z: 3 * x**2, ["square", "twin", "cross"], seed=3))
+    assert found.verdict == "group"
+    assert set(found.alternatives) == {("square",), ("twin",)}
+    assert found.effects == ("square", "twin")
+    assert any("a second instrument" in row["text"] for row in found.next_measurement)
+
+
+def test_two_effects_are_named_together_with_the_doubt(toy):
+    found = diagnose(toy.problem(lambda x, z: 5 * x**2 + 4 * x * z, CATALOGUE, seed=4))
+    assert ("cross", "square") in found.alternatives
+    assert found.unknown_possible
+
+
+def test_two_effects_that_hide_each_other_are_found(toy):
+    def truth(x, z):
+        return 40 * x * z - 40.2 * x * (z + 0.1 * z**2) + 0.85 * x * z
+
+    found = diagnose(toy.problem(truth, ["cross", "nearly-cross", "square", "wave"], seed=5))
+    assert found.alternatives == (("cross", "nearly-cross"),)
+    assert found.unknown_possible
+
+
+def test_something_unknown_is_called_unknown_and_described(toy):
+    found = diagnose(toy.problem(lambda x, z: 6 * x**3, ["cross", "zero-error", "saturating"], seed=6))
+    assert found.verdict == "unknown-effect"
+    assert found.unknown_possible
+    assert found.residual_law.low["x"] < 3 < found.residual_law.high["x"]
+    assert "x^" in found.residual_law.text
+
+
+def test_what_a_named_effect_leaves_is_told(toy):
+    # Most of it is a parabola, the rest has no name.
+    truth = lambda x, z: 20 * x**2 + 6 * np.cos(3 * z)  # noqa: E731
+    found = diagnose(toy.problem(truth, ["square", "cross"], seed=7))
+    assert found.unknown_possible
+    assert "left" in found.reason
+
+
+def test_three_effects_are_one_unknown(toy):
+    truth = lambda x, z: 12 * x**2 + 9 * x * z + 9 * np.cos(7 * x) + 20 * (z > 0)  # noqa: E731
+    found = diagnose(toy.problem(truth, ["square", "cross", "wave", "zero-error"], seed=8))
+    assert found.verdict == "unknown-effect"
+
+
+def test_an_implausible_value_is_no_verdict(toy):
+    @effect("timid", adds_to="heat", neutral={"c": 0.0})
+    def timid(x, *, c=Parameter(0.1, "W", min=0.0, max=0.2, upper=50.0)):
+        "A parabola that is never large."
+        return c * x**2
+
+    found = diagnose(toy.problem(lambda x, z: 6 * x**2, ["timid", "cross"], seed=9, also=[timid]))
+    assert found.alternatives == ()
+    assert found.verdict == "unknown-effect"
+    assert "timid" in found.reason
+    [row] = [r for r in found.ranking if r.effects == ("timid",)]
+    assert not row.plausible
+
+
+def test_too_few_conditions_cannot_tell(toy):
+    problem = toy.problem(nothing, ["square"])
+    few = problem.over([problem.observations[0].take(np.arange(4))])
+    found = diagnose(few)
+    assert found.verdict == "cannot-tell"
+    assert "degrees of freedom" in found.reason
+
+
+def test_an_undetermined_base_cannot_tell(toy):
+    problem = toy.problem(nothing, ["square"])
+    one = problem.over([problem.observations[0].take(toy.x == toy.x[0])])
+    found = diagnose(one)
+    assert found.verdict == "cannot-tell"
+    assert "determine only 1" in found.reason
+
+
+def test_a_base_that_is_not_finite_is_an_error_not_a_verdict(toy):
+    @effect("broken", adds_to="heat", neutral={"c": 0.0})
+    def broken(x, *, c=Parameter(1.0, "W", min=0.0, max=2.0)):
+        "Never a number."
+        return c * np.log(-x)
+
+    problem = base_problem(toy.model("broken", also=[broken]), [toy.observation(toy.x)], ["line", "broken"])
+    with pytest.raises(ComputationError):
+        diagnose(problem)
+
+
+def test_a_candidate_without_finite_values_is_said_to_be_untestable(toy):
+    @effect("broken", adds_to="heat", neutral={"c": 0.0})
+    def broken(x, *, c=Parameter(1.0, "W", min=0.0, max=2.0)):
+        "A number only where it is neutral."
+        return np.where(c == 0, 0.0, np.nan) * x
+
+    found = diagnose(toy.problem(nothing, ["square", "broken"], also=[broken]))
+    assert "finite" in found.not_testable["broken"]
+
+
+# --- the numbers -------------------------------------------------------------------------------------------
+
+
+def test_distance_is_what_the_rival_leaves_of_noise_free_data(toy):
+    search = searched(toy.problem(lambda x, z: 6 * x**2, ["square", "wave", "cross"], seed=10))
+    square = search.refits.done[frozenset({Use("square")})]
+    cross = search.refits.done[frozenset({Use("cross")})]
+    c = square.fit.values["square.c"]
+    columns = np.column_stack([np.ones(48), toy.x, toy.x * toy.z])
+    rest = toy.x**2 - columns @ np.linalg.lstsq(columns, toy.x**2, rcond=None)[0]
+    assert distance(square, cross) == pytest.approx(c**2 * rest @ rest, rel=1e-6)
+
+
+def test_smallest_visible_size_is_seen_four_times_in_five(toy):
+    problem = toy.problem(nothing, ["square", "cross", "wave"])
+    start = Refit(frozenset(), problem, fit(problem))
+    step = Search(Refits(start)).step(start)
+    [size] = [v.value for v in smallest_visible(start, step.gate, 1.0) if v.use == "square"]
+    seen = 0
+    for seed in range(100):
+        again = toy.problem(lambda x, z: 1e-3 * size * x**2, ["square", "cross", "wave"], seed=1000 + seed)
+        refits = Refits(Refit(frozenset(), again, fit(again)))
+        search = Search(refits)
+        own = search.step(refits.base)
+        after = refits.fit(refits.base, [[own.by_use[Use("square")][0]]])
+        seen += own.gate.passage(after, plausible=True).p_value <= LEVEL / 2
+    assert 68 <= seen <= 92
+
+
+def test_the_family_wise_level_holds_on_the_toy(toy):
+    low = 0
+    for seed in range(200):
+        problem = toy.problem(nothing, ["square", "cross", "wave"], seed=seed)
+        start = Refit(frozenset(), problem, fit(problem))
+        step = Search(Refits(start)).step(start)
+        best = max(items[0].gain for items in step.by_use.values())
+        low += step.gate.family.probability(improvement_probability(best, 1)) < 0.05
+    assert low <= 18
+
+
+def test_bootstrap_agrees_with_the_bound(toy):
+    problem = toy.problem(lambda x, z: 1.3 * x**2, ["square", "cross", "wave"], seed=11)
+    bound, simulated = diagnose(problem), diagnose(problem, bootstrap=True)
+    assert bound.verdict == simulated.verdict
+    assert simulated.ranking[0].p_value <= 1.2 * bound.ranking[0].p_value + 1e-4
+
+
+def test_the_equation_of_an_effect_is_trusted_to_a_fifth(toy):
+    search = searched(toy.problem(lambda x, z: 60 * x**2 + 4 * x * z, ["square", "cross"], seed=12))
+    step = search.step(search.refits.done[frozenset({Use("square")})])
+    assert step.gate.explained > 1000
+    pair = search.refits.done[frozenset({Use("square"), Use("cross")})]
+    passage = step.gate.passage(pair, plausible=True)
+    assert passage.needed
+    assert not passage.passed
+    assert search.best.uses == {Use("square")}
+    assert [r.uses for r in search.extensions] == [pair.uses]
+    exact = Gate(step.start, step.gate.family, 0.0, step.gate.level)
+    assert exact.passage(pair, plausible=True).passed
+
+
+def test_noise_from_few_repeats_makes_the_gate_careful(toy):
+    problem = toy.problem(lambda x, z: 1.3 * x**2, ["square"], seed=13)
+    from dataclasses import replace
+
+    few = problem.over([replace(problem.observations[0], noise_dof=3.0)])
+    p = [diagnose(p).ranking[0].p_value for p in (problem, few)]
+    assert p[1] > p[0]
+
+
+def test_repeats_that_gave_the_noise_are_no_lack_of_fit(toy):
+    from dataclasses import replace
+
+    problem = toy.problem(lambda x, z: 2 * x**2, ["cross"], seed=14)
+    spent = problem.over([replace(problem.observations[0], noise_dof=24.0, pure_dof=24.0)])
+    plain, careful = (Refit(frozenset(), p, fit(p)) for p in (problem, spent))
+    assert careful.dof == plain.dof - 24
+    assert careful.reduced == pytest.approx((plain.chi2 - 24) / (plain.dof - 24))
+
+
+def test_law_of_a_power(toy):
+    problem = toy.problem(lambda x, z: 9 * x**2.5, ["square"], seed=15)
+    start = Refit(frozenset(), problem, fit(problem))
+    law = residual_law(start)
+    assert law.low["x"] < 2.5 < law.high["x"]
+    assert law.unit == "W"
+    assert law.amplitude == pytest.approx(9 * law.reference["x"] ** 2.5, rel=0.8)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "want"), [(2.6, 3.2, "3"), (-0.3, 0.2, "0"), (0.4, 0.6, "1/2"), (0.3, 0.35, "1/3")]
+)
+def test_simplest_rational(low, high, want):
+    assert str(simplest(low, high)) == want
+
+
+# --- the contract ------------------------------------------------------------------------------------------
+
+KEYS = {
+    "verdict", "reason", "alternatives", "effects", "at", "unknown_possible", "ranking", "lack_of_fit",
+    "model_discrepancy_percent", "fails_at", "residual_law", "smallest_visible", "not_testable",
+    "next_measurement",
+}  # fmt: skip
+ROW = {
+    "effects", "at", "delta_bic", "p_value", "held_out_gain", "error_after", "parameters", "plausible",
+    "at_bound",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("truth", [nothing, lambda x, z: 3 * x**2, lambda x, z: 6 * x**3])
+def test_json_is_the_contract(toy, truth):
+    names = ["cross", "zero-error", "wave"] if truth(1.0, 0.0) == 6 else CATALOGUE
+    found = diagnose(toy.problem(truth, names, seed=16)).to_json()
+    assert set(found) == KEYS
+    assert all(set(row) == ROW for row in found["ranking"])
+    assert set(found["lack_of_fit"]) == {"reduced_chi2", "p_value", "n_effective"}
+    assert found["model_discrepancy_percent"] == pytest.approx(0.5)
+    text = json.dumps(found, allow_nan=False)
+    assert json.loads(text) == found
+    for row in found["ranking"]:
+        for parameter in row["parameters"].values():
+            assert set(parameter) == {"value", "low", "high", "unit"}
+    if found["residual_law"]:
+        assert set(found["residual_law"]) == {"text", "exponents", "low", "high"}
+
+
+def test_progress_is_told(toy):
+    told = []
+    diagnose(toy.problem(lambda x, z: 3 * x**2, CATALOGUE, seed=17), progress=told.append)
+    assert any("square" in text for text in told)
+
+
+def test_the_same_problem_gives_the_same_verdict(toy):
+    one, two = (diagnose(toy.problem(lambda x, z: 3 * x**2, CATALOGUE, seed=18)).to_json() for _ in range(2))
+    assert one == two
