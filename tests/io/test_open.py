@@ -25,7 +25,7 @@ def foreign(tmp_path):
         archive.writestr("a.txt", "x")
     files = {
         "pointer": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 3\n",
-        "text": "Messprotokoll: Lautsprecher am Prüfstand\n".encode() * 40,
+        "text": ("x" + "ü" * 400).encode(),  # the first 512 bytes end inside a character
         "empty": b"",
         "zeros": bytes(4096),
         "gzip": gzip.compress(b"x"),
