@@ -119,7 +119,8 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
 
 def _at_level(rows: Rows, name: str, value: float, setting: Setting) -> NDArray[np.bool_]:
     distance = np.abs(rows.levels[name] - value)
-    reach = max(2 * float(setting.at(np.array(value))), 1e-6 * abs(value), 1e-12)
+    read = 0.0 if rows.is_set[name] else float(setting.at(value))
+    reach = max(read, 1e-6 * abs(value), 1e-12)
     return (distance <= reach) & (distance == distance.min())
 
 

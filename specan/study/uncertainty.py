@@ -204,6 +204,13 @@ def declared_reading(model: Model, centre: Reference, rows: Rows) -> Array:
     return variance
 
 
+def is_declared(model: Model, observable: str) -> bool:
+    """Whether the rig file tells how uncertain a reading is."""
+    given = model.settings.get("uncertainty", {})
+    column = column_of(model.observables[observable])
+    return column in given or (column == gear_table.ETA and gear_table.IN in given)
+
+
 def _input_torque(centre: Reference, rows: Rows, mine: NDArray[np.bool_]) -> Array:
     """Input torque that belongs to rows of measured efficiency."""
     from dataclasses import replace
@@ -236,22 +243,23 @@ def _noise_of(
     declared = declared_reading(model, centre, part)
     _check_repeats(rows, np.flatnonzero(mine), part, rest, declared + grows[SETTING])
     reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
-    instrument = mean(declared) / np.bincount(mean.index) if np.any(declared) else None
+    told = is_declared(model, str(part.observable[0]))
+    instrument = mean(declared) / np.bincount(mean.index) if told else None
     setup = pooled(
         mean(rest), part.cell[first], means, {n: mean(c) for n, c in grows.items()}, SETTING, instrument
     )
     column = column_of(model.observables[str(part.observable[0])])
     unit = "" if model.observables[str(part.observable[0])].unit == "1" else " Nm"
     several = float(np.mean(np.bincount(np.unique(part.setup, return_inverse=True)[1])))
-    anew = _usable(setup, bool(np.any(declared)))
-    again = _usable(reading, bool(np.any(declared)))
+    anew = _usable(setup, told)
+    again = _usable(reading, told)
     if anew:
         assert setup is not None
         if again:
             assert reading is not None
             setup = _less(setup, reading, several)
-        told = _told(setup, rows.setups_from, "set anew", unit, grows)
-        said = [told] + ([_told(reading, rows.setups_from, "back to back", unit, grows)] if again else [])
+        words = _told(setup, rows.setups_from, "set anew", unit, grows)
+        said = [words] + ([_told(reading, rows.setups_from, "back to back", unit, grows)] if again else [])
         pure = setup.dof + (reading.dof if again and reading is not None else 0.0)
         return Noise(reading if again else None, setup, setup.dof, pure), said
     if again:
@@ -261,7 +269,7 @@ def _noise_of(
         said = [_told(reading, rows.setups_from, "back to back", unit, grows)]
         said.append("such repeats do not show what setting a condition anew changes: " + _anew(model, rows))
         return Noise(reading, None, dof, reading.dof), said
-    if np.any(declared):
+    if told:
         text = f"uncertainty {np.sqrt(np.median(declared)):.2g}{unit} from the rig file"
         rounding = f", rounding in steps of {np.median(part.steps['']):g}"
         return Noise(), [text + rounding + ", " + _anew(model, rows)]

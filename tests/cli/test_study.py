@@ -1,0 +1,156 @@
+"""``specan study`` as a user calls it: the chain on a table with a hidden effect."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+from specan_cli.main import main, run
+
+from specan.testing.worm_gear import simulate, write
+
+CHAIN = {"windage": 12.0}
+
+
+@pytest.fixture(autouse=True)
+def own_machine(tmp_path, monkeypatch):
+    monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A simulated table with a hidden effect, and its rig."""
+    return write(simulate(5, CHAIN, "small"), tmp_path_factory.mktemp("bench"))
+
+
+def specan(*arguments):
+    result = CliRunner().invoke(main, ["study", *map(str, arguments)])
+    if result.exception and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def answer(*arguments):
+    return json.loads(specan(*arguments, "--json").stdout)
+
+
+@pytest.fixture
+def begun(bench):
+    table, rig = bench
+    return answer(
+        "new", "s", "--model", "worm-gear", "--rig", rig, "--measurement", table, "--hold-out", "torque=50"
+    )
+
+
+def exit_code(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["specan", "study", *map(str, arguments)])
+    with pytest.raises(SystemExit) as done:
+        run()
+    return done.value.code
+
+
+def test_a_new_user_is_led_from_the_table_to_an_error_that_falls(begun):
+    assert begun["uncertainty_known"]
+    assert begun["fitted_values"] + begun["held_out_values"] == 48
+    compared = answer("compare", "s")
+    assert compared["p_value"] < 1e-3
+    assert compared["sentences"][0].startswith("fails")
+    found = answer("diagnose", "s")
+    assert found["verdict"] in ("effect", "group")
+    assert "windage" in found["effects"]
+    added = answer("add", "s", "windage", "--because", "the diagnosis")
+    assert added["after"]["fit_error"]["value"] < 0.5 * added["before"]["fit_error"]["value"]
+    assert added["after"]["held_out_error"]["value"] < 0.5 * added["before"]["held_out_error"]["value"]
+    assert answer("compare", "s")["p_value"] > 1e-3
+    assert answer("diagnose", "s")["verdict"] == "nothing-missing"
+    steps = answer("history", "s")
+    assert [s["action"] for s in steps] == ["new", "add"]
+    assert steps[1]["model_effects"][-1] == "windage"
+    assert set(steps[1]["fit_error"]) == {"value", "unit", "metric"}
+    assert {"reduced_chi2", "parameters", "held_out_error"} <= set(steps[1])
+    specan("report", "s", "-o", "report.html")
+
+
+def test_what_a_person_reads(begun):
+    text = specan("compare", "s", "--plot", "c.png").stdout
+    assert "The model does not fit" in text
+    assert "fails" in text
+    assert "specan study diagnose s" in text
+    text = specan("diagnose", "s").stdout
+    assert "windage" in text.splitlines()[0]
+    assert "Smallest that these data would show" in text
+    text = specan("add", "s", "windage").stdout
+    assert "held-out" in text
+    assert "windage.power" in text
+    text = specan("history", "s", "--plot", "h.svg").stdout
+    assert "add windage" in text
+    assert specan("next", "s").stdout
+    assert "windage" in specan("drop", "s", "windage").stdout
+
+
+def test_new_says_what_it_assumed(bench):
+    table, rig = bench
+    text = specan("new", "t", "--model", "worm-gear", "--rig", rig, "--measurement", table).stdout
+    for words in ("set anew", "read values", "model discrepancy", "from the defaults", "held at its default"):
+        assert words in text
+
+
+def test_json_is_alone_on_standard_output(begun):
+    result = specan("compare", "s", "--json")
+    json.loads(result.stdout)
+    found = answer("diagnose", "s")
+    contract = {
+        "verdict", "alternatives", "effects", "at", "unknown_possible", "ranking", "lack_of_fit",
+        "model_discrepancy_percent", "fails_at", "residual_law", "smallest_visible", "not_testable",
+        "next_measurement",
+    }  # fmt: skip
+    assert contract <= set(found)
+    assert found["model_discrepancy_percent"] == 0.5
+    assert {"where", "z", "text"} <= set(found["fails_at"][0])
+
+
+def test_exit_codes(begun, bench, monkeypatch, capsys, tmp_path):
+    table, rig = bench
+    new = ["new", "u", "--model", "worm-gear", "--rig", rig, "--measurement"]
+    assert exit_code(monkeypatch, "compare", "nowhere") == 2
+    assert exit_code(monkeypatch, *new, "absent.csv") == 2
+    (tmp_path / "bad.csv").write_text("speed_rpm,output_torque_Nm\n1,2\n3,4\n")
+    assert exit_code(monkeypatch, *new, "bad.csv") == 3
+    assert exit_code(monkeypatch, "add", "s", "seal-drg") == 2
+    assert "did you mean 'seal-drag'" in capsys.readouterr().err
+    assert exit_code(monkeypatch, "compare", "s", "--plot", "c.bmp") == 2
+    assert exit_code(monkeypatch, "report", "s", "-o", "no/where.html") == 2
+    assert exit_code(monkeypatch, "history", "s") == 0
+
+
+def test_help_is_quick_and_names_every_step_without_loading_them():
+    script = (
+        "import sys; from specan_cli.main import main\n"
+        "try: main(['study', '--help'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted(m for m in sys.modules if m in ('numpy', 'scipy', 'pandas', 'pint', 'matplotlib')))"
+    )
+    out = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    for step in ("new", "compare", "diagnose", "add", "drop", "history", "next", "report"):
+        assert step in out
+    assert out.splitlines()[-1] == "[]"
+
+
+def test_without_uncertainty_diagnose_refuses_and_says_what_it_needs(bench, tmp_path):
+    _, rig = bench
+    lines = rig.read_text().splitlines()
+    bare = tmp_path / "bare.toml"
+    bare.write_text("\n".join(line for line in lines if line != "input_torque_Nm = 0.005") + "\n")
+    case = simulate(5, CHAIN, "small")
+    table, _ = write(case, tmp_path / "free", noise_free=True)
+    rows = [line for k, line in enumerate(table.read_text().splitlines()) if k == 0 or k <= 24]
+    table.write_text("\n".join(rows) + "\n")
+    result = specan("new", "v", "--model", "worm-gear", "--rig", bare, "--measurement", table)
+    assert "Nothing tells how uncertain" in result.stdout
+    with pytest.raises(Exception, match=r"input_torque_Nm = 0\.005"):
+        specan("diagnose", "v")
+    with pytest.raises(Exception, match="next needs"):
+        specan("next", "v")
+    assert "RMS error" in specan("compare", "v").stdout
