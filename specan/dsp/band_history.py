@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specan.dsp import bands
 from specan.dsp.multirate import LENGTH, ROWS, MultirateTransform, Stage, stages_of
+from specan.dsp.smooth_step import falling_step
 from specan.dsp.time_weighting import TimeWeighting
 from specan.dsp.weighting import Weighting, complex_weighting
 
@@ -21,6 +22,10 @@ _NOTHING = 1e-5
 # After 6 times 3 / B an order 4 band-pass has fallen by 180 dB.
 _SETTLINGS_IN_A_BLOCK = 6.0
 _PER_TIME_CONSTANT = 64.0
+# Squares are averaged over intervals as long as this many of them still make a time constant.
+_INTERVALS = 256.0
+# A thinned output is faithful up to this part of half its rate.
+_FAITHFUL = 0.8
 
 Response = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
 
@@ -63,17 +68,63 @@ def weighting_filter(weighting: Weighting) -> Filter:
 
 @dataclass
 class _Channelised:
-    """One filter at work on its stage."""
+    """One filter at work on its stage.
+
+    Its output is sampled at every `thinning`-th sample of the stage, and squared; intervals of `together`
+    samples of the stage are averaged before the time weighting.
+    """
 
     stage: Stage
+    thinning: int
+    together: int
     low: int
     values: NDArray[np.complex128]
     weighting: TimeWeighting
+    start: int
+    end: int
     settled: int
     place: NDArray[np.float64]
     last: NDArray[np.float64]
     position: int = 0
     reading: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        one: Filter,
+        stage: Stage,
+        rows: int,
+        time_constant: float,
+        decay: float | None,
+        settled: float,
+        end: float,
+        times: NDArray[np.float64],
+    ) -> _Channelised:
+        """Put a filter to work; `settled`, `end` and `times` in s."""
+        together = _power_of_two(stage.rate * time_constant / _INTERVALS)
+        thinning = min(together, _power_of_two(stage.rate * _FAITHFUL / 2.0 / one.upper))
+        low, values = _lines(one, stage, thinning)
+
+        def place(time: NDArray[np.float64]) -> NDArray[np.float64]:
+            # A sample stands for half a sampling interval on either side of it; an average is known at
+            # the end of its interval.
+            last = (stage.lead + end * stage.rate + 0.5) / together - 1.0
+            here = (stage.lead + time * stage.rate + 0.5 * thinning) / together - 1.0
+            return np.minimum(here, last)
+
+        return cls(
+            stage,
+            thinning,
+            together,
+            low,
+            values,
+            TimeWeighting(rows, stage.rate / together, time_constant, decay),
+            math.ceil(stage.lead / together),
+            math.floor(float(place(np.array(end))) + 1e-6) + 1,
+            math.ceil((stage.lead + settled * stage.rate) / together),
+            place(np.minimum(times, end)),
+            np.zeros((rows, 1)),
+        )
 
 
 @dataclass(frozen=True)
@@ -144,22 +195,13 @@ class BandHistory:
         self._working: dict[int, list[tuple[int, _Channelised]]] = {stage.number: [] for stage in stages}
         for number, one in enumerate(filters):
             stage = _stage_for(one, stages, time_constant)
-            low, values = _lines(one.response, stage)
-            self._working[stage.number].append(
-                (
-                    number,
-                    _Channelised(
-                        stage,
-                        low,
-                        values,
-                        TimeWeighting(rows, stage.rate, time_constant, decay),
-                        math.ceil(stage.lead + self._settled[number] * stage.rate),
-                        # A sample stands for half an interval on either side of it.
-                        stage.lead + np.minimum(times, self._end) * stage.rate - 0.5,
-                        np.zeros((rows, 1)),
-                    ),
-                )
+            working = _Channelised.of(
+                one, stage, rows, time_constant, decay, self._settled[number], self._end, times
             )
+            self._working[stage.number].append((number, working))
+        # Used again and again: fresh memory costs more than the arithmetic.
+        self._product = np.zeros((min(rows, ROWS), LENGTH + 1), dtype=np.complex128)
+        self._output = np.empty((min(rows, ROWS), 2 * LENGTH))
 
     def take(self, stage: Stage, transform: NDArray[np.complex128], half: int, length: int) -> None:
         """See the next block of a stage; see `specan.dsp.multirate.Consumer`."""
@@ -187,27 +229,30 @@ class BandHistory:
     def _filtered_square(
         self, one: _Channelised, pair: NDArray[np.complex128], half: int, length: int
     ) -> NDArray[np.float64]:
-        from scipy.fft import irfft
-
-        square = np.empty((self._rows, length))
-        first = half * LENGTH
+        """Mean square of the filter's output over each of the block's intervals; the last may reach beyond it."""
+        count, size = -(-length // one.together), LENGTH // one.thinning
+        per_interval = one.together // one.thinning
+        square = np.empty((self._rows, count))
         lines = slice(one.low, one.low + one.values.size)
         for top in range(0, self._rows, ROWS):
-            rows = slice(top, top + ROWS)
-            part = pair[rows]
-            product = np.zeros_like(part)
+            part = pair[top : top + ROWS]
+            product = self._product[: part.shape[0], : size + 1]
+            product[:, : lines.start] = 0.0
+            product[:, lines.stop :] = 0.0
             np.multiply(part[:, lines], one.values, out=product[:, lines])
-            output = irfft(product, 2 * LENGTH)[:, first : first + length]
-            np.square(output, out=square[rows])
+            output = self._output[: part.shape[0], : 2 * size]
+            np.fft.irfft(product, 2 * size, out=output)
+            mine = output[:, half * size : half * size + count * per_interval]
+            mine = mine.reshape(part.shape[0], count, per_interval)
+            np.einsum("ijk,ijk->ij", mine, mine, out=square[top : top + ROWS])
+        square /= per_interval
         return square
 
     def _read(self, number: int, one: _Channelised, weighted: NDArray[np.float64]) -> None:
         length = weighted.shape[1]
-        end = math.floor(one.stage.lead + self._end * one.stage.rate - 0.5 + 1e-6) + 1
-        start = math.ceil(one.stage.lead)
-        upto = min(length, end - one.position)
+        upto = min(length, one.end - one.position)
         for extreme, choose, since in (
-            (self._maximum, np.fmax, start),
+            (self._maximum, np.fmax, one.start),
             (self._minimum, np.fmin, one.settled),
         ):
             part = weighted[:, max(since - one.position, 0) : max(upto, 0)]
@@ -286,9 +331,21 @@ def _stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> St
     return fine[-1] if fine else (lasting or possible[-1:])[0]
 
 
-def _lines(response: Response, stage: Stage) -> tuple[int, NDArray[np.complex128]]:
-    """The response at a stage's lines as far as it matters, and the first of these lines."""
-    frequency = np.linspace(0.0, stage.rate / 2.0, LENGTH + 1)
-    values = response(frequency)
-    used = np.flatnonzero(np.abs(values) > _NOTHING)
+def _lines(one: Filter, stage: Stage, thinning: int) -> tuple[int, NDArray[np.complex128]]:
+    """The response at a stage's lines as far as it matters, and the first of these lines.
+
+    For a thinned output it is cut off smoothly below half the output's rate, and scaled for the
+    shorter inverse transform.
+    """
+    top = stage.rate / 2.0 / thinning
+    frequency = np.linspace(0.0, top, LENGTH // thinning + 1)
+    values = one.response(frequency) / thinning
+    if thinning > 1:
+        values *= falling_step(frequency, _FAITHFUL * top, top)
+    used = np.flatnonzero(np.abs(values) > _NOTHING / thinning)
     return int(used[0]), values[used[0] : used[-1] + 1]
+
+
+def _power_of_two(limit: float) -> int:
+    """The largest power of two up to `limit` that divides a block; 1 at least."""
+    return 1 << min(max(math.floor(math.log2(limit)), 0), 6) if limit > 0.0 else 1

@@ -44,6 +44,8 @@ class LagSpectrum:
         self.length = length
         self._cross = np.zeros((rows, length + 1), dtype=np.complex128)
         self._previous: NDArray[np.complex128] | None = None
+        # Used again and again: fresh memory costs more than the arithmetic.
+        self._buffers = np.empty((2, min(rows, _ROWS), length + 1), dtype=np.complex128)
 
     def add(self, transform: NDArray[np.complex128]) -> None:
         """Take the next block: the transform of 2 L samples, shape (rows, L + 1).
@@ -60,8 +62,13 @@ class LagSpectrum:
         for top in range(0, self._cross.shape[0], _ROWS):
             rows = slice(top, top + _ROWS)
             previous = self._previous[rows]
-            product = previous.copy() if following is None else previous + following[rows]
-            product *= np.conj(previous)
+            product, conjugate = (buffer[: previous.shape[0]] for buffer in self._buffers)
+            np.conjugate(previous, out=conjugate)
+            if following is None:
+                product[...] = previous
+            else:
+                np.add(previous, following[rows], out=product)
+            product *= conjugate
             self._cross[rows] += product
 
     def energy(self) -> NDArray[np.float64]:

@@ -135,6 +135,7 @@ class CrossSpectra:
         self._window = window(window_name, block)
         self._grid = OverlappedBlocks(block, self.hop, shifts)
         self._windowed = np.empty((n_channels, block))
+        self._spectra = np.empty((n_channels, block // 2 + 1), dtype=complex)
         kept = (n_channels, self._lines + 1)
         self._power, self._square = np.empty(kept), np.empty(kept)
         self._auto = np.zeros(kept)
@@ -153,7 +154,7 @@ class CrossSpectra:
             self._windowed *= self._window
         else:
             np.multiply(block, self._window, out=self._windowed)
-        spectra = np.fft.rfft(self._windowed, axis=-1)[:, : self._lines + 1]
+        spectra = np.fft.rfft(self._windowed, axis=-1, out=self._spectra)[:, : self._lines + 1]
         self.n_blocks += 1
         np.multiply(spectra.real, spectra.real, out=self._power)
         np.multiply(spectra.imag, spectra.imag, out=self._square)
