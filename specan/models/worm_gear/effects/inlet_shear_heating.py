@@ -12,7 +12,7 @@ CATALOGUE = 1.84e-9
     "inlet-shear-heating",
     scales=("bearing_rolling_moment", "viscous_loss"),
     neutral={"strength": 0.0},
-    aliases=("starvation", "oil-heating"),
+    aliases=("starvation", "oil-heating", "shear-thinning"),
     separate_by="cold oil at the highest speed, bearings alone if possible",
     reference="SKF, The SKF model for calculating the frictional moment: inlet shear heating reduction factor "
     "1/(1 + 1.84e-9 (n d_m)^1.28 nu^0.64)",

@@ -13,7 +13,7 @@ OIL_BATH = 3e-8
     "starvation",
     scales=("bearing_rolling_moment", "viscous_loss"),
     neutral={"strength": 0.0},
-    aliases=("inlet-shear-heating", "oil-heating"),
+    aliases=("inlet-shear-heating", "oil-heating", "shear-thinning"),
     separate_by="a series of oil levels at high speed",
     reference="SKF, The SKF model for calculating the frictional moment: kinematic replenishment/starvation "
     "factor exp(-K_rs nu n (d + D) sqrt(K_Z / (2 (D - d)))), K_rs 3e-8 in an oil bath, 6e-8 with grease",
