@@ -37,28 +37,30 @@ def measure(case: Case, truth: TruthCase, directory: Path) -> dict[str, Any]:
     -------
     dict
         ``lambda``: chi-square that the base leaves. ``left``: that the true candidates leave.
-        ``d``: least that as many wrong candidates leave beyond that (single effects). ``rival``: which.
+        ``d``: least that a wrong candidate leaves beyond that (single effects; of an effect outside the
+        catalogue every candidate is wrong, and the truth leaves nothing). ``rival``: which.
         ``conditional_lambda``: least that one of a pair alone leaves beyond both.
         ``planted``: amplitude that each true candidate takes, in the unit of its parameter.
     """
     problem = _noise_free(_problem(directory), truth)
     refits = Refits(Refit(frozenset(), problem, fit(problem, starts=STARTS)))
     found = {"lambda": refits.base.chi2, "left": None, "d": None, "rival": None, "conditional_lambda": None}
+    found["planted"] = {}
     names = frozenset(Use(name) for name in case.truth)
-    if not names:
-        return {**found, "planted": {}}
+    if not case.effects:
+        return found
     step = Search(refits).step(refits.base)
     singles = {use: refits.fit(refits.base, _starts(items)) for use, items in step.by_use.items()}
-    right = singles.get(next(iter(names))) if len(names) == 1 else _pair(refits, step.scored, names)
+    right = _pair(refits, step.scored, names) if len(names) > 1 else singles.get(next(iter(names), None))
     found["planted"] = {use.name: _amplitude(singles.get(use)) for use in names}
-    if right is None:  # the base swallows it whole
+    if names and right is None:  # the base swallows it whole
         return found
-    found["left"] = right.chi2
-    if len(names) == 1:
-        rivals = {str(u): r.chi2 - right.chi2 for u, r in singles.items() if r is not None and u not in names}
+    found["left"] = right.chi2 if right is not None else 0.0  # the truth itself leaves nothing
+    if len(names) < 2:
+        rivals = {str(u): r.chi2 for u, r in singles.items() if r is not None and u not in names}
         found["rival"] = min(rivals, key=lambda name: rivals[name])
-        found["d"] = rivals[found["rival"]]
-    else:
+        found["d"] = rivals[found["rival"]] - found["left"]
+    elif right is not None:
         alone = [r.chi2 if r is not None else refits.base.chi2 for r in map(singles.get, names)]
         found["conditional_lambda"] = min(alone) - right.chi2
     return found

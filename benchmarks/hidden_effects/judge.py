@@ -130,6 +130,11 @@ ROWS = (
         _at_least(0.95),
     ),
     Row(
+        "  and no candidate imitates it (D >= 100)",
+        lambda r: r["kind"] == "unknown" and r["lambda"] >= 300 and (r["d"] or 0.0) >= 100,
+        unknown_recognised,
+    ),
+    Row(
         "unknown, lambda 100-300: recognised",
         lambda r: r["kind"] == "unknown" and 100 <= r["lambda"] < 300,
         unknown_recognised,
