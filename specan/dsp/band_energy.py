@@ -127,10 +127,12 @@ class BandEnergy:
         self._sum = np.zeros(rows)
         self._spectra: dict[Stage, LagSpectrum] = {}
 
-    def take(self, stage: Stage, transform: NDArray[np.complex128], half: int, length: int) -> None:
+    def take(
+        self, stage: Stage, block: NDArray[np.float64], transform: NDArray[np.complex128], half: int
+    ) -> None:
         """See the next block of a stage; see `specan.dsp.multirate.Consumer`."""
         if stage.number == 0:
-            self._count += length
+            self._count += block.shape[1]
             self._sum += transform[:, 0].real
         if stage not in self._spectra:
             self._spectra[stage] = LagSpectrum(self._rows, LENGTH)

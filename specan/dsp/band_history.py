@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.dsp import bands
 from specan.dsp.multirate import LENGTH, ROWS, MultirateTransform, Stage, stages_of
+from specan.dsp.sections import Sections, Shape, shape_for
 from specan.dsp.smooth_step import falling_step
 from specan.dsp.time_weighting import TimeWeighting
 from specan.dsp.weighting import Weighting, complex_weighting
@@ -21,12 +23,16 @@ _ROOM_ABOVE = 1.25
 _NOTHING = 1e-5
 # After 6 times 3 / B an order 4 band-pass has fallen by 180 dB.
 _SETTLINGS_IN_A_BLOCK = 6.0
+# The lowest poles of A, B and C are at 20.6 Hz.
+_WEIGHTINGS_RING = 9.0 * math.log(10.0) / (2.0 * math.pi * 20.6)
 _PER_TIME_CONSTANT = 64.0
 # Squares are averaged over intervals as long as this many of them still make a time constant.
 _INTERVALS = 256.0
 # A thinned output is faithful up to this part of half its rate.
 _FAITHFUL = 0.8
 
+# How a filter gets its spectra: from sections of a shape, from pairs of blocks, or it needs none.
+Way = Shape | None | Literal["none"]
 Response = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
 
 
@@ -42,11 +48,17 @@ class Filter:
         Frequency up to which the samples have to be faithful.
     settling : float
         Seconds until the filter has settled.
+    ringing : float
+        Seconds until it has fallen by 180 dB.
+    identity : bool
+        Whether it is no filter at all.
     """
 
     response: Response
     upper: float = math.inf
     settling: float = 0.0
+    ringing: float = math.inf
+    identity: bool = False
 
 
 def band_filter(index: int, fraction: int, weighting: Weighting = "Z") -> Filter:
@@ -58,12 +70,17 @@ def band_filter(index: int, fraction: int, weighting: Weighting = "Z") -> Filter
         return bands.complex_response(frequency / mid, fraction) * complex_weighting(frequency, weighting)
 
     # The envelope of an order 4 band-pass settles to 1 % within 3 / B.
-    return Filter(response, _ROOM_ABOVE * upper, 3.0 / (upper - lower))
+    settling = 3.0 / (upper - lower)
+    return Filter(response, _ROOM_ABOVE * upper, settling, _SETTLINGS_IN_A_BLOCK * settling)
 
 
 def weighting_filter(weighting: Weighting) -> Filter:
     """A frequency weighting of the whole signal."""
-    return Filter(lambda frequency: complex_weighting(frequency, weighting))
+    return Filter(
+        lambda frequency: complex_weighting(frequency, weighting),
+        ringing=_WEIGHTINGS_RING,
+        identity=weighting == "Z",
+    )
 
 
 @dataclass
@@ -71,10 +88,12 @@ class _Channelised:
     """One filter at work on its stage.
 
     Its output is sampled at every `thinning`-th sample of the stage, and squared; intervals of `together`
-    samples of the stage are averaged before the time weighting.
+    samples of the stage are averaged before the time weighting. It sees sections of the blocks, or pairs
+    of blocks where there is no `shape`.
     """
 
     stage: Stage
+    shape: Shape | None
     thinning: int
     together: int
     low: int
@@ -103,7 +122,8 @@ class _Channelised:
         """Put a filter to work; `settled`, `end` and `times` in s."""
         together = _power_of_two(stage.rate * time_constant / _INTERVALS)
         thinning = min(together, _power_of_two(stage.rate * _FAITHFUL / 2.0 / one.upper))
-        low, values = _lines(one, stage, thinning)
+        shape = shape_for(one.ringing * stage.rate)
+        low, values = _lines(one, stage, LENGTH if shape is None else sum(shape) // 2, thinning)
 
         def place(time: NDArray[np.float64]) -> NDArray[np.float64]:
             # A sample stands for half a sampling interval on either side of it; an average is known at
@@ -114,6 +134,7 @@ class _Channelised:
 
         return cls(
             stage,
+            shape,
             thinning,
             together,
             low,
@@ -192,28 +213,56 @@ class BandHistory:
         self._readings = np.full((*shape, len(times)), np.nan)
         self._maximum, self._minimum = np.full(shape, np.nan), np.full(shape, np.nan)
         stages = stages_of(sampling_rate)
-        self._working: dict[int, list[tuple[int, _Channelised]]] = {stage.number: [] for stage in stages}
+        self._working: dict[tuple[int, Way], list[tuple[int, _Channelised]]] = {}
+        self._sections: dict[tuple[int, Way], Sections] = {}
         for number, one in enumerate(filters):
+            if self._derivatives.any():  # these are taken on pairs of blocks
+                one = replace(one, ringing=math.inf, identity=False)
             stage = _stage_for(one, stages, time_constant)
             working = _Channelised.of(
                 one, stage, rows, time_constant, decay, self._settled[number], self._end, times
             )
-            self._working[stage.number].append((number, working))
+            way: Way = "none" if one.identity else working.shape
+            self._working.setdefault((stage.number, way), []).append((number, working))
+            if isinstance(way, Shape) and (stage.number, way) not in self._sections:
+                self._sections[stage.number, way] = Sections(rows, way)
         # Used again and again: fresh memory costs more than the arithmetic.
         self._product = np.zeros((min(rows, ROWS), LENGTH + 1), dtype=np.complex128)
         self._output = np.empty((min(rows, ROWS), 2 * LENGTH))
 
-    def take(self, stage: Stage, transform: NDArray[np.complex128], half: int, length: int) -> None:
+    def take(
+        self, stage: Stage, block: NDArray[np.float64], transform: NDArray[np.complex128], half: int
+    ) -> None:
         """See the next block of a stage; see `specan.dsp.multirate.Consumer`."""
-        working = self._working[stage.number]
-        if not working:
-            return
+        length = block.shape[1]
+        for (number, way), working in self._working.items():
+            if number != stage.number:
+                continue
+            if way is None:
+                pair = self._pair(stage, transform)
+                self._filter(working, pair, half * LENGTH, length)
+            elif isinstance(way, Shape):
+                for fresh, spectrum in self._sections[number, way].of(block):
+                    self._filter(working, spectrum, way.before, fresh)
+            else:
+                for filter_number, one in working:
+                    self._read(filter_number, one, one.weighting(_unfiltered_square(one, block)))
+
+    def _pair(self, stage: Stage, transform: NDArray[np.complex128]) -> NDArray[np.complex128]:
         previous = self._previous.get(stage.number)
-        pair = transform if previous is None else previous + transform
         self._previous[stage.number] = transform
-        pair = self._differentiated(pair, stage)
+        return self._differentiated(transform if previous is None else previous + transform, stage)
+
+    def _filter(
+        self,
+        working: Sequence[tuple[int, _Channelised]],
+        spectrum: NDArray[np.complex128],
+        first: int,
+        length: int,
+    ) -> None:
         for number, one in working:
-            self._read(number, one, one.weighting(self._filtered_square(one, pair, half, length)))
+            square = self._filtered_square(one, spectrum, first, length)
+            self._read(number, one, one.weighting(square))
 
     def _differentiated(self, pair: NDArray[np.complex128], stage: Stage) -> NDArray[np.complex128]:
         if not self._derivatives.any():
@@ -227,22 +276,26 @@ class BandHistory:
         return pair * factor
 
     def _filtered_square(
-        self, one: _Channelised, pair: NDArray[np.complex128], half: int, length: int
+        self, one: _Channelised, spectrum: NDArray[np.complex128], first: int, length: int
     ) -> NDArray[np.float64]:
-        """Mean square of the filter's output over each of the block's intervals; the last may reach beyond it."""
-        count, size = -(-length // one.together), LENGTH // one.thinning
+        """Mean square of the filter's output over each interval of `length` samples from `first` on.
+
+        The last interval may reach beyond them.
+        """
+        count, size = -(-length // one.together), (spectrum.shape[1] - 1) // one.thinning
+        begin = first // one.thinning
         per_interval = one.together // one.thinning
         square = np.empty((self._rows, count))
         lines = slice(one.low, one.low + one.values.size)
         for top in range(0, self._rows, ROWS):
-            part = pair[top : top + ROWS]
+            part = spectrum[top : top + ROWS]
             product = self._product[: part.shape[0], : size + 1]
             product[:, : lines.start] = 0.0
             product[:, lines.stop :] = 0.0
             np.multiply(part[:, lines], one.values, out=product[:, lines])
             output = self._output[: part.shape[0], : 2 * size]
             np.fft.irfft(product, 2 * size, out=output)
-            mine = output[:, half * size : half * size + count * per_interval]
+            mine = output[:, begin : begin + count * per_interval]
             mine = mine.reshape(part.shape[0], count, per_interval)
             np.einsum("ijk,ijk->ij", mine, mine, out=square[top : top + ROWS])
         square /= per_interval
@@ -331,14 +384,24 @@ def _stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> St
     return fine[-1] if fine else (lasting or possible[-1:])[0]
 
 
-def _lines(one: Filter, stage: Stage, thinning: int) -> tuple[int, NDArray[np.complex128]]:
-    """The response at a stage's lines as far as it matters, and the first of these lines.
+def _unfiltered_square(one: _Channelised, block: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean square of the samples themselves over each of the block's intervals."""
+    rows, length = block.shape
+    count = -(-length // one.together)
+    if count * one.together > length:
+        block = np.pad(block, ((0, 0), (0, count * one.together - length)))
+    intervals = block.reshape(rows, count, one.together)
+    return np.asarray(np.einsum("ijk,ijk->ij", intervals, intervals) / one.together)
+
+
+def _lines(one: Filter, stage: Stage, size: int, thinning: int) -> tuple[int, NDArray[np.complex128]]:
+    """The response at the lines of a transform of 2 `size` samples as far as it matters, and the first of these lines.
 
     For a thinned output it is cut off smoothly below half the output's rate, and scaled for the
     shorter inverse transform.
     """
     top = stage.rate / 2.0 / thinning
-    frequency = np.linspace(0.0, top, LENGTH // thinning + 1)
+    frequency = np.linspace(0.0, top, size // thinning + 1)
     values = one.response(frequency) / thinning
     if thinning > 1:
         values *= falling_step(frequency, _FAITHFUL * top, top)

@@ -72,13 +72,14 @@ def stages_of(sampling_rate: float) -> list[Stage]:
 class Consumer(Protocol):
     """What looks at the blocks of all stages."""
 
-    def take(self, stage: Stage, transform: NDArray[np.complex128], half: int, length: int) -> None:
-        """See the next block of a stage.
+    def take(
+        self, stage: Stage, block: NDArray[np.float64], transform: NDArray[np.complex128], half: int
+    ) -> None:
+        """See the next block of a stage, shape (channels, LENGTH), the last one of a stage shorter.
 
         `transform` is that of 2 `LENGTH` samples, shape (channels, LENGTH + 1), zero but for the block in
-        the half that `half` says; successive blocks of a stage alternate. `length` is smaller than
-        `LENGTH` for the last one of a stage. The array may be kept until the next block of the stage has
-        been seen; the one after that may be written over it.
+        the half that `half` says; successive blocks of a stage alternate. The array may be kept until the
+        next block of the stage has been seen; the one after that may be written over it.
         """
         ...
 
@@ -148,7 +149,7 @@ class MultirateTransform:
             block = self._without_offset(block)
         transform = self._transform(number, block, half)
         for consumer in self._consumers:
-            consumer.take(stage, transform, half, block.shape[1])
+            consumer.take(stage, block, transform, half)
         if stage.last:
             return
         decimator = self._decimators[number] or Decimator(self._rows, LENGTH)
