@@ -95,7 +95,7 @@ def _priors(model: Model, nuisances: Mapping[Use, EffectEntry]) -> dict[str, tup
         effect = model.effects[use.name]
         given = {n: p.prior_sd for n, p in entry.parameters.items() if p.prior_sd is not None}
         if entry.prior_sd is not None:
-            open_ = [n.parameter for n in model.nuisances if n.effect == use.name] or list(effect.neutral)
+            open_ = [n.parameter for n in model.nuisances if n.effect == str(use)] or list(effect.neutral)
             if len(open_) != 1:
                 raise RequestError(
                     f"study.toml: prior_sd of {entry.name} could mean {' or '.join(open_)}",

@@ -110,13 +110,14 @@ def _effects(model: Model, names: Sequence[str]) -> list[dict[str, Any]]:
     uses = model.assemble(names).uses
     for use in uses:
         entries.append(effect_entry(use))
-    held: dict[str, dict[str, float]] = {}
+    held: dict[Use, dict[str, float]] = {}
     for nuisance in model.nuisances:
-        if Use.parse(nuisance.effect) not in uses:
-            held.setdefault(nuisance.effect, {})[nuisance.parameter] = nuisance.prior_sd
-    for name, widths in held.items():
-        entry: dict[str, Any] = {"name": name, "role": "nuisance"}
-        effect = model.effects[name]
+        use = Use.parse(nuisance.effect)
+        if use not in uses:
+            held.setdefault(use, {})[nuisance.parameter] = nuisance.prior_sd
+    for use, widths in held.items():
+        entry = effect_entry(use, "nuisance")
+        effect = model.effects[use.name]
         if len(widths) == 1:
             entry["prior_sd"] = next(iter(widths.values()))
         else:

@@ -12,8 +12,8 @@ from specan.models import Model
 from specan.study.observation import Observation
 
 # kind -> module with `open_data(model, request) -> OpenedData`
-OPENERS = {"table": "specan.study.data"}
-SUFFIXES = {".csv": "table", ".tsv": "table", ".txt": "table"}
+OPENERS = {"frf": "specan.study.recording_data", "table": "specan.study.data"}
+SUFFIXES = {".csv": "table", ".tsv": "table", ".txt": "table", ".tdms": "frf", ".wav": "frf"}
 
 
 @dataclass(frozen=True)

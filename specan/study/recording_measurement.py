@@ -83,7 +83,7 @@ def observe_recording(
         "frequency": folding.nodes,
         "velocity_psd": _density_at(signals[0], rate, block, vibrometer, folding.nodes),
     }
-    sigma = _sigma(recording, vibrometer, microphones, signals, found.frequency_hz, block, start)
+    noise = _noise(recording, vibrometer, microphones, signals, found.frequency_hz, block, start)
     plain = FrfObservation(
         name=recording.label,
         recording=recording.label,
@@ -91,7 +91,7 @@ def observe_recording(
         frequency_hz=found.frequency_hz,
         channels=model.axes["microphone"],
         response=found.response,
-        sigma=sigma,
+        noise=noise,
         folding=folding,
         conditions_at_nodes=conditions,
         shared=np.empty((*found.response.shape, 0), dtype=complex),
@@ -109,7 +109,7 @@ def _fitted(model: Model, plain: FrfObservation) -> Complex:
     given = model.settings["uncertainty"]
     percent = max(given["model_discrepancy_percent"], 100 * (10 ** (given["calibration_dB"] / 20) - 1), 1.0)
     crude = replace(
-        plain, sigma=np.hypot(plain.sigma, percent / 100 * np.median(size, axis=1, keepdims=True))
+        plain, noise=np.hypot(plain.noise, percent / 100 * np.median(size, axis=1, keepdims=True))
     )
     problem = base_problem(model, [crude])
     values = problem.values_at(fit(problem).theta)
@@ -118,7 +118,7 @@ def _fitted(model: Model, plain: FrfObservation) -> Complex:
     return plain.folding(evaluated[quantity])
 
 
-def _sigma(
+def _noise(
     recording: Recording,
     vibrometer: Channel,
     microphones: Sequence[Channel],
@@ -137,7 +137,7 @@ def _sigma(
 
     rate = vibrometer.sampling_rate
     responses = recording.read(microphones)
-    noise = noise_density(signals[0], responses, rate, frequency)
+    density_of_noise = noise_density(signals[0], responses, rate, frequency)
     f, density = welch(signals[0][start:], rate, "hann", block)
     blocks = (vibrometer.n_samples - start - block) // (block // 2) + 1
     averages = effective_averages(blocks, "hann", 0.5)
@@ -146,7 +146,7 @@ def _sigma(
         from scipy.signal import coherence
 
         drive = drive * np.interp(frequency, *coherence(signals[1], signals[0], rate, "hann", block))
-    return np.sqrt(noise / (2 * averages * drive))
+    return np.sqrt(density_of_noise / (2 * averages * drive))
 
 
 def _channels_of(recording: Recording, model: Model) -> tuple[Channel, tuple[Channel, ...]]:

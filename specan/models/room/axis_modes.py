@@ -60,23 +60,6 @@ class AxisModes:
         found: Complex = 0.5 * (wave + back) - (0.5j * self.a0[..., None] / u) * (wave - back)
         return found
 
-    def slope_at(self, x: NDArray[np.float64]) -> Complex:
-        """Derivatives of the eigenfunctions at positions `x`: array (lines, modes, positions), 1/m."""
-        part = np.asarray(x, dtype=float) / self.length
-        cosine, sine = _cos_sinc(self.w[..., None] * part**2)
-        found: Complex = (self.a0[..., None] * cosine - self.w[..., None] * part * sine) / self.length
-        return found
-
-    def lines(self, part: slice) -> AxisModes:
-        """The same at some lines only."""
-        return AxisModes(self.length, self.w[part], self.a0[part], self.norm[part])
-
-    def at(self, x: NDArray[np.float64]) -> Complex:
-        """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
-        part = np.asarray(x, dtype=float) / self.length
-        cosine, sine = _cos_sinc(self.w[..., None] * part**2)
-        return cosine + self.a0[..., None] * part * sine
-
 
 def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: int) -> AxisModes:
     """Solve ``X'' + q^2 X = 0`` with ``X'(0) = (a0/L) X(0)`` and ``X'(L) = -(a1/L) X(L)``.

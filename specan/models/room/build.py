@@ -66,7 +66,7 @@ def build(rig: Mapping[str, Any]) -> Model:
 
 def _check_size(rig: Rig) -> None:
     assert rig.room.dims_m is not None
-    k_max = 2 * np.pi * rig.band.f_max_hz / 343.0
+    k_max = 2 * np.pi * rig.band.f_max_hz / field.COLD
     counts = field.mode_counts(rig.room.dims_m, k_max, MODE_MARGIN)
     modes = int(np.prod(counts))
     if modes > MOST_MODES:
@@ -86,6 +86,7 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...]) -> list[Quantity]:
         card_of[low - 1 : high] = number
     listed = [
         ("room_dimensions", np.array(rig.room.dims_m), "m", "Edges of the room.", ("dimension",)),
+        ("drawn_dimensions", np.array(rig.room.dims_m), "m", "Edges of the room as drawn.", ()),
         (
             "mode_margin",
             MODE_MARGIN,
@@ -120,5 +121,13 @@ def _nuisances(rig: Rig) -> tuple[Nuisance, ...]:
         ("temperature", "offset", given.temperature_K, "temperature_K"),
         ("vibrometer-delay", "delay", given.vibrometer_delay_s, "vibrometer_delay_s"),
         ("vibrometer-gain", "gain", given.vibrometer_gain_percent / 100, "vibrometer_gain_percent"),
+        *(
+            (f"dimension-error@{axis}", "error", given.dimension_percent / 100, "dimension_percent")
+            for axis in "xyz"
+        ),
+        *(
+            (f"microphone-delay@card {i}", "delay", given.card_delay_s, "card_delay_s")
+            for i in range(1, len(rig.mics.cards) + 1)
+        ),
     ]
     return tuple(Nuisance(e, p, sd, f"[uncertainty] {key}") for e, p, sd, key in listed if sd)

@@ -16,6 +16,7 @@ from specan.models.room.box_field import BoxField, Port, point
 from specan.models.room.rig import WALLS
 
 Complex = NDArray[np.complex128]
+COLD = 325.0  # m/s, at -11 degC
 
 
 @dataclass(frozen=True)
@@ -70,18 +71,24 @@ def wall_admittance(
 
 
 @quantity(unit="1", opaque=True)
-def box(frequency, sound_speed, air_attenuation, wall_admittance, room_dimensions, mode_margin):
+def box(
+    frequency, sound_speed, air_attenuation, wall_admittance, room_dimensions, drawn_dimensions, mode_margin
+):
     """The room's modes, and the couplings that were asked of them."""
-    key: tuple[bytes, ...] = tuple(
-        np.asarray(a).tobytes()
-        for a in (frequency, sound_speed, air_attenuation, wall_admittance, room_dimensions, mode_margin)
+    inputs = (
+        frequency,
+        sound_speed,
+        air_attenuation,
+        wall_admittance,
+        room_dimensions,
+        drawn_dimensions,
+        mode_margin,
     )
+    key: tuple[bytes, ...] = tuple(np.asarray(value).tobytes() for value in inputs)
     if key not in _BOXES:
         while len(_BOXES) >= 3:
             _BOXES.popitem(last=False)
-        _BOXES[key] = _make_box(
-            frequency, sound_speed, air_attenuation, wall_admittance, room_dimensions, float(mode_margin)
-        )
+        _BOXES[key] = _make_box(*inputs)
     return _BOXES[key]
 
 
@@ -95,17 +102,33 @@ def mode_counts(lengths: tuple[float, ...], k_max: float, margin: float) -> tupl
 
 
 def _make_box(
-    frequency: Any, sound_speed: float, attenuation: Any, admittance: Any, dimensions: Any, margin: float
+    frequency: Any,
+    sound_speed: Any,
+    attenuation: Any,
+    admittance: Any,
+    dimensions: Any,
+    drawn: Any,
+    margin: Any,
 ) -> BoxField:
-    lengths = point(dimensions)
+    lengths, as_drawn = point(dimensions), point(drawn)
     k = 2 * np.pi * np.asarray(frequency, dtype=float) / sound_speed
+    # Counts and the remainder's range belong to the drawn room in cold air: while temperature or an edge
+    # is fitted they must not jump.
+    k_max = 2 * np.pi * float(np.max(frequency)) / COLD
+    counts = mode_counts(as_drawn, k_max, float(margin))
     soft = 1j * k * admittance
-    counts = mode_counts(lengths, float(k.max()), margin)
     axes = [
         axis_modes(lengths[i], soft[2 * i] * lengths[i], soft[2 * i + 1] * lengths[i], counts[i])
         for i in range(3)
     ]
-    return BoxField(lengths, (k - 1j * attenuation) ** 2, (axes[0], axes[1], axes[2]), soft)
+    return BoxField(
+        lengths,
+        (k - 1j * attenuation) ** 2,
+        (axes[0], axes[1], axes[2]),
+        soft,
+        as_drawn,
+        max(k_max, float(k.max())) ** 2,
+    )
 
 
 @quantity(unit="Pa*s/m", axes=("microphone",))

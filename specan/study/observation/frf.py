@@ -37,7 +37,7 @@ class FrfObservation:
     channels : tuple of str
         Names of the microphones, in the model's order.
     response : complex array (microphones, lines)
-    sigma : array (microphones, lines)
+    noise : array (microphones, lines)
         Random standard uncertainty of the real and of the imaginary part.
     folding : Folding
         How the analysis sees a transfer function.
@@ -56,7 +56,7 @@ class FrfObservation:
     frequency_hz: Array
     channels: tuple[str, ...]
     response: Complex
-    sigma: Array
+    noise: Array
     folding: Folding
     conditions_at_nodes: Mapping[str, Array]
     shared: Complex
@@ -91,6 +91,17 @@ class FrfObservation:
     def available(self) -> frozenset[str]:
         """Conditions that the data hold."""
         return frozenset(self.conditions_at_nodes)
+
+    @property
+    def observable(self) -> str:
+        """Name of the model's observable."""
+        return "frf"
+
+    @cached_property
+    def sigma(self) -> Array:
+        """Standard uncertainty of every row, what is common to a microphone's lines included."""
+        common = [np.sum(part**2, axis=-1) for part in (self.shared.real, self.shared.imag)]
+        return np.concatenate([np.sqrt(self.noise**2 + c)[self.kept] for c in common])
 
     @cached_property
     def measured(self) -> Array:
@@ -172,7 +183,7 @@ class FrfObservation:
         spacing = float(np.median(np.diff(self.frequency_hz))) if len(self.frequency_hz) > 1 else 1.0
         number = np.round(self.frequency_hz / spacing).astype(int)
         return [
-            _Whitener.make(number[k], self.sigma[m][k], self.shared[m][k]) for m, k in enumerate(self.kept)
+            _Whitener.make(number[k], self.noise[m][k], self.shared[m][k]) for m, k in enumerate(self.kept)
         ]
 
 

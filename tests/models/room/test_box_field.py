@@ -18,7 +18,7 @@ def field_of(beta, counts, k=K):
         axis_modes(LENGTHS[i], soft[2 * i] * LENGTHS[i], soft[2 * i + 1] * LENGTHS[i], counts[i])
         for i in range(3)
     )
-    return BoxField(LENGTHS, (k**2).astype(complex), axes, soft)
+    return BoxField(LENGTHS, (k**2).astype(complex), axes, soft, LENGTHS, 1.05 * K.max() ** 2)
 
 
 def summed_across(beta0, beta1, points):
