@@ -24,7 +24,8 @@ class SpecanError(Exception):
     def __init__(self, found: str, *, expected: str = "", remedy: str = "") -> None:
         self.found, self.expected, self.remedy = found, expected, remedy
         parts = [found, f"expected {expected}" if expected else "", remedy]
-        super().__init__("; ".join(part.strip().rstrip(".") for part in parts if part) + ".")
+        text = "; ".join(part.strip().rstrip(".") for part in parts if part)
+        super().__init__(text if text.endswith("?") else text + ".")
 
     def __reduce__(self) -> tuple[object, ...]:
         # Keyword-only arguments do not survive the default pickling, and workers send errors home.
