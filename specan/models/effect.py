@@ -6,6 +6,7 @@ import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from specan.errors import RequestError, nearest
@@ -42,7 +43,7 @@ class Effect:
         """Every quantity that the effect acts on."""
         return (*self.adds_to, *self.scales, *self.joins)
 
-    @property
+    @cached_property
     def neutral_si(self) -> dict[str, float]:
         """Neutral values in SI."""
         return {name: self.parameters[name].to_si(value) for name, value in self.neutral.items()}

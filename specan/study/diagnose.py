@@ -195,7 +195,7 @@ def _ranked(search: Search, refit: Refit) -> Ranked:
         p_value=passage.p_value,
         held_out_gain=passage.held_out_gain,
         error_after=_error(refit),
-        parameters=_parameters(refit),
+        parameters=parameters_of(refit),
         plausible=passage.plausible,
         at_bound=any(n.rpartition(".")[0] in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
     )
@@ -208,7 +208,7 @@ def _error(refit: Refit) -> float:
     return observable_errors(problem, problem.observations, predicted)[0].rms
 
 
-def _parameters(refit: Refit) -> dict[str, dict[str, Any]]:
+def parameters_of(refit: Refit) -> dict[str, dict[str, Any]]:
     """Own parameters of the effects, with 95 % intervals from the covariance, in their declared units."""
     table = {}
     low, high = refit.problem.bounds()
