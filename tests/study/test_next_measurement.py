@@ -1,0 +1,105 @@
+"""The next measurement: where rivals differ, what each expects there, and what else to do where none differs."""
+
+import numpy as np
+import pytest
+
+from specan.models import Use
+from specan.study.diagnose import diagnose
+from specan.study.fit import fit
+from specan.study.localise import localise
+from specan.study.next_measurement import explore, propose
+from specan.study.refit import Refit, Refits
+from specan.study.search import Search
+
+
+def fitted(problem, *names):
+    refits = Refits(Refit(frozenset(), problem, fit(problem)))
+    step = Search(refits).step(refits.base)
+    return [refits.fit(refits.base, [[step.by_use[Use(name)][0]]]) for name in names]
+
+
+def test_rivals_are_sent_where_their_curves_part(toy):
+    # Measured up to x = 2, where a parabola and a wave can agree; the rig goes on to 4, where they cannot.
+    rivals = fitted(toy.problem(lambda x, z: 4 * x**2, ["square", "wave"], seed=1), "square", "wave")
+    first, *_ = propose(rivals)
+    assert first.conditions["x"] > 3.5
+    assert first.separation > 2
+    assert set(first.predictions) == {"square", "wave"}
+    assert "expects" in first.text
+
+
+def test_predictions_and_separation_are_those_of_the_fits(toy):
+    rivals = fitted(toy.problem(lambda x, z: 4 * x**2, ["square", "cross"], seed=2), "square", "cross")
+    first = propose(rivals, count=1)[0]
+    x, z = first.conditions["x"], first.conditions["z"]
+    rows = {
+        "square": np.array([1, x, x**2]),
+        "cross": np.array([1, x, x * z]),
+    }
+    gap, variance = [], 1.0
+    for refit, name in zip(rivals, ("square", "cross")):
+        theta = [refit.fit.values[n] for n in ("line.offset", "line.slope", f"{name}.c")]
+        assert first.predictions[name] == pytest.approx(rows[name] @ theta, rel=1e-6)
+        gap.append(first.predictions[name])
+        variance += rows[name] @ (refit.fit.covariance * refit.scale) @ rows[name]
+    assert first.sigma == pytest.approx(1.0)
+    assert first.separation == pytest.approx(abs(gap[0] - gap[1]) / np.sqrt(variance), rel=1e-4)
+
+
+def test_points_stay_within_the_limits_and_apart(toy):
+    rivals = fitted(toy.problem(lambda x, z: 4 * x**2, ["square", "cross"], seed=3), "square", "cross")
+    found = propose(rivals, count=3)
+    places = np.array([[p.conditions["x"], p.conditions["z"]] for p in found])
+    assert np.all((places[:, 0] >= 0.1) & (places[:, 0] <= 4.0))
+    assert np.all((places[:, 1] >= -1.0) & (places[:, 1] <= 1.5))
+    for a in range(len(found)):
+        for b in range(a):
+            assert np.max(np.abs((places[a] - places[b]) / [3.9, 2.5])) > 0.15
+
+
+def test_a_measured_point_decides_what_the_grid_could_not(toy):
+    problem = toy.problem(lambda x, z: 1.1 * x**2, ["square", "wave"], seed=4)
+    rivals = fitted(problem, "square", "wave")
+    first = propose(rivals, count=1)[0]
+    better = abs(first.predictions["square"] - first.predictions["wave"])
+    inside = [abs(a - b) for a, b in zip(*(r.problem.predictions(r.fit.theta)[0] for r in rivals))]
+    assert better > 2 * max(inside)
+
+
+def test_aliases_ask_for_another_kind_of_measurement(toy):
+    rivals = fitted(toy.problem(lambda x, z: 4 * x**2, ["square", "twin"], seed=5), "square", "twin")
+    found = propose(rivals)
+    assert [p.conditions for p in found] == [{}]
+    assert "a second instrument" in found[0].text
+    assert propose(rivals, other_kinds=False) == ()
+
+
+def test_one_explanation_alone_has_nothing_to_decide(toy):
+    [only] = fitted(toy.problem(lambda x, z: 4 * x**2, ["square"], seed=6), "square")
+    assert propose([only]) == ()
+
+
+def test_without_limits_nothing_is_proposed(toy):
+    from dataclasses import replace
+
+    problem = toy.problem(lambda x, z: 4 * x**2, ["square", "cross"], seed=7)
+    model = replace(problem.assembly.model, settings={})
+    problem = replace(problem, assembly=model.assemble(problem.assembly.uses))
+    rivals = fitted(problem, "square", "cross")
+    assert propose(rivals) == ()
+
+
+def test_the_unknown_is_looked_for_where_nothing_was_measured(toy):
+    problem = toy.problem(lambda x, z: 8 * (x > 1.7), ["cross"], seed=8)
+    start = Refit(frozenset(), problem, fit(problem))
+    blocks = localise(problem, start.fit).fails_at
+    assert blocks
+    for proposal in explore(start, blocks):
+        assert proposal.separation is None
+        assert "nothing was measured" in proposal.text
+
+
+def test_a_verdict_carries_its_proposals(toy):
+    found = diagnose(toy.problem(lambda x, z: 4 * x**2, ["square", "twin", "cross"], seed=9)).to_json()
+    for row in found["next_measurement"]:
+        assert set(row) == {"text", "conditions", "predictions", "unit", "sigma", "separation_sigma"}
