@@ -153,8 +153,13 @@ class Study:
     @property
     def edited(self) -> bool:
         """Whether the study file or the rig was changed since the last step."""
-        last = self.history.last
-        return last is None or any(last.hashes.get(k) != v for k, v in self.hashes.items())
+        last, now = self.history.last, self.hashes
+        if last is None:
+            return True
+        own = last.hashes["effect_files"]
+        return any(last.hashes[k] != now[k] for k in ("study", "rig", "files")) or any(
+            own.get(name, sha256) != sha256 for name, sha256 in now["effect_files"].items()
+        )
 
     # --- numbers ----------------------------------------------------------------------------------
 

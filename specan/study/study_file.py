@@ -103,8 +103,12 @@ def read_study_file(directory: Path) -> StudyFile:
 
 
 def content_hash(content: StudyFile) -> str:
-    """Hash of what the file says, whatever its comments and layout."""
-    plain = content.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    """Hash of what the file says, whatever its comments and layout.
+
+    Own effect files are left out: those that are candidates only change no number, and the others are
+    known by their own hash.
+    """
+    plain = content.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude={"effect_file"})
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 

@@ -112,7 +112,7 @@ def test_json_is_alone_on_standard_output(begun):
 
 
 def test_exit_codes(begun, bench, monkeypatch, capsys, tmp_path):
-    table, rig = bench
+    _, rig = bench
     new = ["new", "u", "--model", "worm-gear", "--rig", rig, "--measurement"]
     assert exit_code(monkeypatch, "compare", "nowhere") == 2
     assert exit_code(monkeypatch, *new, "absent.csv") == 2
