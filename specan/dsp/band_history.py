@@ -28,6 +28,8 @@ _WEIGHTINGS_RING = 9.0 * math.log(10.0) / (2.0 * math.pi * 20.6)
 _PER_TIME_CONSTANT = 64.0
 # Squares are averaged over intervals as long as this many of them still make a time constant.
 _INTERVALS = 256.0
+# From so many cycles in a time constant on, the ripple of a squared tone is less than 0.002 dB.
+_CYCLES_WITHOUT_RIPPLE = 200.0
 # A thinned output is faithful up to this part of half its rate.
 _FAITHFUL = 0.8
 
@@ -44,8 +46,8 @@ class Filter:
     ----------
     response : callable
         Complex response at frequencies in Hz (exp(+j w t)).
-    upper : float
-        Frequency up to which the samples have to be faithful.
+    lower, upper : float
+        Frequency from which on it lets something through, and up to which the samples have to be faithful.
     settling : float
         Seconds until the filter has settled.
     ringing : float
@@ -55,6 +57,7 @@ class Filter:
     """
 
     response: Response
+    lower: float = 0.0
     upper: float = math.inf
     settling: float = 0.0
     ringing: float = math.inf
@@ -71,7 +74,7 @@ def band_filter(index: int, fraction: int, weighting: Weighting = "Z") -> Filter
 
     # The envelope of an order 4 band-pass settles to 1 % within 3 / B.
     settling = 3.0 / (upper - lower)
-    return Filter(response, _ROOM_ABOVE * upper, settling, _SETTLINGS_IN_A_BLOCK * settling)
+    return Filter(response, lower, _ROOM_ABOVE * upper, settling, _SETTLINGS_IN_A_BLOCK * settling)
 
 
 def weighting_filter(weighting: Weighting) -> Filter:
@@ -89,11 +92,14 @@ class _Channelised:
 
     Its output is sampled at every `thinning`-th sample of the stage, and squared; intervals of `together`
     samples of the stage are averaged before the time weighting. It sees sections of the blocks, or pairs
-    of blocks where there is no `shape`.
+    of blocks where there is no `shape`. With `envelope` the output is the complex one of the lines that
+    matter, shifted to frequency zero: what is narrow needs few samples, and half the square of the modulus is the
+    square without its ripple at twice the frequency.
     """
 
     stage: Stage
     shape: Shape | None
+    envelope: bool
     thinning: int
     together: int
     low: int
@@ -123,7 +129,13 @@ class _Channelised:
         together = _power_of_two(stage.rate * time_constant / _INTERVALS)
         thinning = min(together, _power_of_two(stage.rate * _FAITHFUL / 2.0 / one.upper))
         shape = shape_for(one.ringing * stage.rate)
-        low, values = _lines(one, stage, LENGTH if shape is None else sum(shape) // 2, thinning)
+        size = LENGTH if shape is None else sum(shape) // 2
+        low, values = _lines(one, stage, size, thinning)
+        whole = _lines(one, stage, size, 1)
+        narrow = min(together, _power_of_two(2 * size / whole[1].size))
+        envelope = one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE and narrow > 2 * thinning
+        if envelope:
+            thinning, low, values = narrow, whole[0], whole[1] * (math.sqrt(2.0) / narrow)
 
         def place(time: NDArray[np.float64]) -> NDArray[np.float64]:
             # A sample stands for half a sampling interval on either side of it; an average is known at
@@ -135,6 +147,7 @@ class _Channelised:
         return cls(
             stage,
             shape,
+            envelope,
             thinning,
             together,
             low,
@@ -283,23 +296,34 @@ class BandHistory:
         The last interval may reach beyond them.
         """
         count, size = -(-length // one.together), (spectrum.shape[1] - 1) // one.thinning
-        begin = first // one.thinning
+        begin, parts = first // one.thinning, 2 if one.envelope else 1
         per_interval = one.together // one.thinning
         square = np.empty((self._rows, count))
-        lines = slice(one.low, one.low + one.values.size)
         for top in range(0, self._rows, ROWS):
             part = spectrum[top : top + ROWS]
-            product = self._product[: part.shape[0], : size + 1]
-            product[:, : lines.start] = 0.0
-            product[:, lines.stop :] = 0.0
-            np.multiply(part[:, lines], one.values, out=product[:, lines])
-            output = self._output[: part.shape[0], : 2 * size]
-            np.fft.irfft(product, 2 * size, out=output)
-            mine = output[:, begin : begin + count * per_interval]
-            mine = mine.reshape(part.shape[0], count, per_interval)
+            output = self._envelope(one, part, size) if one.envelope else self._real(one, part, size)
+            mine = output[:, parts * begin : parts * (begin + count * per_interval)]
+            mine = mine.reshape(part.shape[0], count, parts * per_interval)
             np.einsum("ijk,ijk->ij", mine, mine, out=square[top : top + ROWS])
         square /= per_interval
         return square
+
+    def _real(self, one: _Channelised, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
+        """2 `size` samples of the filter's output."""
+        product, lines = self._product[: part.shape[0], : size + 1], slice(one.low, one.low + one.values.size)
+        product[:, : lines.start] = 0.0
+        product[:, lines.stop :] = 0.0
+        np.multiply(part[:, lines], one.values, out=product[:, lines])
+        return np.fft.irfft(product, 2 * size, out=self._output[: part.shape[0], : 2 * size])
+
+    def _envelope(self, one: _Channelised, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
+        """2 `size` complex samples of the filter's output, each as two real numbers."""
+        used = one.values.size
+        product = self._product[: part.shape[0], : 2 * size]
+        product[:, used:] = 0.0
+        np.multiply(part[:, one.low : one.low + used], one.values, out=product[:, :used])
+        output = self._output.view(np.complex128)[: part.shape[0], : 2 * size]
+        return np.fft.ifft(product, out=output).view(np.float64)
 
     def _read(self, number: int, one: _Channelised, weighted: NDArray[np.float64]) -> None:
         length = weighted.shape[1]
