@@ -1,0 +1,12 @@
+"""A room with a loudspeaker in its wall whose truth is known: time runs, and the field follows.
+
+The models sum over shapes of vibration at one frequency after another; here the wave equation is marched on
+spectral elements, the walls and what stands in them obey equations of motion, and the recording follows by
+convolution.
+"""
+
+from specan.testing.room.case import RoomCase, simulate, write
+from specan.testing.room.effects import EFFECTS, HiddenRoomEffect, Truth
+from specan.testing.room.response import impulse_responses
+
+__all__ = ["EFFECTS", "HiddenRoomEffect", "RoomCase", "Truth", "impulse_responses", "simulate", "write"]

@@ -1,0 +1,72 @@
+"""What moves in or behind a wall: mass, resistance and spring in series, one equation of motion each.
+
+Their velocity v into the wall obeys ``m dv/dt + R v + s u = p`` with ``du/dt = v``; all per unit area.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from specan.testing.room.box import Box, Disc
+from specan.testing.room.line import Real
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Mass, resistance and stiffness per unit area: kg/m^2, Pa s/m, Pa/m."""
+
+    mass: float
+    resistance: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class Lining:
+    """A whole wall that gives way everywhere on its own (locally reacting)."""
+
+    wall: str
+    motion: Motion
+
+
+@dataclass(frozen=True)
+class Plug:
+    """A disc in a wall that moves as one: the air in the neck of a resonator or in an opening."""
+
+    disc: Disc
+    motion: Motion
+
+
+class Branch:
+    """A lining or a plug while time runs; the velocity lives half a step after the pressure."""
+
+    def __init__(self, box: Box, part: Lining | Plug, step_s: float) -> None:
+        self._motion, self._step = part.motion, step_s
+        self.gather: Real | None = None
+        if isinstance(part, Lining):
+            self.nodes, self.area = box.face(part.wall)
+        else:
+            self.nodes, _ = box.face(part.disc.wall)
+            basis, weights = box.disc(part.disc)
+            self.gather = weights @ basis / part.disc.area_m2
+            self.area = part.disc.area_m2 * self.gather
+        n = len(self.nodes) if self.gather is None else 1
+        self._velocity, self._way = np.zeros(n), np.zeros(n)
+
+    def volume_acceleration(self, pressure: Real) -> Real:
+        """Advance by one step under the nodal pressure; volume acceleration that leaves the room at each node.
+
+        The resistance acts on the mean of the old and the new velocity, so that the step is centred.
+        """
+        driving = pressure[self.nodes]
+        if self.gather is not None:
+            driving = np.atleast_1d(self.gather @ driving)
+        motion, step = self._motion, self._step
+        half = 0.5 * step * motion.resistance / motion.mass
+        force = (driving - motion.stiffness * self._way) / motion.mass
+        velocity = ((1.0 - half) * self._velocity + step * force) / (1.0 + half)
+        acceleration = (velocity - self._velocity) / step
+        self._velocity = velocity
+        self._way = self._way + step * velocity
+        return self.area * acceleration
