@@ -21,11 +21,15 @@ from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.dsp.welch import hop_of
 from specan.dsp.windows import window
 
+VALUES = 8_000_000
+"""Most numbers of a spectrogram: channels times columns times lines, 64 MB."""
+
 
 class SpectrogramSettings(BlockSettings):
     """Settings of a spectrogram: those of a spectrum, and how many columns it may have.
 
-    Consecutive blocks are averaged into one column as soon as there are more blocks than `columns`.
+    Consecutive blocks are averaged into one column as soon as there are more blocks than `columns`, or than
+    `VALUES` leave room for: many channels with many lines have fewer columns, in memory that is bounded.
 
     Examples
     --------
@@ -48,9 +52,10 @@ class SpectrogramSettings(BlockSettings):
         block, rate = block_of(recording, self, stop - start), channels[0].sampling_rate
         hop = hop_of(block, self.overlap)
         n_blocks = (stop - start - block) // hop + 1
-        per_column = -(-n_blocks // self.columns)
         frequency: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
         kept = lines_between(frequency, self)
+        room = max(1, VALUES // (len(channels) * int(kept.sum())))
+        per_column = -(-n_blocks // min(self.columns, room))
         shape = window(self.window, block)
         scale = (2.0 / (rate * np.sum(shape**2))) * np.where(has_mirror(len(frequency), block), 1.0, 0.5)
         gain = np.stack([np.abs(c.correction(frequency)) ** 2 for c in channels])
@@ -66,6 +71,7 @@ class SpectrogramSettings(BlockSettings):
                     part = part - np.add.reduce(part, axis=-1, keepdims=True) / block
                 spectra = np.fft.rfft(part * shape, axis=-1)
                 density[:, column] += ((spectra.real**2 + spectra.imag**2) * scale * gain)[:, kept]
+        density /= per_column
         time: NDArray[np.float64] = np.arange(count, dtype=np.float64) * (per_column * hop / rate)
         width = ((per_column - 1) * hop + block) / rate
         return Spectrogram(
@@ -74,7 +80,7 @@ class SpectrogramSettings(BlockSettings):
             frequency_hz=frequency[kept],
             channels=tuple(c.name for c in channels),
             units=tuple(c.target_unit for c in channels),
-            density=density / per_column,
+            density=density,
             has_mirror=has_mirror(len(frequency), block)[kept],
             scale=scale_of(self, block, rate),
             blocks_per_column=per_column,
