@@ -20,6 +20,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "rms": ("rms", "RMS, level, peak, crest factor, equivalent and percentile levels."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "Everything in a directory of recordings, as text tables."),
+    "inspect": ("inspect", "One recording, or a study, on an interactive page in the browser."),
     "export": ("export", "Samples for other tools: CSV, UFF58, WAV, Parquet."),
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "What a model predicts, as a table, a look-up map or a figure."),

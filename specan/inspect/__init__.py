@@ -1,1 +1,1 @@
-"""The interactive page."""
+"""The interactive page: one recording, or one study, in the browser of this machine."""

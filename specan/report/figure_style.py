@@ -34,12 +34,17 @@ def line_styles() -> Iterator[dict[str, Any]]:
     return cycle(styles)
 
 
+def octave_ticks() -> tuple[list[float], tuple[str, ...]]:
+    """Frequencies of the ticks of a logarithmic axis, in Hz, and what stands at them."""
+    return _OCTAVES.tolist(), _NOMINAL
+
+
 def octave_axis(axes: Axes, low_hz: float, high_hz: float, which: Literal["x", "y"] = "x") -> None:
     """Logarithmic frequency axis with a tick at each octave."""
     from matplotlib.ticker import NullLocator
 
     axes.set(**{f"{which}scale": "log", f"{which}lim": (low_hz, high_hz)})
-    shown = [(f, text) for f, text in zip(_OCTAVES, _NOMINAL, strict=True) if low_hz <= f <= high_hz]
+    shown = [(f, text) for f, text in zip(*octave_ticks(), strict=True) if low_hz <= f <= high_hz]
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_ticks([f for f, _ in shown], labels=[text for _, text in shown])
     axis.set_minor_locator(NullLocator())

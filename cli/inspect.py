@@ -1,0 +1,141 @@
+"""``specan inspect``: a recording or a study on an interactive page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from specan_cli.output import say
+from specan_cli.recording_input import opening_options
+
+if TYPE_CHECKING:
+    from bokeh.document import Document
+
+
+@click.command("inspect")
+@click.argument("place", type=click.Path(path_type=Path), metavar="FILE|STUDY")
+@click.option(
+    "--overlay",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="A second recording, laid over the first.",
+)
+@click.option("--address", default="127.0.0.1", show_default=True, help="Where to listen.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page.  [default: a free one]"
+)
+@click.option("--no-browser", is_flag=True, help="Print the address, open no browser.")
+@click.option(
+    "--effect",
+    "effects",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Of a study: take in, and trust, a Python file with own effects; repeatable.",
+)
+@opening_options
+def command(
+    place: Path,
+    overlay: Path | None,
+    address: str,
+    port: int,
+    no_browser: bool,
+    effects: tuple[Path, ...],
+    **known: Any,
+) -> int:
+    """Look at one recording, or at a study, in the browser of this machine.
+
+    The page is served to this machine only, and holds nothing but what it was opened for. Its settings stand in
+    its address. It ends with Ctrl-C.
+
+    \b
+    specan inspect sample_data/recordings/knock.tdms
+    specan inspect my_study
+    """
+    from specan.errors import RequestError
+
+    if place.is_dir():
+        if overlay is not None:
+            raise RequestError("a study has no --overlay", remedy="leave it out")
+        fill = _study(place, effects)
+    else:
+        if effects:
+            raise RequestError("--effect is for a study", remedy="leave it out")
+        fill = _recording(place, overlay, known)
+    _serve(fill, address, port, not no_browser)
+    return 0
+
+
+def _recording(place: Path, overlay: Path | None, known: dict[str, Any]) -> Callable[[Document], None]:
+    from specan_cli import fft, frf, octave
+
+    from specan.errors import InputError
+    from specan.inspect.opened import Opened, watched
+    from specan.io.open import open_recording
+
+    _require_bokeh()
+    from specan.inspect.kept_bands import KeptBands
+    from specan.inspect.recording_page import RecordingPage
+
+    paths = [place] if overlay is None else [place, overlay]
+    opened = Opened(tuple(watched(open_recording(path, **known), path) for path in paths))
+    if not opened.keys:
+        raise InputError(f"{place} has no channel with samples and a sampling rate")
+    kept = KeptBands()
+    writers = {
+        "octave": octave.write_text,
+        "fft": fft.write_text,
+        "frf": frf.write_text,
+        "spectrogram": fft.write_text,
+    }
+
+    def fill(document: Document) -> None:
+        RecordingPage(document, opened, kept, writers)
+
+    return fill
+
+
+def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], None]:
+    from specan_cli.study_output import open_study
+
+    study = open_study(place, effects)
+    _require_bokeh()
+    from specan.inspect.study_page import StudyPage
+
+    def fill(document: Document) -> None:
+        StudyPage(document, study.directory)
+
+    return fill
+
+
+def _require_bokeh() -> None:
+    from importlib.util import find_spec
+
+    from specan.errors import RequestError
+
+    if find_spec("bokeh") is None:
+        raise RequestError(
+            "the interactive page needs Bokeh, which is not installed",
+            remedy='install it with: pip install "specan[inspect]"',
+        )
+
+
+def _serve(fill: Callable[[Document], None], address: str, port: int, browser: bool) -> None:
+    from specan.inspect.server import open_browser, start_server, url_of
+
+    server = start_server(fill, address, port)
+    url = url_of(server)
+    click.echo(url)
+    if address not in ("127.0.0.1", "localhost", "::1"):
+        say(f"Note: everybody who reaches {address} can look at this page.")
+    if browser and not open_browser(url):
+        say("No browser was found: open the address above in one.")
+    say("Ctrl-C ends it.")
+    try:
+        server.io_loop.start()
+    except KeyboardInterrupt:
+        say("Ended.")
+    finally:
+        server.stop()

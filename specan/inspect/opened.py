@@ -1,0 +1,121 @@
+"""The files that a page was opened for: read by several threads, watched for changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.recording import Channel, Recording, SampleSource
+from specan.errors import InputError
+
+
+@dataclass
+class WatchedSource:
+    """Samples of a file that must be the one that was opened.
+
+    Attributes
+    ----------
+    source : SampleSource
+    path : Path
+    stamp : tuple
+        Size and time of change when the headers were read.
+    """
+
+    source: SampleSource
+    path: Path
+    stamp: tuple[int, int]
+    lock: Lock = field(default_factory=Lock, repr=False)
+
+    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
+        """Samples of the chosen channels; see `SampleSource`.
+
+        Raises
+        ------
+        InputError
+            The file has vanished or changed since it was opened.
+        """
+        with self.lock:
+            if stamp_of(self.path) != self.stamp:
+                raise InputError(
+                    f"{self.path.name} has changed since it was opened",
+                    expected="the file as it was",
+                    remedy="start specan inspect again",
+                )
+            return self.source.read(indices, start, stop)
+
+
+def stamp_of(path: Path) -> tuple[int, int]:
+    """Size and time of change of a file.
+
+    Raises
+    ------
+    InputError
+        It is not there any more.
+    """
+    try:
+        found = path.stat()
+    except OSError as fault:
+        raise InputError(
+            f"{path.name} cannot be reached any more ({fault.strerror or fault})",
+            remedy="put it back, or start specan inspect again",
+        ) from None
+    return found.st_size, found.st_mtime_ns
+
+
+def watched(recording: Recording, path: Path) -> Recording:
+    """The recording with its source watched."""
+    return replace(recording, source=WatchedSource(recording.source, path, stamp_of(path)))
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Channels of one recording and one rate."""
+
+    number: int
+    recording: Recording
+    channels: tuple[Channel, ...]
+
+    @property
+    def patterns(self) -> tuple[str, ...]:
+        """For the settings of an analysis."""
+        return tuple(f"{c.group}/{c.name}" for c in self.channels)
+
+
+@dataclass(frozen=True)
+class Opened:
+    """One recording, or two of which the second is laid over the first."""
+
+    recordings: tuple[Recording, ...]
+
+    @property
+    def keys(self) -> dict[str, tuple[int, Channel]]:
+        """Channels that can be shown, by the name that they have in an address."""
+        return {
+            f"{'2:' if number else ''}{c.group}/{c.name}": (number, c)
+            for number, recording in enumerate(self.recordings)
+            for c in recording.channels
+            if c.sampling_rate > 0 and c.n_samples > 0
+        }
+
+    def text(self, number: int, name: str) -> str:
+        """A channel's name in a legend: with its file where there are two."""
+        return name if len(self.recordings) == 1 else f"{name} · {self.recordings[number].label}"
+
+    def chosen(self, keys: Sequence[str]) -> list[Chosen]:
+        """The channels of the keys by recording and sampling rate; unknown keys are passed over."""
+        known = self.keys
+        sorted_out: dict[tuple[int, float], list[Channel]] = {}
+        for key, (number, channel) in known.items():
+            if key in keys:
+                sorted_out.setdefault((number, channel.sampling_rate), []).append(channel)
+        return [Chosen(n, self.recordings[n], tuple(found)) for (n, _), found in sorted_out.items()]
+
+    @property
+    def duration_s(self) -> float:
+        """Of the longest channel."""
+        return max((c.duration_s for _, c in self.keys.values()), default=0.0)

@@ -1,0 +1,185 @@
+"""Figures of the page: octave ticks, lines told apart by every kind of vision, names as text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from bokeh.models import (
+    BoxZoomTool,
+    ColumnDataSource,
+    CrosshairTool,
+    DataRange1d,
+    FixedTicker,
+    HoverTool,
+    Legend,
+    LegendItem,
+    PanTool,
+    Range1d,
+    ResetTool,
+    SaveTool,
+    Span,
+    WheelZoomTool,
+)
+from bokeh.plotting import figure
+from numpy.typing import NDArray
+
+from specan.report.figure_style import COLOURS, octave_ticks
+
+_DASHES = ("solid", "dashed", "dotted", "dotdash")
+_HARMONICS = 10
+_DYNAMICS_DB = 100.0
+_LEGEND_MOST = 12  # names that stand in a legend; the channel list tells the others
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line: its name, and where it runs."""
+
+    name: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+
+def plain(text: str) -> str:
+    r"""Text that Bokeh does not take for a formula.
+
+    Examples
+    --------
+    >>> plain("$$x$$") == "$$x$$"
+    False
+    """
+    joiner = "\u2060"
+    for mark in ("$$", r"\(", r"\["):
+        text = text.replace(mark, mark[0] + joiner + mark[1])
+    return text
+
+
+def hertz_axis(sheet: Any, axis: Any) -> None:
+    """A tick at each octave."""
+    frequencies, names = octave_ticks()
+    axis.ticker = FixedTicker(ticks=frequencies, minor_ticks=[])
+    axis.major_label_overrides = dict(zip(frequencies, names))
+
+
+class Lines:
+    """A figure of lines that are exchanged as a whole.
+
+    Parameters
+    ----------
+    x_label, y_label : str
+    hertz : bool
+        A logarithmic axis of frequency, with a cursor.
+    limits : tuple of float, optional
+        Of the vertical axis; otherwise it follows the lines, over the dynamics of a converter at most.
+    like : Lines, optional
+        Shares its horizontal axis.
+    """
+
+    def __init__(
+        self,
+        x_label: str,
+        y_label: str,
+        *,
+        hertz: bool = False,
+        height: int = 300,
+        limits: tuple[float, float] | None = None,
+        like: Lines | None = None,
+        legend: bool = True,
+        tip: tuple[str, str] = ("x", "y"),
+        dynamics: float | None = None,
+    ) -> None:
+        self._fixed, self._dynamics = limits is not None, dynamics
+        self._limits: tuple[float, float] | None = None
+        vertical = Range1d(*limits) if limits else DataRange1d() if dynamics is None else Range1d(0, 1)
+        self.sheet = figure(
+            height=height,
+            sizing_mode="stretch_width",
+            x_axis_type="log" if hertz else "linear",
+            x_range=like.sheet.x_range if like else Range1d(20, 20000) if hertz else Range1d(0, 1),
+            y_range=vertical,
+            x_axis_label=x_label,
+            y_axis_label=y_label,
+            tools=[],
+            output_backend="canvas",
+        )
+        self._source = ColumnDataSource({"x": [], "y": [], "colour": [], "dash": [], "name": []})
+        glyph = self.sheet.multi_line(
+            "x", "y", source=self._source, line_color="colour", line_dash="dash", line_width=1.3
+        )
+        hover = HoverTool(
+            renderers=[glyph],
+            line_policy="nearest",
+            tooltips=[("", "@name"), (tip[0], "$snap_x{0.[0000]}"), (tip[1], "$snap_y{0.00[00]}")],
+        )
+        wheel = WheelZoomTool(dimensions="width")
+        self.sheet.add_tools(
+            PanTool(), BoxZoomTool(), wheel, hover, CrosshairTool(line_alpha=0.4), ResetTool(), SaveTool()
+        )
+        self.sheet.toolbar.active_scroll = wheel
+        self.sheet.toolbar.logo = None
+        self._spans = [
+            Span(dimension="height", line_color="#555555", line_dash="dashed", line_width=1, visible=False)
+            for _ in range(_HARMONICS)
+        ]
+        for span in self._spans:
+            self.sheet.add_layout(span)
+        if hertz:
+            hertz_axis(self.sheet, self.sheet.xaxis[0])
+            self.sheet.xgrid.ticker = self.sheet.xaxis[0].ticker
+        self._glyph = glyph
+        self._legend = Legend(
+            items=[], click_policy="none", label_text_font_size="11px", spacing=0, padding=4,
+            background_fill_alpha=0.7, margin=4,
+        ) if legend else None  # fmt: skip
+        if self._legend is not None:
+            self.sheet.add_layout(self._legend, "right")
+
+    def draw(self, curves: Sequence[Curve]) -> None:
+        """Exchange the lines."""
+        n = len(COLOURS)
+        self._source.data = {
+            "x": [c.x for c in curves],
+            "y": [np.where(np.isfinite(c.y), c.y, np.nan) for c in curves],
+            "colour": [COLOURS[k % n] for k in range(len(curves))],
+            "dash": [_DASHES[k // n % len(_DASHES)] for k in range(len(curves))],
+            "name": [plain(c.name) for c in curves],
+        }
+        if self._legend is not None:
+            self._legend.items = [
+                LegendItem(label={"value": plain(c.name)}, renderers=[self._glyph], index=k)
+                for k, c in enumerate(curves[:_LEGEND_MOST])
+            ]
+        if self._dynamics is not None:
+            self._follow(curves)
+
+    def _follow(self, curves: Sequence[Curve]) -> None:
+        values = np.concatenate([c.y[np.isfinite(c.y)] for c in curves] or [np.empty(0)])
+        if not values.size:
+            return
+        top = float(values.max())
+        low = max(float(values.min()), top - (self._dynamics or 0.0))
+        margin = max(0.05 * (top - low), 1.0)
+        limits = (low - margin, top + margin)
+        if limits != self._limits:
+            self._limits = limits
+            self.sheet.y_range.update(
+                start=limits[0], end=limits[1], reset_start=limits[0], reset_end=limits[1]
+            )
+
+    def span(self, low: float, high: float) -> None:
+        """Show this part of the horizontal axis, and come back to it on a reset."""
+        self.sheet.x_range.update(start=low, end=high, reset_start=low, reset_end=high)
+
+    def label(self, text: str) -> None:
+        """Name of the vertical axis."""
+        self.sheet.yaxis[0].axis_label = plain(text)
+
+    def cursor(self, frequency: float | None, harmonics: bool) -> None:
+        """Lines at a frequency and its multiples."""
+        for number, span in enumerate(self._spans, 1):
+            span.visible = frequency is not None and (number == 1 or harmonics)
+            span.location = (frequency or 1.0) * number
+            span.line_alpha = 0.9 if number == 1 else 0.45

@@ -1,0 +1,108 @@
+"""Magnitude and phase spectra."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from specan.analysis.spectrum import FourierSpectrum
+from specan.data.recording import Recording
+from specan.data.spectrum import SCALINGS, Spectrum
+from specan.dsp.windows import WINDOWS
+from specan.inspect.opened import Chosen, Opened
+from specan.inspect.plots import Curve, Lines
+from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
+from specan.inspect.view import View
+from specan.report.figures_spectra import figure_spectrum
+from specan.schema import parse
+
+_PHASE_DB = 60.0  # below its highest line a spectrum's phase is not drawn
+
+
+class FftTab(Tab):
+    """Levels of the lines, and their phases over a reference channel."""
+
+    name, title = "fft", "FFT magnitude and phase"
+
+    def __init__(self, opened: Opened, view: View, change: Change) -> None:
+        super().__init__(opened, view, change)
+        self.number(view, "lines", "Lines", mode="int")
+        self.choice(view, "window", "Window", WINDOWS, 130)
+        self.choice(view, "scaling", "Scaling", SCALINGS)
+        names = list(dict.fromkeys(c.name for _, c in opened.keys.values()))
+        self.choice(
+            view, "reference", "Phase over", [("", "none (first block's own)"), *((n, n) for n in names)], 190
+        )
+        self.levels = Lines("", "Level / dB", hertz=True, tip=("Hz", "dB"), dynamics=100.0)
+        self.phase = Lines(
+            "Frequency / Hz", "Phase / degrees", hertz=True, like=self.levels, limits=(-190, 190),
+            height=220, tip=("Hz", "degrees"),
+        )  # fmt: skip
+        self.figures = [self.levels, self.phase]
+        self.body = [self.levels.sheet, self.phase.sheet]
+
+    def compute(self, view: View, tell: Tell) -> Found:
+        """Averaged spectra; without a reference their phase is that of the first block."""
+
+        def analyse(chosen: Chosen, recording: Recording) -> Spectrum:
+            settings = _settings(view, chosen)
+            return run(settings.accumulator(recording), recording, tell)
+
+        return self.of_each(view, analyse)
+
+    def draw(self, found: Found, view: View) -> None:
+        """Lines of the levels, and phases where the level is high enough to have one."""
+        levels, phases = [], []
+        for number, r in found:
+            positive = r.frequency_hz > 0
+            f, level = r.frequency_hz[positive], r.level_db[:, positive]
+            phase = r.phase_deg
+            for row, name in enumerate(r.channels):
+                text = self.opened.text(number, name)
+                levels.append(Curve(text, f, level[row]))
+                if phase is not None:
+                    strong = level[row] > np.nanmax(level[row], initial=-np.inf) - _PHASE_DB
+                    phases.append(Curve(text, f, np.where(strong, phase[row][positive], np.nan)))
+        self.levels.draw(levels)
+        self.phase.draw(phases)
+        self.levels.span(max(min(c.x[0] for c in levels), 1.0), max(c.x[-1] for c in levels))
+        scale = found[0][1].scale
+        texts = dict.fromkeys(r.scale.level_text(u) for _, r in found for u in r.units)
+        self.levels.label("Level / " + "; ".join(texts))
+        over = f" over {view.reference}" if view.reference else ""
+        self.phase.label(f"Phase{over} / degrees" if phases else "Phase: choose a reference")
+        self.levels.sheet.title.text = (
+            f"{scale.window}, lines {scale.line_spacing_hz:.4g} Hz apart, noise bandwidth "
+            f"{scale.enbw_hz:.4g} Hz, {found[0][1].n_blocks} blocks"
+        )
+
+    def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
+        """Value, level and phase of the nearest line."""
+        rows = []
+        for number, r in found:
+            line = nearest_line(r.frequency_hz, frequency)
+            for row, name in enumerate(r.channels):
+                text = f"{r.values[row, line]:.5g} {r.value_units[row]}, {r.level_db[row, line]:.2f} "
+                text += r.scale.level_text(r.units[row])
+                if r.phase_deg is not None:
+                    text += f", {r.phase_deg[row, line]:.2f} degrees"
+                rows.append((self.opened.text(number, name), f"{r.frequency_hz[line]:.6g}", text))
+        return rows
+
+    def picture(self, result: Any) -> Any:
+        """As the command draws it."""
+        return figure_spectrum(result)
+
+
+def _settings(view: View, chosen: Chosen) -> FourierSpectrum:
+    content: dict[str, Any] = {
+        "channels": chosen.patterns,
+        "lines": view.lines if view.lines != View().lines else None,
+        "window": view.window,
+        "scaling": view.scaling,
+        "start_s": view.start,
+        "stop_s": view.stop,
+        "reference": view.reference or None,
+    }
+    return parse(FourierSpectrum, content, "fft")

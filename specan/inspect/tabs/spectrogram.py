@@ -1,0 +1,94 @@
+"""Spectrum against time of the first channel on screen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper, Range1d
+from bokeh.plotting import figure
+
+from specan.analysis.spectrogram import SpectrogramSettings
+from specan.data.recording import Recording
+from specan.data.spectrum import Spectrogram
+from specan.inspect.opened import Chosen, Opened
+from specan.inspect.plots import hertz_axis, plain
+from specan.inspect.tabs.tab import Change, Found, Tab, Tell
+from specan.inspect.view import View
+from specan.report.figures_spectra import figure_spectrogram
+from specan.schema import parse
+
+_ROWS, _COLUMNS = 220, 500  # of the picture
+_DYNAMICS_DB = 80.0
+
+
+class SpectrogramTab(Tab):
+    """Level against time and frequency."""
+
+    name, title = "spectrogram", "Spectrogram"
+
+    def __init__(self, opened: Opened, view: View, change: Change) -> None:
+        super().__init__(opened, view, change)
+        self.number(view, "lines", "Lines", mode="int")
+        self._colours = LinearColorMapper(palette="Cividis256", low=0, high=1)
+        self._source = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []})
+        self.sheet = figure(
+            height=420, sizing_mode="stretch_width", y_axis_type="log", tools="pan,box_zoom,wheel_zoom,reset,save",
+            x_range=Range1d(0, 1), y_range=Range1d(20, 20000), x_axis_label="Time / s",
+            y_axis_label="Frequency / Hz",
+        )  # fmt: skip
+        self.sheet.toolbar.logo = None
+        hertz_axis(self.sheet, self.sheet.yaxis[0])
+        picture = self.sheet.image(
+            "image", "x", "y", "dw", "dh", source=self._source, color_mapper=self._colours
+        )
+        self.sheet.add_tools(HoverTool(renderers=[picture], tooltips=[("s", "$x{0.000}"), ("Hz", "$y{0.0}")]))
+        self._bar = ColorBar(color_mapper=self._colours, title="dB")
+        self.sheet.add_layout(self._bar, "right")
+        self.body = [self.sheet]
+
+    def compute(self, view: View, tell: Tell) -> Found:
+        """Of the first channel only."""
+
+        def analyse(chosen: Chosen, recording: Recording) -> Spectrogram:
+            content = {
+                "channels": chosen.patterns[:1],
+                "lines": view.lines if view.lines != View().lines else None,
+                "window": view.window,
+                "start_s": view.start,
+                "stop_s": view.stop,
+                "columns": _COLUMNS,
+            }
+            return parse(SpectrogramSettings, content, "spectrogram")(recording)
+
+        return self.of_each(view.but(channel=view.channel[:1]), analyse)
+
+    def draw(self, found: Found, view: View) -> None:
+        """The picture, its rows at even ratios of frequency."""
+        number, r = found[0]
+        positive = r.frequency_hz > 0
+        f = r.frequency_hz[positive]
+        level = r.level_db[0][:, positive].T
+        step = r.time_s[1] - r.time_s[0] if len(r.time_s) > 1 else 1.0
+        left, right = float(r.time_s[0] - step / 2), float(r.time_s[-1] + step / 2)
+        low = max(float(f[0]), 10.0 if f[-1] > 100 else float(f[0]))
+        rows = np.geomspace(low, f[-1], _ROWS)
+        picture = level[np.clip(np.searchsorted(f, rows), 0, f.size - 1)]
+        finite = picture[np.isfinite(picture)]
+        top = float(finite.max()) if finite.size else 0.0
+        self._colours.update(low=top - _DYNAMICS_DB, high=top)
+        # An image lies evenly on the screen, and the axis is logarithmic: the rows are as well.
+        self._source.data = {
+            "image": [np.where(np.isfinite(picture), picture, np.nan)],
+            "x": [left], "y": [low], "dw": [right - left], "dh": [float(f[-1]) - low],
+        }  # fmt: skip
+        self.sheet.x_range.update(start=left, end=right, reset_start=left, reset_end=right)
+        self.sheet.y_range.update(start=low, end=float(f[-1]), reset_start=low, reset_end=float(f[-1]))
+        self.sheet.title.text = plain(
+            f"{self.opened.text(number, r.channels[0])}: lines {r.scale.line_spacing_hz:.4g} Hz apart, "
+            f"{r.blocks_per_column} blocks a column, {r.scale.level_text(r.units[0])}"
+        )
+
+    def picture(self, result: Any) -> Any:
+        """As the command draws it."""
+        return figure_spectrogram(result)

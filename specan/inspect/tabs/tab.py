@@ -1,0 +1,116 @@
+"""What every tab is to the page: settings in, a result computed aside, drawn when it is there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from bokeh.models import NumericInput, Select
+from numpy.typing import NDArray
+
+from specan.data.recording import Recording
+from specan.errors import RequestError
+from specan.inspect.opened import Chosen, Opened
+from specan.inspect.plots import Lines
+from specan.inspect.superseded import Tell, run
+from specan.inspect.view import View
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Change = Callable[..., None]
+Found = list[tuple[int, Any]]  # number of the recording, and its result
+
+
+class Tab:
+    """One tab.
+
+    Attributes
+    ----------
+    name, title : str
+        In the address, and on the page.
+    controls : list
+        Widgets above the figures.
+    body : list
+        Figures and texts.
+    figures : list of Lines
+        Those that show the cursor.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+
+    def __init__(self, opened: Opened, view: View, change: Change) -> None:
+        self.opened, self.change = opened, change
+        self.controls: list[Any] = []
+        self.body: list[Any] = []
+        self.figures: list[Lines] = []
+
+    def compute(self, view: View, tell: Tell) -> Found:
+        """The result; runs beside the page and may take a while."""
+        raise NotImplementedError
+
+    def draw(self, found: Found, view: View) -> None:
+        """Show a result."""
+        raise NotImplementedError
+
+    def picture(self, result: Any) -> Figure | None:
+        """The figure that the command draws; None where it has none."""
+        return None
+
+    def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
+        """Channel, frequency and value at the cursor."""
+        return []
+
+    # --- for the tabs -----------------------------------------------------------------------------
+
+    def choice(self, view: View, field: str, title: str, options: Sequence[Any], width: int = 110) -> Select:
+        """A list of values of a setting."""
+        texts = [option if isinstance(option, tuple) else (str(option), str(option)) for option in options]
+        widget = Select(title=title, value=str(getattr(view, field)), options=texts, width=width, name=field)
+        kind = type(View.model_fields[field].default)
+
+        def changed(attribute: str, old: str, new: str) -> None:
+            self.change(**{field: kind(new) if kind is int else new})
+
+        widget.on_change("value", changed)
+        self.controls.append(widget)
+        return widget
+
+    def number(
+        self, view: View, field: str, title: str, width: int = 90, mode: str = "float"
+    ) -> NumericInput:
+        """A setting that is a number."""
+        widget = NumericInput(title=title, value=getattr(view, field), mode=mode, width=width, name=field)
+        widget.on_change("value", lambda attribute, old, new: self.change(**{field: new}))
+        self.controls.append(widget)
+        return widget
+
+    def of_each(
+        self, view: View, analyse: Callable[[Chosen, Recording], Any], least: str = "a channel"
+    ) -> Found:
+        """The results of the channels on screen, by recording and rate."""
+        chosen = self.opened.chosen(view.channel)
+        if not chosen:
+            raise RequestError("no channel is chosen", remedy=f"choose {least} on the left")
+        return [(one.number, analyse(one, one.recording)) for one in chosen]
+
+
+def nearest_line(frequencies: NDArray[np.float64], wanted: float) -> int:
+    """Number of the line closest to a frequency."""
+    return int(np.argmin(np.abs(frequencies - wanted)))
+
+
+def text_of(write: Callable[[Any, Path], None], result: Any) -> bytes:
+    """What a command writes to a file."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "numbers.txt"
+        write(result, path)
+        return path.read_bytes()
+
+
+__all__ = ["Change", "Found", "Tab", "Tell", "nearest_line", "run", "text_of"]

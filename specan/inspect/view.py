@@ -1,0 +1,134 @@
+"""What a page shows, as settings that stand in its address: a view can be sent on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+from urllib.parse import urlencode
+
+from pydantic import Field, model_validator
+
+from specan.analysis.octave import Fraction
+from specan.data.spectrum import Scaling
+from specan.dsp.transfer_function import Estimator
+from specan.dsp.weighting import Weighting
+from specan.dsp.windows import WindowName
+from specan.schema import Settings, parse
+
+TABS = ("octave", "fft", "frf", "levels", "spectrogram", "info")
+
+
+class View(Settings):
+    """Everything that can be chosen on the page of a recording.
+
+    Attributes
+    ----------
+    tab : str
+        The tab in front.
+    channel : tuple of str
+        ``group/name`` of the channels on screen; those of the second file begin with ``2:``.
+    start, stop : float
+        Time section in s; `stop` None is the end.
+    low, high : float or None
+        Visible times of the waveform; the whole by default.
+    cursor : float or None
+        Frequency of the cursor in Hz.
+    harmonics : bool
+        Multiples of the cursor are shown as well.
+    averaging, hold, fraction, weighting, fmin, fmax
+        Of the octave tab; a time constant is written as its number.
+    lines, window, scaling, reference
+        Of the FFT tab and, for the first two, the transfer functions.
+    over, estimator, unwrapped
+        Of the transfer functions; `over` is the reference channel.
+    level_weighting, level_averaging
+        Of the levels against time.
+    """
+
+    tab: Literal["octave", "fft", "frf", "levels", "spectrogram", "info"] = "octave"
+    channel: tuple[str, ...] = ()
+    start: float = Field(default=0.0, ge=0.0)
+    stop: float | None = Field(default=None, gt=0.0)
+    low: float | None = None
+    high: float | None = None
+    cursor: float | None = Field(default=None, gt=0.0)
+    harmonics: bool = False
+    fraction: Fraction = 3
+    weighting: Weighting = "Z"
+    averaging: str = Field(default="linear", pattern=r"^(linear|fast|slow|impulse|\d+(\.\d*)?)$")
+    hold: Literal["", "max", "min"] = ""
+    fmin: float = Field(default=20.0, ge=0.5)
+    fmax: float = Field(default=20000.0, gt=0.5)
+    lines: int = Field(default=3200, ge=8, le=1_000_000)
+    window: WindowName = "hann"
+    scaling: Scaling = "amplitude"
+    reference: str = ""
+    over: str = ""
+    estimator: Estimator = "H1"
+    unwrapped: bool = False
+    level_weighting: Weighting = "Z"
+    level_averaging: Literal["fast", "slow"] = "fast"
+
+    @model_validator(mode="after")
+    def _ordered(self) -> View:
+        if self.stop is not None and self.stop <= self.start:
+            raise ValueError(f"the section ends ({self.stop:g} s) before it begins ({self.start:g} s)")
+        if self.fmax < self.fmin:
+            raise ValueError(
+                f"the highest frequency ({self.fmax:g} Hz) is below the lowest ({self.fmin:g} Hz)"
+            )
+        return self
+
+    def but(self, **changes: Any) -> View:
+        """The same with other values, checked."""
+        return parse(View, {**self.model_dump(), **changes}, "this page")
+
+    @property
+    def query(self) -> str:
+        """What differs from the defaults, as the query of an address.
+
+        Examples
+        --------
+        >>> View(fraction=12, channel=("Sheet 1/Mic 1",)).query
+        'channel=Sheet+1%2FMic+1&fraction=12'
+        """
+        pairs: list[tuple[str, str]] = []
+        for name, value in self.model_dump(exclude_defaults=True).items():
+            if isinstance(value, tuple):
+                pairs += [(name, text) for text in value]
+            elif value is not None:
+                pairs.append((name, _text(value)))
+        return urlencode(pairs)
+
+    @classmethod
+    def from_arguments(cls, arguments: Mapping[str, Sequence[bytes]]) -> View:
+        """Settings out of the query of an address.
+
+        Raises
+        ------
+        RequestError
+            An unknown name, or a value that cannot be.
+
+        Examples
+        --------
+        >>> View.from_arguments({"fraction": [b"12"], "harmonics": [b"true"]}).fraction
+        12
+        """
+        content: dict[str, Any] = {}
+        for name, values in arguments.items():
+            texts = [value.decode("utf-8", "replace") for value in values]
+            if name == "channel":
+                content[name] = tuple(texts)
+            else:
+                content[name] = int(texts[-1]) if name == "fraction" and texts[-1].isdigit() else texts[-1]
+        return parse(cls, content, "the address")
+
+
+def _text(value: Any) -> str:
+    return (
+        str(value).lower()
+        if isinstance(value, bool)
+        else f"{value:.10g}"
+        if isinstance(value, float)
+        else str(value)
+    )
