@@ -69,7 +69,7 @@ class LevelCurves:
         times = self.times[piece]
         before = self.times[piece.start - 1] if piece.start else 0.0
         first = max(int((before - _LEAD * self.time_constant) * rate), 0)
-        last = min(int(np.ceil(times[-1] * rate)) + 1, min(c.n_samples for c in self.channels))
+        last = min(int(np.ceil(times[-1] * rate)) + 1, *(c.n_samples for c in self.channels))
         history = BandHistoryAccumulator(
             len(self.channels),
             rate,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, Checkbox, Div, MultiSelect, NumericInput, TabPanel, Tabs
+from bokeh.models import Button, Checkbox, Div, MultiSelect, NumericInput, RadioButtonGroup
 
 from specan.errors import RequestError, SpecanError
 from specan.inspect.browser_link import BrowserLink
@@ -121,18 +121,14 @@ class RecordingPage:
         for tab in self.tabs.values():
             for figure in tab.figures:
                 figure.sheet.on_event("tap", lambda event: self._tapped(event.x))
-        self._front = Tabs(
-            tabs=[
-                TabPanel(
-                    title=tab.title,
-                    child=column(row(*tab.controls), *tab.body, sizing_mode="stretch_width"),
-                )
-                for tab in self.tabs.values()
-            ],
+        # Only the tab in front is in the document: figures without a size cost the browser dearly.
+        self._front = RadioButtonGroup(
+            labels=[tab.title for tab in self.tabs.values()],
             active=list(self.tabs).index(view.tab),
-            sizing_mode="stretch_width",
+            name="tabs",
         )
         self._front.on_change("active", lambda a, old, new: self.change(tab=list(self.tabs)[new]))
+        self._body = column(*self._of_tab(), sizing_mode="stretch_width")
         buttons = []
         for text, kind in (("Save numbers", "txt"), ("Save PNG", "png"), ("Save SVG", "svg")):
             button = Button(label=text, width=100, name=f"save-{kind}")
@@ -144,11 +140,20 @@ class RecordingPage:
             self._channels, row(self._start, self._stop), row(self._cursor), harmonics, *buttons, width=220,
         )  # fmt: skip
         right = column(
-            self.waveform.sheet, self.status, self._front, self.readout, sizing_mode="stretch_width"
+            self.waveform.sheet,
+            self._front,
+            self.status,
+            self._body,
+            self.readout,
+            sizing_mode="stretch_width",
         )
         self.document.add_root(column(row(left, right, sizing_mode="stretch_width"), *self.link.widgets,
                                       sizing_mode="stretch_width"))  # fmt: skip
         self.document.title = f"{title} - specan"
+
+    def _of_tab(self) -> list[Any]:
+        tab = self.tabs[self.view.tab]
+        return [row(*tab.controls), *tab.body] if tab.controls else list(tab.body)
 
     # --- what a person does -----------------------------------------------------------------------
 
@@ -165,6 +170,10 @@ class RecordingPage:
         self.link.address(view.query)
         if view.channel != old.channel:
             self._refresh_waveform()
+        if view.tab != old.tab:
+            self.found = []
+            self.readout.text = ""
+            self._body.children = self._of_tab()
         self.waveform.show_section(view)
         self._start.value, self._stop.value, self._cursor.value = view.start, view.stop, view.cursor
         beside = {"cursor", "harmonics", "low", "high"}
