@@ -1,5 +1,7 @@
 """What can be added to a model, what it does to the residual, and what a refit would gain."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from specan.study.plan import plan
 from specan.study.projection import Projection
 from specan.study.refit import Refit, Refits
 from specan.study.score import best_of_each, family, score, score_pairs
+from specan.study.search import Search
 from specan.study.traces import traces
 
 
@@ -75,6 +78,15 @@ def test_what_the_base_swallows_is_not_tested(toy):
     assert {str(s.use) for s in found} == {"square"}
 
 
+def test_what_an_added_effect_swallows_is_not_tested_again(toy):
+    problem = toy.problem(lambda x, z: 2 * x**2, ["square", "twin", "cross"])
+    refits = Refits(Refit(frozenset(), problem, fit(problem)))
+    search = Search(refits)
+    step = search.step(refits.base)
+    square = refits.fit(refits.base, [[step.by_use[Use("square")][0]]])
+    assert set(map(str, search.step(square).by_use)) == {"cross"}
+
+
 def test_an_amplitude_of_one_sign_gains_nothing_from_the_other(toy):
     _, found, _ = scored(toy.problem(lambda x, z: -8 * np.cos(4 * x), ["wave"], seed=3))
     at_four = [s for s in found if abs(s.trace.shapes["wave.rate"] - 4) < 1e-9]
@@ -86,7 +98,7 @@ def test_a_shape_is_tried_where_its_trace_turns(toy):
     _, found, _ = scored(toy.problem(nothing, ["wave"]))
     ordered = sorted(found, key=lambda s: s.trace.shapes["wave.rate"])
     units = [s.clean[:, 0] / np.linalg.norm(s.clean[:, 0]) for s in ordered]
-    steps = [abs(a @ b) for a, b in zip(units, units[1:])]
+    steps = [abs(a @ b) for a, b in pairwise(units)]
     assert min(steps) > 0.6
     assert len(found) > 3
 

@@ -1,6 +1,7 @@
 """Verdicts on the analytic toy: what is there is named, what is not is not, and the numbers hold."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from specan.models import Parameter, Use, effect
 from specan.study.alternatives import distance
 from specan.study.diagnose import diagnose, parameters_of
 from specan.study.fit import fit
-from specan.study.gate import Gate
+from specan.study.gate import Gate, Passage
 from specan.study.power import smallest_visible
 from specan.study.problem import base_problem
 from specan.study.refit import Refit, Refits
@@ -193,6 +194,25 @@ def test_distance_is_what_the_rival_leaves_of_noise_free_data(toy):
     assert distance(square, cross) == pytest.approx(c**2 * rest @ rest, rel=1e-6)
 
 
+def test_distance_counts_a_certificate_as_met_by_who_put_it_aside(toy):
+    # Whoever blames the instrument predicts that its certificate (0.5 W) is wrong; for everybody else it holds.
+    search = searched(toy.problem(lambda x, z: 5.0 * (z > 0), ["zero-error", "cross"], seed=20))
+    blamed = search.refits.done[frozenset({Use("zero-error")})]
+    cross = search.refits.done[frozenset({Use("cross")})]
+    shift = blamed.fit.values["zero-error.shift"]
+    columns = np.column_stack([np.ones(48), toy.x, toy.x * toy.z, toy.z > 0])
+    rows = np.vstack([columns, [0, 0, 0, 2.0]])
+    seen = np.append(shift * (toy.z > 0), 0.0)
+    rest = seen - rows @ np.linalg.lstsq(rows, seen, rcond=None)[0]
+    assert distance(blamed, cross) == pytest.approx(rest @ rest, rel=1e-5)
+
+
+def test_a_noise_that_was_declared_too_small_blames_nobody(toy):
+    found = [diagnose(toy.problem(nothing, CATALOGUE, seed=s, noise=2.5)) for s in range(8)]
+    assert all(d.alternatives == () for d in found)
+    assert all(d.verdict == "unknown-effect" for d in found)
+
+
 def test_smallest_visible_size_is_seen_four_times_in_five(toy):
     problem = toy.problem(nothing, ["square", "cross", "wave"])
     start = Refit(frozenset(), problem, fit(problem))
@@ -237,6 +257,22 @@ def test_bootstrap_agrees_with_the_bound(toy):
     assert simulated.ranking[0].p_value <= 1.2 * bound.ranking[0].p_value + 1e-4
 
 
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"p_value": 0.002},
+        {"p_beyond_form": 0.002},
+        {"delta_bic": 5.9},
+        {"held_out_gain": -0.1},
+        {"plausible": False},
+    ],
+)
+def test_each_condition_of_the_gate_can_stop_an_effect(fault):
+    good = Passage(1e-4, 1e-4, 20.0, 15.0, True, 0.001)
+    assert good.passed
+    assert not replace(good, **fault).passed
+
+
 def test_the_equation_of_an_effect_is_trusted_to_a_fifth(toy):
     search = searched(toy.problem(lambda x, z: 60 * x**2 + 4 * x * z, ["square", "cross"], seed=12))
     step = search.step(search.refits.done[frozenset({Use("square")})])
@@ -253,16 +289,12 @@ def test_the_equation_of_an_effect_is_trusted_to_a_fifth(toy):
 
 def test_noise_from_few_repeats_makes_the_gate_careful(toy):
     problem = toy.problem(lambda x, z: 1.3 * x**2, ["square"], seed=13)
-    from dataclasses import replace
-
     few = problem.over([replace(problem.observations[0], noise_dof=3.0)])
     p = [diagnose(p).ranking[0].p_value for p in (problem, few)]
     assert p[1] > p[0]
 
 
 def test_repeats_that_gave_the_noise_are_no_lack_of_fit(toy):
-    from dataclasses import replace
-
     problem = toy.problem(lambda x, z: 2 * x**2, ["cross"], seed=14)
     spent = problem.over([replace(problem.observations[0], noise_dof=24.0, pure_dof=24.0)])
     plain, careful = (Refit(frozenset(), p, fit(p)) for p in (problem, spent))
