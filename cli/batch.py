@@ -5,9 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from specan_cli.output import emit_json, say, table
+
+if TYPE_CHECKING:
+    from specan.analysis.batch.run import BatchReport
+    from specan.analysis.batch.settings import BatchSettings
 
 
 @click.command("batch")
@@ -33,6 +38,7 @@ from specan_cli.output import emit_json, say, table
 @click.option("--jobs", type=int, help="Number of processes [default: as many as are worth it].")
 @click.option("--cluster", metavar="ADDRESS", help="Work on a dask cluster: tcp://host:8786.")
 @click.option("--verify", is_flag=True, help="Look at every byte to see whether a file has changed.")
+@click.option("--report", "with_report", is_flag=True, help="Write report.html, one page to pass on.")
 @click.option("--json", "as_json", is_flag=True, help="Print a summary as JSON.")
 def command(
     directories: tuple[Path, ...],
@@ -47,6 +53,7 @@ def command(
     jobs: int | None,
     cluster: str | None,
     verify: bool,
+    with_report: bool,
     as_json: bool,
 ) -> int:
     """Analyse every recording (*.tdms, *.wav) below DIR and write sine.txt, noise.txt and the other tables.
@@ -85,6 +92,7 @@ def command(
         raise
     if report.resumed:
         say(f"{report.resumed} results of an earlier run hold and were kept.")
+    page = _write_report(report, chosen, output) if with_report else None
     failed = report.of_kind("failed")
     for result in failed:
         say(f"Failed: {result.label}: {result.reason}")
@@ -96,6 +104,7 @@ def command(
                 "aside": aside,
                 "failed": {result.label: result.reason for result in failed},
                 "tables": [str(path) for path in report.tables],
+                "report": None if page is None else str(page),
                 "settings": chosen.model_dump(mode="json"),
                 "settings_hash": chosen.fingerprint,
             }
@@ -103,10 +112,24 @@ def command(
     else:
         click.echo(f"{done} analysed, {aside} put aside, {len(failed)} failed.")
         table("", ["table", "rows"], [[path.name, _rows(path)] for path in report.tables])
-        click.echo(f"Written to {output}.")
+        click.echo(f"Written to {output}." if page is None else f"Written to {output}; the page is {page}.")
     if failed:
         return 1 if done or aside else 3
     return 0
+
+
+def _write_report(report: BatchReport, settings: BatchSettings, output: Path) -> Path:
+    from specan.errors import RequestError
+    from specan.report.batch_report import batch_report
+
+    page = output / "report.html"
+    try:
+        page.write_text(batch_report(report, settings), encoding="utf-8", newline="\n")
+    except OSError as fault:
+        raise RequestError(
+            f"{page} cannot be written ({fault.strerror or fault})", remedy="choose another place"
+        ) from None
+    return page
 
 
 def _rows(path: Path) -> int:

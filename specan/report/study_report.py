@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-import base64
-import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
 from specan.report.figures_study import figure_compare, figure_history, figure_map
+from specan.report.html_page import bullets, page, picture, table
 from specan.study.observation.table import TableObservation
 from specan.study.study_file import NAME
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from specan.study.diagnosis import Diagnosis
     from specan.study.study import Study
-
-STYLE = """
-body { font: 15px/1.5 sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222; }
-table { border-collapse: collapse; margin: 0.8em 0; } td, th { padding: 0.2em 0.8em; text-align: left;
-border-bottom: 1px solid #ddd; } td.n { text-align: right; font-variant-numeric: tabular-nums; }
-img { max-width: 100%; } .verdict { font-size: 1.25em; border-left: 0.3em solid #0072B2; padding-left: 0.6em; }
-pre { background: #f5f5f5; padding: 0.8em; overflow-x: auto; } tr.grey { color: #888; }
-"""
 
 
 def study_report(study: Study) -> str:
@@ -44,12 +33,7 @@ def study_report(study: Study) -> str:
         *_assumptions(study),
         *_reproduce(study),
     ]
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f"<title>{escape(study.directory.resolve().name)}</title><style>{STYLE}</style></head>\n<body>\n"
-        + "\n".join(parts)
-        + "\n</body></html>\n"
-    )
+    return page(study.directory.resolve().name, parts)
 
 
 def _comparison(study: Study) -> list[str]:
@@ -59,7 +43,7 @@ def _comparison(study: Study) -> list[str]:
     rows = [("fitted", e) for e in found.errors]
     rows += [("held out", e) for e in (study.held_out.errors if study.held_out else ())]
     parts.append(
-        _table(
+        table(
             ["data", "observable", "values", "RMS error", "bias", "unit", "relative RMS", "largest"],
             [
                 [what, e.observable, e.n, f"{e.rms:.4g}", f"{e.bias:+.2g}", e.unit, f"{e.relative_rms:.2f} %",
@@ -75,17 +59,17 @@ def _comparison(study: Study) -> list[str]:
             f"{best.n_effective:.0f} independent values){held}. A model discrepancy of "
             f"{study.data.discrepancy_percent:g} % is allowed for.</p>"
         )
-        parts.append(_list(where.sentences()))
+        parts.append(bullets(where.sentences()))
     if isinstance(study.problem.observations[0], TableObservation):
-        parts.append(_picture(figure_compare(study), "measured values and model"))
+        parts.append(picture(figure_compare(study), "measured values and model"))
         varying = [n for n in study.problem.observations[0].labels if n != "measurement"]
         if where is not None and len(varying) > 1:
-            parts.append(_picture(figure_map(study), "where the model fails"))
+            parts.append(picture(figure_map(study), "where the model fails"))
     rows_ = [
         [name, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", p["unit"], _remark(p)]
         for name, p in found.parameters.items()
     ]
-    parts += ["<h3>Parameters</h3>", _table(["parameter", "value", "95 %", "unit", ""], rows_)]
+    parts += ["<h3>Parameters</h3>", table(["parameter", "value", "95 %", "unit", ""], rows_)]
     return parts
 
 
@@ -117,16 +101,16 @@ def _diagnosis(found: Diagnosis) -> list[str]:
     if rows:
         grey = [not r.plausible for r in found.ranking[:12]]
         header = ["effects", "delta BIC", "p", "gain in cross-validation", "error after", "parameters"]
-        parts.append(_table(header, rows, grey))
+        parts.append(table(header, rows, grey))
     visible = [
         [n, "invisible at any plausible size" if v is None else f"{v['value']:.2g} {v['unit']}"]
         for n, v in found.smallest_visible.items()
     ]
     visible += [[n, f"not testable: {why}"] for n, why in found.not_testable.items()]
     if visible:
-        parts += ["<h3>Smallest effect that these data would show</h3>", _table(["effect", "size"], visible)]
+        parts += ["<h3>Smallest effect that these data would show</h3>", table(["effect", "size"], visible)]
     if found.next_measurement:
-        parts += ["<h3>What would decide</h3>", _list(str(row["text"]) for row in found.next_measurement)]
+        parts += ["<h3>What would decide</h3>", bullets(str(row["text"]) for row in found.next_measurement)]
     return parts
 
 
@@ -148,14 +132,14 @@ def _history(study: Study) -> list[str]:
         for s in steps
     ]  # fmt: skip
     header = ["step", "what", "because", "fitted", "held out", "unit", "chi2/n fitted", "chi2/n held out"]
-    return ["<h2>History</h2>", _table(header, rows), _picture(figure_history(steps), "errors of the steps")]
+    return ["<h2>History</h2>", table(header, rows), picture(figure_history(steps), "errors of the steps")]
 
 
 def _assumptions(study: Study) -> list[str]:
-    parts = ["<h2>What was found and assumed</h2>", _list(study.data.statements)]
+    parts = ["<h2>What was found and assumed</h2>", bullets(study.data.statements)]
     defaults = study.model.settings.get("defaults_used", {})
     if defaults:
-        parts.append(_table(["rig default", "value"], [[k, v] for k, v in defaults.items()]))
+        parts.append(table(["rig default", "value"], [[k, v] for k, v in defaults.items()]))
     return parts
 
 
@@ -167,32 +151,6 @@ def _reproduce(study: Study) -> list[str]:
     return [
         "<h2>To have these numbers again</h2>",
         f"<p>specan {escape(__version__)}; the files below by their SHA-256, and this {NAME}:</p>",
-        _table(["file", "sha256"], rows),
+        table(["file", "sha256"], rows),
         f"<pre>{escape(text)}</pre>",
     ]
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[Any]], grey: Sequence[bool] | None = None) -> str:
-    lines = ["<table><tr>" + "".join(f"<th>{escape(h)}</th>" for h in header) + "</tr>"]
-    for k, row in enumerate(rows):
-        kind = ' class="grey"' if grey is not None and grey[k] else ""
-        lines.append(f"<tr{kind}>" + "".join(_cell(value) for value in row) + "</tr>")
-    return "\n".join([*lines, "</table>"])
-
-
-def _cell(value: Any) -> str:
-    text = str(value)
-    number = isinstance(value, (int, float)) or text[:1].isdigit() or text[:2] in ("-0", "+0")
-    return f'<td class="n">{escape(text)}</td>' if number and len(text) < 12 else f"<td>{escape(text)}</td>"
-
-
-def _list(items: Iterable[str]) -> str:
-    return "<ul>" + "".join(f"<li>{escape(item)}</li>" for item in items) + "</ul>"
-
-
-def _picture(figure: Figure, text: str) -> str:
-    """A figure inside the page."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=110)
-    data = base64.b64encode(stream.getvalue()).decode()
-    return f'<p><img alt="{escape(text)}" src="data:image/png;base64,{data}"></p>'
