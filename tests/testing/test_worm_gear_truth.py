@@ -99,6 +99,18 @@ def test_published_figures():
     assert abs(efficiency(1500.0, 40.0) - efficiency(2400.0, 40.0)) < 0.02
 
 
+def test_the_contact_angle_carries_the_load():
+    from specan.testing.worm_gear import bearings
+    from specan.testing.worm_gear.gear import BEARINGS
+
+    axial = np.array([1e-3, 0.3, 10.0, 300.0, 2000.0, 9000.0])
+    angle = bearings.contact_angle(BEARINGS[0], axial)
+    closing = np.cos(bearings.FREE_ANGLE) / np.cos(angle) - 1
+    stiffness = BEARINGS[0].balls * BEARINGS[0].ball_diameter ** 2 * bearings.AXIAL_CONSTANT
+    np.testing.assert_allclose(stiffness * np.sin(angle) * closing**1.5, axial, rtol=1e-6)
+    assert np.all(np.diff(angle) > 0)
+
+
 def test_less_oil_means_less_drag():
     torque = solve(Gear(), conditions(level=np.array([100.0, 80.0, 65.0]), torque=0.0)).input_torque
     assert np.all(np.diff(torque) < -0.03)

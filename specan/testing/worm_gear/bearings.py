@@ -13,7 +13,7 @@ ELLIPTICITY = 7.0
 SLIDING_FRICTION = 0.07
 ROLLING = 4.4
 LOAD_EXPONENT = 0.5
-_BISECTIONS = 50
+_NEWTON_STEPS = 8
 
 
 def contact_angle(bearing: Bearing, axial: Array) -> Array:
@@ -21,13 +21,15 @@ def contact_angle(bearing: Bearing, axial: Array) -> Array:
 
     Root of ``F = Z D^2 K sin(a) (cos(a0)/cos(a) - 1)^1.5`` (Hertz contact of the displaced rings).
     """
-    target = axial / (bearing.balls * bearing.ball_diameter**2 * AXIAL_CONSTANT)
-    low, high = np.full_like(axial, FREE_ANGLE), np.full_like(axial, np.deg2rad(45.0))
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        carried = np.sin(middle) * np.maximum(np.cos(FREE_ANGLE) / np.cos(middle) - 1.0, 0.0) ** 1.5
-        low, high = np.where(carried < target, middle, low), np.where(carried < target, high, middle)
-    return 0.5 * (low + high)
+    target = np.maximum(axial, 1e-12) / (bearing.balls * bearing.ball_diameter**2 * AXIAL_CONSTANT)
+    start = np.cos(FREE_ANGLE) ** 2
+    rise = (target / np.sin(FREE_ANGLE)) ** (2.0 / 3.0)  # cos(a0) / cos(a) - 1, upper bound
+    for _ in range(_NEWTON_STEPS):  # on the logarithm of the equation over the logarithm of the rise
+        sine2 = 1.0 - start / (1.0 + rise) ** 2
+        slope = 1.0 + 2.0 / 3.0 * rise * start / ((1.0 + rise) ** 3 * sine2)
+        excess = np.log(rise) + np.log(sine2) / 3.0 - 2.0 / 3.0 * np.log(target)
+        rise = rise * np.exp(-excess / slope)
+    return np.arccos(np.cos(FREE_ANGLE) / (1.0 + rise))
 
 
 def ball_loads(bearing: Bearing, radial: Array, axial: Array, angle: Array) -> Array:
