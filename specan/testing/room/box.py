@@ -11,7 +11,7 @@ from specan.errors import RequestError, nearest
 from specan.testing.room.line import Line, Real, line
 
 WALLS = ("x0", "x1", "y0", "y1", "z0", "z1")
-_RINGS, _SPOKES = 8, 32  # quadrature of a disc
+_RINGS, _SPOKES = 10, 40  # quadrature of a disc
 
 
 def axis_of(wall: str) -> int:

@@ -171,10 +171,10 @@ def _record(
     total = before + n + round(0.1 * SAMPLING_RATE)
     frequency = np.fft.rfftfreq(total, 1.0 / SAMPLING_RATE)
 
-    def signal(spectrum: NDArray[np.complex128]) -> Real:
+    def signal(spectrum: NDArray[np.complexfloating]) -> Real:
         return np.fft.irfft(spectrum, total)[..., before : before + n]
 
-    drive = _drive(rng, frequency, total)
+    drive: NDArray[np.complexfloating] = _drive(rng, frequency, total)
     moving = drive * velocity_per_volt(hardware, frequency)
     pressure = moving * spectrum_for(responses, total)
     quantities = np.vstack([signal(pressure), signal(moving), signal(drive)])

@@ -21,8 +21,9 @@ HIGHEST_HZ = 800.0  # responses are given up to here
 _PULSE_S = (
     4.2e-4  # standard deviation of the driving pulse; what the output rate folds onto the band is below 1e-16
 )
-_QUIET = 1e-4  # the march ends when the field has fallen to this share of its maximum
+_QUIET = 3e-5  # the march ends when the field has fallen to this share of its maximum
 _CHECK_S = 0.1
+_RUNAWAY = 10.0  # times the loudest so far: no room answers so, an unstable march does
 LONGEST_S = 4.0
 _LINES_AT_ONCE = 64  # bounds the memory of the transform
 _MARGIN = 0.8  # of the largest stable step; the linings' springs need some of it
@@ -83,7 +84,8 @@ class Heard:
 class _Losses:
     """Inverse of mass plus half a step of the walls' damping; under the rigid diaphragm the wall takes nothing.
 
-    The diaphragm's share is subtracted as a matrix of low rank, which keeps the damping positive.
+    The diaphragm's share is subtracted as a matrix of low rank. As a share of the wall its eigenvalues lie between 0
+    and 1; where the quadrature of a disc across elements overshoots, they are cut, or the march would be unstable.
     """
 
     def __init__(self, box: Box, room: Room, step_s: float) -> None:
@@ -93,12 +95,14 @@ class _Losses:
             nodes, weights = box.face(wall)
             mass[nodes] += half * admittance * weights
         self.inverse = 1.0 / mass
-        self.nodes, _ = box.face(room.piston.wall)
+        self.nodes, area = box.face(room.piston.wall)
         basis, weights = box.disc(room.piston)
-        scale = half * room.admittance[WALLS.index(room.piston.wall)]
-        _, size, shapes = np.linalg.svd(np.sqrt(scale * weights)[:, None] * basis, full_matrices=False)
-        kept = size > 1e-9 * max(size[0], np.finfo(float).tiny)
-        rows = size[kept, None] * shapes[kept]
+        taken = half * room.admittance[WALLS.index(room.piston.wall)] * area
+        _, share, shapes = np.linalg.svd(
+            np.sqrt(weights)[:, None] * basis / np.sqrt(area), full_matrices=False
+        )
+        kept = share > 1e-6
+        rows = np.minimum(share[kept], 1.0)[:, None] * shapes[kept] * np.sqrt(taken)
         spread = rows * self.inverse[self.nodes]
         inner = np.eye(len(rows)) - spread @ rows.T
         self._out, self._in = spread.T @ np.linalg.inv(inner), spread
@@ -166,7 +170,7 @@ def march(room: Room, shortest_s: float = 0.3, longest_s: float = LONGEST_S) -> 
             samples.append(points @ now)
             if len(samples) % per_check == 0:
                 recent = float(np.max(np.abs(samples[-per_check:])))
-                if not np.isfinite(recent):
+                if not np.isfinite(recent) or 0.0 < _RUNAWAY * loudest < recent:
                     raise ComputationError("the simulated sound field grows without bound")
                 loudest = max(loudest, recent)
                 if len(samples) >= shortest_s * OUTPUT_HZ and recent < _QUIET * loudest:

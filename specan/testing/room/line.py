@@ -8,11 +8,11 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+Real = NDArray[np.floating]
 
 LONGEST_ELEMENT_M = 0.62
-_ORDERS = (3, 8)
-_POINTS_PER_M = 13.0  # about eight per wavelength at 600 Hz
+_ORDERS = (3, 9)
+_POINTS_PER_M = 15.0  # eight to nine per wavelength at 600 Hz
 
 
 def gauss_lobatto(order: int) -> tuple[Real, Real]:

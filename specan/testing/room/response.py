@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.testing.room.field import HIGHEST_HZ, OUTPUT_HZ, Room, march, pressure_per_velocity
@@ -63,7 +64,7 @@ def _compute(room: Room) -> Real:
     return responses
 
 
-def spectrum_for(responses: Real, n_samples: int) -> np.ndarray:
+def spectrum_for(responses: Real, n_samples: int) -> NDArray[np.complexfloating]:
     """Transfer functions on the frequencies of a real transform of `n_samples` samples."""
     before = round(BEFORE_S * SAMPLING_RATE)
     padded = np.zeros((len(responses), n_samples))
