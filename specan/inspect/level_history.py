@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from specan.analysis.band_results import level
 from specan.data.recording import Channel, Recording
 from specan.dsp.band_history import BandHistoryAccumulator, weighting_filter
+from specan.dsp.multirate import LENGTH
 from specan.dsp.time_weighting import FAST, SLOW
 from specan.dsp.weighting import Weighting
 from specan.units import level_reference
@@ -68,7 +69,8 @@ class LevelCurves:
         rate = self.channels[0].sampling_rate
         times = self.times[piece]
         before = self.times[piece.start - 1] if piece.start else 0.0
-        first = max(int((before - _LEAD * self.time_constant) * rate), 0)
+        # On the grid of the transform's blocks, so that a piece has the numbers of the whole.
+        first = max(int((before - _LEAD * self.time_constant) * rate), 0) // LENGTH * LENGTH
         last = min(int(np.ceil(times[-1] * rate)) + 1, *(c.n_samples for c in self.channels))
         history = BandHistoryAccumulator(
             len(self.channels),

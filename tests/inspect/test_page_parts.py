@@ -1,0 +1,290 @@
+"""Parts of the page that need no browser."""
+
+import html
+import os
+import socket
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from specan_cli.inspect import command
+from specan_cli.octave import write_text
+
+pytest.importorskip("bokeh")
+
+from specan.analysis.octave import Octave
+from specan.data.recording import ArraySource, Channel, Recording
+from specan.errors import InputError, RequestError
+from specan.inspect.envelope import DIRECT, STEP, Waveform, low_and_high, read_overviews
+from specan.inspect.kept_bands import KeptBands
+from specan.inspect.level_history import LevelCurves
+from specan.inspect.opened import Opened, watched
+from specan.inspect.plots import plain
+from specan.inspect.server import start_server, url_of
+from specan.inspect.sheets import notice, sheet
+from specan.inspect.superseded import Superseded
+from specan.inspect.tabs.tab import text_of
+from specan.inspect.view import View
+
+RATE = 8000.0
+NOISE = np.random.default_rng(1)
+
+
+def go_on(part: float) -> bool:
+    return True
+
+
+def recording(seconds: float = 4.0, count: int = 3, unit: str = "Pa") -> Recording:
+    n = int(seconds * RATE)
+    channels = tuple(
+        Channel(f"Mic {k}", "G", unit=unit, role="microphone", sampling_rate=RATE, n_samples=n)
+        for k in range(count)
+    )
+    return Recording("a.tdms", channels, ArraySource([NOISE.standard_normal(n) for _ in channels]))
+
+
+class Counting:
+    """A long recording that is made up as it is read, and knows how much was."""
+
+    def __init__(self) -> None:
+        self.read_samples = 0
+
+    def read(self, indices, start, stop):
+        self.read_samples += stop - start
+        return np.sin(np.arange(start, stop) / 1000.0)[None].repeat(len(indices), axis=0)
+
+
+def hour() -> tuple[Recording, Counting]:
+    source = Counting()
+    channel = Channel("Mic", "G", unit="Pa", sampling_rate=RATE, n_samples=int(3600 * RATE))
+    return Recording("hour.tdms", (channel,), source), source
+
+
+# --- settings in the address ----------------------------------------------------------------------
+
+
+def test_a_view_comes_back_from_its_address():
+    from urllib.parse import parse_qs
+
+    view = View(tab="frf", channel=("G/Mic 1", "2:G/ä & b"), start=0.25, stop=1.5, fraction=12, weighting="A",
+                averaging="0.5", harmonics=True, cursor=123.456, lines=800, unwrapped=True)  # fmt: skip
+    arguments = {k: [v.encode() for v in values] for k, values in parse_qs(view.query).items()}
+    assert View.from_arguments(arguments) == view
+
+
+@pytest.mark.parametrize(
+    "query", [{"fraction": [b"5"]}, {"path": [b"/etc/passwd"]}, {"start": [b"3"], "stop": [b"2"]}]
+)
+def test_an_address_that_cannot_be_is_refused(query):
+    with pytest.raises(RequestError):
+        View.from_arguments(query)
+
+
+# --- waveforms ------------------------------------------------------------------------------------
+
+
+def test_decimation_keeps_every_extreme():
+    samples = NOISE.standard_normal(10_007)
+    samples[4321] = 99.0
+    low, high = low_and_high(samples, 100)
+    assert high.max() == 99.0
+    assert low.min() == samples.min()
+
+
+def test_a_short_part_is_drawn_sample_by_sample():
+    one = recording()
+    times, values = Waveform(one, one.channels[0]).part(0.1, 0.11, 1000)
+    assert np.array_equal(values, one.source.samples[0][800:881])
+    assert times[0] == pytest.approx(0.1)
+
+
+def test_an_hour_is_read_once_and_then_pans_without_reading_it_again():
+    one, source = hour()
+    waveform = Waveform(one, one.channels[0])
+    assert waveform.needs_overview(0.0, 3600.0)
+    read_overviews([waveform], go_on)
+    assert source.read_samples == one.channels[0].n_samples
+    times, values = waveform.part(0.0, 3600.0, 1500)
+    assert source.read_samples == one.channels[0].n_samples
+    assert times.size == 3000
+    assert values.min() == pytest.approx(-1, abs=1e-5)
+    waveform.part(1000.0, 1010.0, 1500)
+    assert source.read_samples - one.channels[0].n_samples <= 10 * RATE + 2
+
+
+def test_what_is_not_read_yet_is_a_gap():
+    one, _ = hour()
+    waveform = Waveform(one, one.channels[0])
+    waveform.overview.read_on()
+    _, values = waveform.part(0.0, 3600.0, 500)
+    assert np.isfinite(values[0])
+    assert np.isnan(values[-1])
+    assert DIRECT > STEP
+
+
+# --- kept power spectra ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("changed", [{"fraction": 12}, {"weighting": "A"}, {"fmin": 100.0, "fmax": 1000.0}])
+def test_another_setting_gives_the_commands_text_and_reads_nothing(changed, monkeypatch):
+    one = recording()
+    kept = KeptBands()
+    kept.levels(one, one.channels, Octave(), go_on)
+    settings = Octave(**changed)
+    expected = text_of(write_text, settings(one))
+    monkeypatch.setattr(ArraySource, "read", None)
+    assert text_of(write_text, kept.levels(one, one.channels, settings, go_on)) == expected
+
+
+def test_one_more_channel_reads_that_channel_only(monkeypatch):
+    one = recording()
+    kept = KeptBands()
+    kept.levels(one, one.channels[:2], Octave(), go_on)
+    seen = set()
+    read = ArraySource.read
+    monkeypatch.setattr(ArraySource, "read", lambda s, i, a, b: seen.update(i) or read(s, i, a, b))
+    kept.levels(one, one.channels, Octave(), go_on)
+    assert seen == {2}
+
+
+def test_work_that_nobody_waits_for_ends():
+    one = recording(60.0, 1)
+    with pytest.raises(Superseded):
+        KeptBands().levels(one, one.channels, Octave(), lambda part: False)
+
+
+def test_a_weighting_leaves_out_what_is_no_sound_pressure():
+    one = recording(unit="m/s")
+    with pytest.raises(RequestError, match="Pa"):
+        KeptBands().levels(one, one.channels, Octave(weighting="A"), go_on)
+
+
+def test_zeros_and_a_tenth_of_a_second():
+    n = 800
+    channel = Channel("Mic", "G", unit="Pa", sampling_rate=RATE, n_samples=n)
+    one = Recording("z.tdms", (channel,), ArraySource([np.zeros(n)]))
+    found = KeptBands().levels(one, one.channels, Octave(), go_on)
+    assert found.flags == (("dead",),)
+    assert np.isneginf(found.level_db).all()
+    assert low_and_high(np.zeros(n), 300)[0].max() == 0.0
+
+
+# --- level against time ---------------------------------------------------------------------------
+
+
+def test_pieces_of_a_level_history_are_those_of_the_whole():
+    n = int(65 * RATE)
+    loud = NOISE.standard_normal(n) * np.where(np.arange(n) < n / 3, 100.0, 1.0)
+    channel = Channel("Mic", "G", unit="Pa", sampling_rate=RATE, n_samples=n)
+    one = Recording("a.tdms", (channel,), ArraySource([loud]))
+    curves = LevelCurves(one, one.channels, "A", "fast")
+    assert len(curves.pieces) > 2
+    order = []
+    fill = curves._piece
+    curves._piece = lambda piece: order.append(piece.start) or fill(piece)
+    curves.fill(45.0, 50.0, go_on)
+    assert order[0] == curves.pieces[2].start  # what is on screen comes first
+    whole = Octave(averaging="fast", band=1000.0, interval_s=float(curves.times[0]))(one)
+    expected = whole.history.overall_db["A"][0][: curves.times.size]
+    assert np.allclose(curves.levels[0], expected, atol=1e-6)
+
+
+# --- safety ---------------------------------------------------------------------------------------
+
+
+def test_names_are_text():
+    bad = "<img src=x onerror=alert(1)>$$x$$"
+    assert "<img" not in sheet([bad], [[bad]]) + notice(bad)
+    assert html.escape(bad) in notice(bad)
+    assert "$$" not in plain(bad)
+
+
+def test_a_port_in_use_is_named():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(RequestError, match=f"port {port}"):
+            start_server(lambda document: None, port=port)
+
+
+def test_an_address_that_is_not_ours_is_named():
+    with pytest.raises(RequestError, match="no address of this machine"):
+        start_server(lambda document: None, address="192.0.2.1")
+
+
+def test_the_page_is_served_to_this_machine_alone_and_holds_no_outside_address():
+    import asyncio
+    import re
+    import urllib.error
+    import urllib.request
+
+    found = {}
+    ready, asked = threading.Event(), threading.Event()
+
+    def serve() -> None:
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        server = start_server(lambda document: None)
+        found["url"], found["sockets"] = url_of(server), server._http._sockets.values()
+        found["names"] = [s.getsockname()[0] for s in found["sockets"]]
+        ready.set()
+        server.io_loop.call_later(0.01, lambda: None)
+
+        def look() -> None:
+            if asked.is_set():
+                server.io_loop.stop()
+            else:
+                server.io_loop.call_later(0.05, look)
+
+        look()
+        server.start()
+        server.io_loop.start()
+        server.stop()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        assert ready.wait(10)
+        assert found["names"] == ["127.0.0.1"]
+        text = urllib.request.urlopen(found["url"], timeout=10).read().decode()
+        sources = re.findall(r'(?:src|href)="([^"]+)"', text)
+        assert sources
+        assert all(s.startswith(("static/", "/static/", found["url"])) for s in sources), sources
+        for path in ("etc/passwd", "static/../../../etc/passwd", "a.tdms"):
+            with pytest.raises(urllib.error.HTTPError):
+                urllib.request.urlopen(found["url"] + path, timeout=10)
+    finally:
+        asked.set()
+        thread.join(10)
+
+
+# --- a file that changes --------------------------------------------------------------------------
+
+
+def test_a_file_that_changes_or_vanishes_is_told(tmp_path: Path):
+    path = tmp_path / "a.tdms"
+    path.write_bytes(b"1")
+    one = watched(recording(), path)
+    assert one.read(one.channels, 0, 10).shape == (3, 10)
+    os.utime(path, ns=(1, 1))
+    with pytest.raises(InputError, match="changed"):
+        one.read(one.channels, 0, 10)
+    path.unlink()
+    with pytest.raises(InputError, match="cannot be reached"):
+        one.read(one.channels, 0, 10)
+
+
+def test_channels_of_two_files_are_told_apart():
+    opened = Opened((recording(), recording(2.0, 1)))
+    assert "2:G/Mic 0" in opened.keys
+    assert [c.number for c in opened.chosen(["G/Mic 1", "2:G/Mic 0"])] == [0, 1]
+    assert opened.text(0, "Mic 0") != "Mic 0"
+
+
+def test_the_command_refuses_what_does_not_go_together(tmp_path: Path):
+    result = CliRunner().invoke(command, [str(tmp_path), "--overlay", "b.tdms"])
+    assert isinstance(result.exception, RequestError)
+    result = CliRunner().invoke(command, [str(tmp_path / "none.tdms"), "--no-browser"])
+    assert isinstance(result.exception, (RequestError, InputError))
