@@ -39,9 +39,8 @@ def command(
     else:
         _print(study, found)
     if plot is not None:
-        from specan.report.figures_study import figure_compare
-
         from specan.report.figure_style import save_figure
+        from specan.report.figures_study import figure_compare
 
         save_figure(figure_compare(study), plot)
 
@@ -86,6 +85,8 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
         f"model discrepancy of {study.data.discrepancy_percent:g} % of the losses allowed for"
     )
     verdict = "The model fits." if best.p_value > 1e-3 else "The model does not fit."
+    if best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
+        verdict = "The model fits as a whole, and yet:"
     click.echo(verdict)
     for text in where.sentences():
         click.echo(f"  {text}")

@@ -149,6 +149,13 @@ class LeftOut:
         self.predicted = np.concatenate(problem.predictions(best.theta))
         self._other_rows = residual.size - problem.n_data
 
+    @cached_property
+    def observables(self) -> dict[str, NDArray[np.bool_]]:
+        """Rows of each observable."""
+        names = [np.broadcast_to(getattr(o, "observable", o.name), (o.n,)) for o in self.problem.observations]
+        whole = np.concatenate(names)
+        return {name: whole == name for name in dict.fromkeys(whole.tolist())}
+
     def columns(self, raw: Array) -> Array:
         """Columns over the data rows, whitened, with everything taken out that the parameters absorb."""
         whole = np.vstack([self.problem.whiten(raw), np.zeros((self._other_rows, raw.shape[1]))])
@@ -188,12 +195,13 @@ def localise(problem: Problem, best: Fit) -> Localisation:
         Its minimum.
     """
     algebra = LeftOut(problem, best)
-    labels, observable = _labels(problem)
-    blocks = []
-    for where, rows in _places(labels):
-        for name in dict.fromkeys(observable[rows].tolist()):
-            mine = rows & (observable == name)
-            blocks.append(_block(algebra, where, name, mine))
+    labels = _labels(problem)
+    blocks = [
+        _block(algebra, where, name, rows & mine)
+        for where, rows in _places(labels)
+        for name, mine in algebra.observables.items()
+        if np.any(rows & mine)
+    ]
     passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
     return Localisation(
@@ -202,13 +210,11 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     )
 
 
-def _labels(problem: Problem) -> tuple[dict[str, NDArray[Any]], NDArray[Any]]:
-    """Labels over all observations that share them, and the observable of each row."""
+def _labels(problem: Problem) -> dict[str, NDArray[Any]]:
+    """Labels over all observations that share them."""
     shared = set.intersection(*(set(o.labels) for o in problem.observations))
     order = [name for name in problem.observations[0].labels if name in shared]
-    labels = {name: np.concatenate([o.labels[name] for o in problem.observations]) for name in order}
-    names = [np.broadcast_to(getattr(o, "observable", o.name), (o.n,)) for o in problem.observations]
-    return labels, np.concatenate(names)
+    return {name: np.concatenate([o.labels[name] for o in problem.observations]) for name in order}
 
 
 def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], NDArray[np.bool_]]]:
@@ -288,10 +294,17 @@ def _sentence(algebra: LeftOut, name: str, values: NDArray[Any], blocks: Sequenc
     if not isinstance(levels[0], str):
         tried += [(f"from {spoken(name, level)} up", values >= level) for level in levels[1:-1]]
         tried += [(f"up to {spoken(name, level)}", values <= level) for level in levels[1:-1]]
-    found = [(text, *algebra.direction(rows)) for text, rows in tried]
-    text, error, z = max(found, key=lambda f: abs(f[2]))
+    # An efficiency that is low goes with an input torque that is high: each observable by itself.
+    found = [
+        (text, what, *algebra.direction(rows & mine))
+        for text, rows in tried
+        for what, mine in algebra.observables.items()
+        if np.any(rows & mine)
+    ]
+    text, what, error, z = max(found, key=lambda f: abs(f[3]))
     if abs(z) >= CLEAR:
-        return f"fails {text}: model {100 * abs(error):.2g} % {'high' if z > 0 else 'low'} (z = {z:.1f})"
+        whose = f"{what.replace('_', ' ')} of the model" if len(algebra.observables) > 1 else "model"
+        return f"fails {text}: {whose} {100 * abs(error):.2g} % {'high' if z > 0 else 'low'} (z = {z:.1f})"
     company = [b for b in blocks if name in b.where and len(b.where) > 1]
     worst = max(company, key=lambda b: abs(b.z), default=None)
     if worst is not None and abs(worst.z) >= CLEAR:

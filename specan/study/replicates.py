@@ -61,8 +61,8 @@ def pooled(
     groups : array of int
         Replicates share a number.
     slopes : array, shape (n, k)
-        What readings of one group may differ by without being scattered: the settings that were read.
-        A linear dependence on these is fitted and taken out.
+        What readings of one group may differ by without being scattered, the likeliest first. A linear
+        dependence on these is fitted and taken out; the last ones are left out where repeats are few.
     components : mapping
         Non-negative functions of the condition that the variance may grow with.
     declared : str
@@ -135,8 +135,7 @@ def _within(values: Array, groups: NDArray[np.intp], slopes: Array) -> tuple[Arr
     x = np.stack([centred(c) for c in slopes.T], axis=1) if slopes.shape[1] else slopes
     size = np.linalg.norm(x, axis=0)
     x = x[:, size > 1e-12] / size[size > 1e-12]
-    if dof < 3 * x.shape[1]:
-        x = x[:, :0]
+    x = x[:, : dof // 3]  # no more of them than the repeats can bear
     if x.shape[1]:
         basis, s, _ = np.linalg.svd(x, full_matrices=False)
         basis = basis[:, s > 1e-8 * s[0]]

@@ -29,6 +29,7 @@ ENOUGH = 8  # degrees of freedom above which repeats are believed rather than a 
 LEAST = 3  # and below which they say nothing
 COARSE = 1e-3  # rounding below this share of the reading is no account of a measurement's uncertainty
 SETTING = "the scatter of setting that the rig declares"
+CORNERS = 7  # of a course over time
 OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
 REACH = 0.5  # correlation length of the discrepancy, in ranges of each operating variable
 
@@ -236,7 +237,7 @@ def _noise_of(
     predicted = centre.predict(part)
     rest = part.measured - np.where(np.isfinite(predicted), predicted, part.measured)
     grows = components(model, centre, part)
-    slopes = _slopes(part)
+    slopes = _slopes(part, np.where(np.isfinite(predicted), predicted, part.measured))
     first = np.unique(part.setup, return_index=True)[1]
     mean = _SetupMeans(part.setup)
     means = np.stack([mean(c) for c in slopes.T], axis=1) if slopes.shape[1] else np.empty((first.size, 0))
@@ -304,27 +305,37 @@ def _less(setup: VarianceFunction, reading: VarianceFunction, readings: float) -
     return VarianceFunction(level, setup.share, setup.component, setup.dof)
 
 
-def _slopes(rows: Rows) -> Array:
-    """What repeats of a condition may differ by because a setting that was read differed.
+def _slopes(rows: Rows, predicted: Array) -> Array:
+    """What repeats of a condition may differ by without being scattered, the likeliest first.
 
-    The reference's slope may be a little wrong; a correction that is linear in the deviation, and in the
-    condition, is left to be fitted.
+    A setting that was read differed: the reference's slope may be a little wrong, so that a correction
+    linear in the deviation, and in the condition, is left to be fitted. Time went on: a gear runs in,
+    quickly at first, by a torque or by a share of the torque.
     """
-    levels = {n: x for n, x in rows.levels.items() if np.ptp(x) > 0 and n != TIME}
-    scaled = [(x - x.mean()) / x.std() for x in levels.values()]
-    columns = []
-    for name, x in rows.conditions.items():
-        if name == TIME:
-            t = (x - x.mean()) / max(float(x.std()), 1e-300)
-            columns += [t, t**2, t**3]
-        elif not rows.is_set[name]:
-            deviation = x - rows.levels[name]
-            columns += [deviation, *(deviation * u for u in scaled)]
+    scaled = [(x - x.mean()) / x.std() for n, x in rows.levels.items() if np.ptp(x) > 0 and n != TIME]
+    deviations = {
+        n: x - rows.levels[n] for n, x in rows.conditions.items() if n != TIME and not rows.is_set[n]
+    }
+    columns = list(deviations.values())
+    if TIME in rows.conditions:
+        tents = _tents(rows.conditions[TIME])
+        columns += [tent * weight for weight in (predicted, np.ones(rows.n)) for tent in tents]
+    columns += [deviation * u for deviation in deviations.values() for u in scaled]
     return np.stack(columns, axis=1) if columns else np.empty((rows.n, 0))
 
 
+def _tents(time: Array) -> list[Array]:
+    """Piecewise straight functions of time whose corners lie closer together at the start."""
+    span = max(float(np.ptp(time)), 1e-300)
+    corners = time.min() + span * np.linspace(0, 1, CORNERS) ** 2
+    return [np.interp(time, corners, unit) for unit in np.eye(CORNERS)]
+
+
 def _check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array, declared: Array) -> None:
+    """Refuse repeats that no scatter explains; where the time is given they may drift, which an effect may explain."""
     _, index, counts = np.unique(part.cell, return_inverse=True, return_counts=True)
+    if TIME in part.conditions:
+        return
     centre = np.array([np.median(rest[index == k]) for k in range(counts.size)])
     off = np.abs(rest - centre[index])
     repeated = counts[index] > 1
