@@ -71,7 +71,8 @@ class LevelCurves:
         before = self.times[piece.start - 1] if piece.start else 0.0
         # On the grid of the transform's blocks, so that a piece has the numbers of the whole.
         first = max(int((before - _LEAD * self.time_constant) * rate), 0) // LENGTH * LENGTH
-        last = min(int(np.ceil(times[-1] * rate)) + 1, *(c.n_samples for c in self.channels))
+        end = -(-(int(np.ceil(times[-1] * rate)) + 1) // LENGTH) * LENGTH
+        last = min(end, *(c.n_samples for c in self.channels))
         history = BandHistoryAccumulator(
             len(self.channels),
             rate,

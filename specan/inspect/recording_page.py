@@ -57,6 +57,7 @@ class RecordingPage:
         self.link = BrowserLink()
         self.status = Div(text="", name="status", height=20)
         self.readout = Div(text="", name="readout", sizing_mode="stretch_width")
+        self.refused = ""
         self.view = self._first_view()
         self.work = Work(document, self._told, self._failed)
         self.drawing = Work(document, self._told, self._failed)
@@ -88,7 +89,8 @@ class RecordingPage:
         try:
             view = View.from_arguments(arguments)
         except RequestError as fault:
-            self.status.text, view = notice(str(fault), "error"), View()
+            # Stands until something else is chosen.
+            self.refused, view = str(fault), View()
         known = list(self.opened.keys)
         shown = [key for key in view.channel if key in known]
         if not shown:
@@ -166,7 +168,7 @@ class RecordingPage:
             return
         if view == self.view:
             return
-        old, self.view = self.view, view
+        old, self.view, self.refused = self.view, view, ""
         self.link.address(view.query)
         if view.channel != old.channel:
             self._refresh_waveform()
@@ -230,7 +232,7 @@ class RecordingPage:
 
         def show(found: Found) -> None:
             self.found = found
-            self.status.text = _notes(found)
+            self.status.text = notice(self.refused, "error") if self.refused else _notes(found)
             tab.draw(found, view)
             self._show_cursor()
 

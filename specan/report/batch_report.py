@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 MOST_FIGURES = 24  # of files of noise; the tables hold the others
 MOST_ROWS = 200  # of a table on the page
+SINES = ("file", "channel", "frequency_hz", "rms", "unit", "level_dB", "phase_deg", "flags")
+OTHERS = ("file", "channel", "band_hz", "rms", "unit", "level_dB", "flags")
 Row = Mapping[str, str]
 
 
@@ -40,9 +42,10 @@ def batch_report(report: BatchReport, settings: BatchSettings) -> str:
         "<h1>Batch</h1>",
         f'<p class="verdict">{counts["done"]} analysed, {counts["aside"]} put aside, '
         f"{counts['failed']} failed.</p>",
-        *(_sines(tables["sine.txt"]) if "sine.txt" in tables else []),
+        *(_listing(tables["sine.txt"], "Sines", SINES) if "sine.txt" in tables else []),
         *(_noise(tables["noise.txt"]) if "noise.txt" in tables else []),
         *(_bands(tables["bands.txt"]) if "bands.txt" in tables else []),
+        *(_listing(tables["other.txt"], "Neither sine nor noise", OTHERS) if "other.txt" in tables else []),
         *_skipped(report),
         "<h2>To have these numbers again</h2>",
         f"<p>specan {escape(__version__)}, settings {escape(settings.fingerprint)}:</p>",
@@ -62,13 +65,12 @@ def _rows(path: Path) -> Iterator[Row]:
             yield dict(zip(header, cells))
 
 
-def _sines(path: Path) -> list[str]:
-    columns = ("file", "channel", "frequency_hz", "rms", "unit", "level_dB", "phase_deg", "flags")
+def _listing(path: Path, title: str, columns: Sequence[str]) -> list[str]:
     shown = [[row[c] for c in columns] for row in islice(_rows(path), MOST_ROWS + 1)]
     if not shown:
         return []
-    parts = ["<h2>Sines</h2>", table([c.replace("_", " ") for c in columns], shown[:MOST_ROWS])]
-    return [*parts, "<p>More rows stand in sine.txt.</p>"] if len(shown) > MOST_ROWS else parts
+    parts = [f"<h2>{title}</h2>", table([c.replace("_", " ") for c in columns], shown[:MOST_ROWS])]
+    return [*parts, f"<p>More rows stand in {path.name}.</p>"] if len(shown) > MOST_ROWS else parts
 
 
 def _noise(path: Path) -> list[str]:

@@ -77,8 +77,8 @@ class OctaveTab(Tab):
         """The level of the band that contains the frequency."""
         rows = []
         for number, r in found:
-            inside = np.flatnonzero((r.lower_hz <= frequency) & (frequency < r.upper_hz))
-            for band in inside[:1].tolist():
+            band = int(np.searchsorted(r.lower_hz, frequency, side="right")) - 1
+            if band >= 0 and frequency <= r.upper_hz[-1]:
                 for row, name in enumerate(r.channels):
                     words = " ".join(r.band_flags(row, band))
                     level = f"{r.level_db[row, band]:.2f} dB re {r.references[row].text} {words}".strip()
