@@ -83,6 +83,19 @@ def test_gain_of_a_microphone(cache: Path) -> None:
     np.testing.assert_allclose(np.delete(ratio, 2, axis=0), 1.0, rtol=1e-9)
 
 
+def test_the_vibrometer_is_late_and_off_by_what_was_drawn(cache: Path) -> None:
+    case = run(cache, noise=False)
+    window = np.hanning(2048)
+    shown = np.fft.rfft(case.take.volts[-2] * 0.05 * window)[100:600]
+    moved = np.fft.rfft(case.take.truth[-2] * window)[100:600]
+    f = np.arange(100.0, 600.0)
+    late = np.exp(-2j * np.pi * f * case.truth.vibrometer_delay_s)
+    assert np.vdot(moved * late, shown) / np.vdot(moved, moved) == pytest.approx(
+        1 + case.truth.vibrometer_gain, rel=2e-4
+    )
+    assert abs(case.truth.vibrometer_delay_s) > 3e-6
+
+
 def test_noise_and_breakup_stay_in_the_vibrometer(plain: RoomCase, cache: Path) -> None:
     noisy = run(cache, {"vibrometer-noise": 0.1})
     added = (noisy.take.volts - plain.take.volts)[-2] * 0.05
