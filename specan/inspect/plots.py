@@ -57,6 +57,14 @@ def plain(text: str) -> str:
     return text
 
 
+def with_gaps(phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A wrapped phase with a gap where it jumps instead of a vertical line."""
+    gapped = phase.copy()
+    with np.errstate(invalid="ignore"):
+        gapped[1:][np.abs(np.diff(phase)) > 180] = np.nan
+    return gapped
+
+
 def hertz_axis(sheet: Any, axis: Any) -> None:
     """A tick at each octave."""
     frequencies, names = octave_ticks()

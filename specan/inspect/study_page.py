@@ -168,8 +168,8 @@ class StudyPage:
             "x": [a for a, _ in cells], "y": [b for _, b in cells],
             "z": [float(np.mean(v)) for v in cells.values()], "n": [len(v) for v in cells.values()],
         }  # fmt: skip
-        what = f"with {trial.name}, not yet accepted" if trial.name else "the model as it is"
-        self.residual.title.text = f"Residual, {what}: chi2/n {trial.fit.reduced_chi2:.2f}"
+        what = f" with {trial.name}" if trial.name else ""
+        self.residual.title.text = f"Residual{what}: chi2/n {trial.fit.reduced_chi2:.2f}"
         rows = [
             [
                 e.observable,

@@ -41,7 +41,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[Any]], grey: Sequence[b
 
 def _cell(value: Any) -> str:
     text = str(value)
-    number = isinstance(value, (int, float)) or text[:1].isdigit() or text[:2] in ("-0", "+0")
+    number = isinstance(value, (int, float)) or text.lstrip("+-")[:1].isdigit()
     return f'<td class="n">{escape(text)}</td>' if number and len(text) < 12 else f"<td>{escape(text)}</td>"
 
 

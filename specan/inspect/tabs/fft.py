@@ -11,7 +11,7 @@ from specan.data.recording import Recording
 from specan.data.spectrum import SCALINGS, Spectrum
 from specan.dsp.windows import WINDOWS
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Curve, Lines
+from specan.inspect.plots import Curve, Lines, with_gaps
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
 from specan.inspect.view import View
 from specan.report.figures_spectra import figure_spectrum
@@ -32,7 +32,7 @@ class FftTab(Tab):
         self.choice(view, "scaling", "Scaling", SCALINGS)
         names = list(dict.fromkeys(c.name for _, c in opened.keys.values()))
         self.choice(
-            view, "reference", "Phase over", [("", "none (first block's own)"), *((n, n) for n in names)], 190
+            view, "reference", "Phase over", [("", "choose a channel"), *((n, n) for n in names)], 190
         )
         self.levels = Lines("", "Level / dB", hertz=True, tip=("Hz", "dB"), dynamics=100.0)
         self.phase = Lines(
@@ -43,7 +43,7 @@ class FftTab(Tab):
         self.body = [self.levels.sheet, self.phase.sheet]
 
     def compute(self, view: View, tell: Tell) -> Found:
-        """Averaged spectra; without a reference their phase is that of the first block."""
+        """Averaged spectra; without a reference an average has no phase."""
 
         def analyse(chosen: Chosen, recording: Recording) -> Spectrum:
             settings = _settings(view, chosen)
@@ -63,7 +63,8 @@ class FftTab(Tab):
                 levels.append(Curve(text, f, level[row]))
                 if phase is not None:
                     strong = level[row] > np.nanmax(level[row], initial=-np.inf) - _PHASE_DB
-                    phases.append(Curve(text, f, np.where(strong, phase[row][positive], np.nan)))
+                    shown = with_gaps(np.where(strong, phase[row][positive], np.nan))
+                    phases.append(Curve(text, f, shown))
         self.levels.draw(levels)
         self.phase.draw(phases)
         self.levels.span(max(min(c.x[0] for c in levels), 1.0), max(c.x[-1] for c in levels))

@@ -11,7 +11,7 @@ from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
 from specan.errors import InputError
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Curve, Lines
+from specan.inspect.plots import Curve, Lines, with_gaps
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
 from specan.inspect.view import View
 from specan.report.figures_spectra import figure_frequency_response
@@ -70,10 +70,7 @@ class FrfTab(Tab):
             for row, name in enumerate(r.channels):
                 text = self.opened.text(number, name)
                 magnitude.append(Curve(text, r.frequency_hz, r.level_db[row]))
-                one = turned[row].copy()
-                if not view.unwrapped:  # a gap where it jumps, not a vertical line
-                    with np.errstate(invalid="ignore"):
-                        one[1:][np.abs(np.diff(turned[row])) > 180] = np.nan
+                one = turned[row] if view.unwrapped else with_gaps(turned[row])
                 phase.append(Curve(text, r.frequency_hz, one))
                 coherence.append(Curve(text, r.frequency_hz, r.coherence[row]))
         for figure, curves in zip(self.figures, (magnitude, phase, coherence)):

@@ -86,7 +86,7 @@ class SpectrogramTab(Tab):
         self.sheet.y_range.update(start=low, end=float(f[-1]), reset_start=low, reset_end=float(f[-1]))
         self.sheet.title.text = plain(
             f"{self.opened.text(number, r.channels[0])}: lines {r.scale.line_spacing_hz:.4g} Hz apart, "
-            f"{r.blocks_per_column} blocks a column, {r.scale.level_text(r.units[0])}"
+            f"blocks a column: {r.blocks_per_column}, {r.scale.level_text(r.units[0])}"
         )
 
     def picture(self, result: Any) -> Any:
