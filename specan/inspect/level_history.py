@@ -80,7 +80,7 @@ class LevelCurves:
             [weighting_filter(self.weighting), weighting_filter("Z")],
             self.time_constant,
             None,
-            times - first / rate,
+            np.asarray(times - first / rate, dtype=np.float64),
         )
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             for samples in self.recording.blocks(self.channels, _BLOCK, first, last):

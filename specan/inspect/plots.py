@@ -102,7 +102,7 @@ class Lines:
         self._fixed, self._dynamics = limits is not None, dynamics
         self._limits: tuple[float, float] | None = None
         vertical = Range1d(*limits) if limits else DataRange1d() if dynamics is None else Range1d(0, 1)
-        self.sheet = figure(
+        self.sheet: Any = figure(
             height=height,
             sizing_mode="stretch_width",
             x_axis_type="log" if hertz else "linear",

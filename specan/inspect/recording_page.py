@@ -77,9 +77,13 @@ class RecordingPage:
         self.waveform = WaveformView(opened, view, self._moved, self._chosen)
         self._moving = False
         self._lay_out()
-        document.on_session_destroyed(lambda context: (self.work.close(), self.drawing.close()))
+        document.on_session_destroyed(self._closed)
         self._refresh_waveform()
         self._refresh()
+
+    def _closed(self, context: Any) -> None:
+        self.work.close()
+        self.drawing.close()
 
     # --- what is on the page ----------------------------------------------------------------------
 
