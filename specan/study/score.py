@@ -87,7 +87,7 @@ def score(fit: Projection, found: Sequence[Trace], weights: Array) -> list[Score
         else:
             multiple_q, *_ = np.linalg.lstsq(clean, -fit.residual, rcond=1e-9)
             gain = float(fit.residual @ fit.residual - np.sum((fit.residual + clean @ multiple_q) ** 2))
-            scored.append(Scored(trace, clean, gain, multiple_q))
+            scored.append(Scored(trace, clean, gain, np.asarray(multiple_q, dtype=float)))
     return scored
 
 

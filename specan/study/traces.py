@@ -123,8 +123,8 @@ def _several_amplitudes(
     points = [{**s, **rest, n: v} for s in places for n, v in zip(names, value)]
     columns = changes(problem, fit, candidate, points)
     for k, shapes in enumerate(places):
-        part = columns[k * len(names) : (k + 1) * len(names)]
-        if all(c is not None for c in part):
+        part = [c for c in columns[k * len(names) : (k + 1) * len(names)] if c is not None]
+        if len(part) == len(names):
             yield Trace(
                 candidate.use, np.column_stack(part), names, neutral, value - neutral, shapes,
                 (-np.inf, np.inf),
