@@ -176,7 +176,7 @@ def test_zeros_and_a_tenth_of_a_second():
 
 def test_pieces_of_a_level_history_are_those_of_the_whole():
     n = int(65 * RATE)
-    loud = NOISE.standard_normal(n) * np.where(np.arange(n) < n / 3, 100.0, 1.0)
+    loud = NOISE.standard_normal(n) * np.where(np.arange(n) < 18 * RATE, 1e4, 1.0)
     channel = Channel("Mic", "G", unit="Pa", sampling_rate=RATE, n_samples=n)
     one = Recording("a.tdms", (channel,), ArraySource([loud]))
     curves = LevelCurves(one, one.channels, "A", "fast")
