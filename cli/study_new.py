@@ -63,7 +63,7 @@ def _show(begun: object, as_json: bool) -> None:
     from specan_cli.output import emit_json
     from specan_cli.study_output import amount, error_table
 
-    from specan.study.assemble import held_for_want_of_variation
+    from specan.study.assemble import certificates, held_for_want_of_variation
     from specan.study.begin import Begun
 
     assert isinstance(begun, Begun)
@@ -82,6 +82,10 @@ def _show(begun: object, as_json: bool) -> None:
                 "uncertainty_known": study.data.known,
                 "model_discrepancy_percent": study.data.discrepancy_percent,
                 "assumptions": list(study.data.statements),
+                "certificates": {
+                    name: {"standard_uncertainty": sd, "unit": unit}
+                    for name, (sd, unit) in certificates(study.problem).items()
+                },
                 "rig_defaults_used": defaults,
                 "parameters_held": [*held, *begun.held],
                 "fit_error": step.fit_error,
@@ -93,6 +97,8 @@ def _show(begun: object, as_json: bool) -> None:
     click.echo("\nWhat was found and assumed about the measurement:")
     for text in study.data.statements:
         click.echo(f"  {text}")
+    for name, (sd, unit) in certificates(study.problem).items():
+        click.echo(f"  {name}: an error common to all readings, standard uncertainty {sd:.3g} {unit}")
     for name, needed in held.items():
         columns = ", ".join(study.model.conditions[n].column for n in needed if n in study.model.conditions)
         click.echo(f"  {name} is held at its default: {columns or ', '.join(needed)} does not vary")

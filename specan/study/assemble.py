@@ -165,6 +165,15 @@ def held_for_want_of_variation(problem: Problem) -> dict[str, tuple[str, ...]]:
     }
 
 
+def certificates(problem: Problem) -> dict[str, tuple[float, str]]:
+    """Standard uncertainty and unit of each instrument error that is held by its certificate."""
+    found = {}
+    for name, (mean, sd) in problem.priors.items():
+        parameter = problem.assembly.parameters[name]
+        found[name] = (abs(parameter.from_si(mean + sd) - parameter.from_si(mean)), parameter.unit)
+    return found
+
+
 def undetermined(problem: Problem, theta: Array) -> list[str]:
     """Parameters that these data do not determine beside the others; holding them takes nothing away.
 

@@ -83,7 +83,7 @@ def pooled(
     _, index, counts = np.unique(groups, return_inverse=True, return_counts=True)
     share = dof / float(np.sum(counts - 1))
     several = counts > 1
-    nu = share * (counts - 1)[several]
+    nu = np.asarray(share * (counts - 1)[several], dtype=float)
     variance = np.bincount(index, rest**2)[several] / nu
     constant = VarianceFunction(float(np.sum(nu * variance) / np.sum(nu)), 0.0, "", dof)
     if constant.level == 0:  # repeats that agree to the last digit have no shape

@@ -203,12 +203,7 @@ class Study:
 
         self.require_uncertainty("diagnose")
         found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
-        places = [b.as_dict() for b in localise(self.problem, self.best).fails_at]
-        return replace(
-            found,
-            fails_at=tuple(places),
-            model_discrepancy_percent=self.data.discrepancy_percent,
-        )
+        return replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
 
     def require_uncertainty(self, verb: str) -> None:
         """Refuse to conclude anything where nothing tells the uncertainty."""

@@ -110,6 +110,53 @@ def test_the_jacobian_is_that_of_the_residual_also_at_a_bound():
         np.testing.assert_allclose(analytic[:, k], slope, rtol=1e-4, atol=1e-5)
 
 
+def test_a_curved_dependence_has_its_slope_also_at_an_end_of_the_domain():
+    @effect("bent", adds_to="loss", neutral={"size": 0.0})
+    def bent(speed, *, size=Parameter(1.0, "W", min=0.0, max=2.0), by=Parameter(0.0, min=0.0, max=2.0)):
+        "A power law of the speed."
+        return size * speed**by
+
+    problem = base_problem(MODEL.with_effect(bent), [table(noisy(SPEED**2))]).with_uses(["bent"])
+    for end in (0.0, 2.0):
+        theta = problem.start({"bent.size": 1.0, "bent.by": end})
+        slope = problem.sensitivities(theta)[0][:, problem.names.index("bent.by")]
+        np.testing.assert_allclose(slope, SPEED**end * np.log(SPEED), rtol=1e-5, atol=1e-6)
+
+
+def test_an_effect_that_looks_at_earlier_rows_sees_them_all():
+    @effect("memory", adds_to="loss", neutral={"share": 0.0})
+    def memory(speed, *, share=Parameter(0.5, "W", min=0.0, max=2.0)):
+        "What was done before adds up."
+        return share * np.cumsum(np.asarray(speed, dtype=float))
+
+    model = MODEL.with_effect(memory)
+    problem = base_problem(model, [table(noisy(SPEED**2))]).with_uses(["memory"])
+    observed, values = problem.observations[0], problem.values_at(problem.start({"memory.share": 0.7}))
+    whole = observed.predict(problem.assembly, values)
+    kept = np.arange(30) % 3 == 1
+    np.testing.assert_allclose(observed.take(kept).predict(problem.assembly, values), whole[kept])
+    again = observed.take(kept).take(np.arange(10) > 4)
+    np.testing.assert_allclose(again.predict(problem.assembly, values), whole[kept][5:])
+    slope = problem.sensitivities(problem.start())[0][:, problem.names.index("memory.share")]
+    np.testing.assert_allclose(slope, np.cumsum(SPEED), rtol=1e-7)
+    two = np.repeat([0, 1], 15)
+    parted = table(noisy(SPEED**2), recording=two, recordings=("a", "b"))
+    apart = parted.predict(problem.assembly, values)
+    np.testing.assert_allclose(apart[15] - whole[15], -0.7 * SPEED[:15].sum())
+
+
+def test_an_effect_that_mixes_the_steps_is_found_out():
+    @effect("mixing", adds_to="loss", neutral={"by": 0.0})
+    def mixing(speed, *, by=Parameter(0.5, "W", min=0.0, max=2.0)):
+        "Takes the mean of what it is given."
+        return float(np.mean(by)) * speed
+
+    problem = base_problem(MODEL.with_effect(mixing), [table(noisy(SPEED**2))]).with_uses(["mixing"])
+    for _ in range(2):  # the first time is a trial, the second rests on what it showed
+        slope = problem.sensitivities(problem.start())[0][:, problem.names.index("mixing.by")]
+        np.testing.assert_allclose(slope, SPEED, rtol=1e-7)
+
+
 def test_one_pass_over_all_steps_equals_step_by_step():
     problem = base_problem(MODEL, [table(noisy(3 * SPEED**2))])
     observed = problem.observations[0]

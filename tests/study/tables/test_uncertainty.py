@@ -123,6 +123,14 @@ def test_readings_of_one_setup_share_its_deviation(tables, tmp_path):
     assert reduced(gear, data).p_value > 1e-3
 
 
+def test_the_readings_share_in_the_scatter_of_setups_is_counted_once(tables, tmp_path):
+    """Torques that were read leave no scatter of setting; only what the readings put into the means."""
+    _, data = opened(tables, tmp_path, tables.bench(repeats=3, readings=3, noise=0.03))
+    parts = data.fitted[0].parts
+    assert np.median(parts["reading"]) == pytest.approx(0.03, rel=0.15)
+    assert np.median(parts["setting"]) < 0.012
+
+
 def test_rows_without_marks_are_told_apart_by_their_order(tables, tmp_path):
     anew = tables.bench(repeats=2, setting="set", marks=False)
     _, data = opened(tables, tmp_path, anew)
