@@ -237,7 +237,7 @@ def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> l
             break
         found.append(_proposal(rivals, planned, predicted[:, best], best, float(apart[best])))
         usable &= np.max(np.abs(place - place[best]), axis=1) > NEAR
-        covariances = [_after(c, j[best]) for c, j in zip(covariances, slopes)]
+        covariances = [after_reading(c, j[best]) for c, j in zip(covariances, slopes)]
         if not np.any(usable):
             break
     return found
@@ -260,7 +260,7 @@ def _slopes(refit: Refit, planned: TableObservation) -> Array:
     return np.asarray(_at(refit.problem, planned).jacobian(refit.fit.theta)[: planned.n])
 
 
-def _after(covariance: Array, slope: Array) -> Array:
+def after_reading(covariance: Array, slope: Array) -> Array:
     """Covariance of the parameters once a reading with this slope, in units of sigma, has been made."""
     along = covariance @ slope
     return covariance - np.outer(along, along) / (1 + slope @ along)

@@ -10,15 +10,35 @@ from scipy.optimize import brentq
 
 from specan.errors import ComputationError
 from specan.models import Parameter, Use, effect
-from specan.study.alternatives import distance
+from specan.study.alternatives import alternatives, distance
 from specan.study.diagnose import diagnose, parameters_of
 from specan.study.fit import fit
 from specan.study.gate import Gate, Passage
+from specan.study.plausibility import plausible
 from specan.study.power import smallest_visible
 from specan.study.problem import base_problem
 from specan.study.refit import Refit, Refits
 from specan.study.residual_law import residual_law, simplest
 from specan.study.search import Search
+
+
+@effect("timid", adds_to="heat", neutral={"c": 0.0})
+def timid(x, *, c=Parameter(0.1, "W", min=0.0, max=0.2, upper=50.0)):
+    "A parabola that is never large."
+    return c * x**2
+
+
+@effect("upside-down", adds_to="heat", neutral={"c": 0.0})
+def upside_down(x, *, c=Parameter(1.0, "W", min=0.0, max=50.0)):
+    "A parabola of the other sign."
+    return -c * x**2
+
+
+@effect("bowl", adds_to="heat", neutral={"c": 0.0})
+def bowl(x, *, c=Parameter(1.0, "W", min=-200.0, max=200.0)):
+    "Nearly a parabola."
+    return c * x**2.3
+
 
 CATALOGUE = ["square", "wave", "saturating", "cross", "zero-error", "tilt", "drift"]
 
@@ -126,16 +146,20 @@ def test_what_a_named_effect_leaves_is_told(toy):
 
 def test_three_effects_are_one_unknown(toy):
     truth = lambda x, z: 12 * x**2 + 9 * x * z + 9 * np.cos(7 * x) + 20 * (z > 0)  # noqa: E731
-    found = diagnose(toy.problem(truth, ["square", "cross", "wave", "zero-error"], seed=8))
-    assert found.verdict == "unknown-effect"
+    problem = toy.problem(truth, ["square", "cross", "wave", "zero-error"], seed=8)
+    assert diagnose(problem).verdict == "unknown-effect"
+
+
+def test_a_third_effect_is_seen_among_many_rows_that_fit(toy):
+    toy.x, toy.z = np.tile(toy.x, 20), np.tile(toy.z, 20)
+    truth = lambda x, z: 0.9 * x**2 + 0.35 * x * z + 5.0 * (z > 0)  # noqa: E731
+    search = searched(toy.problem(truth, ["square", "cross", "zero-error"], seed=8))
+    assert len(search.best.uses) == 2
+    assert search.best.lack_of_fit > 1e-3
+    assert len(search.third.uses) == 3
 
 
 def test_an_implausible_value_is_no_verdict(toy):
-    @effect("timid", adds_to="heat", neutral={"c": 0.0})
-    def timid(x, *, c=Parameter(0.1, "W", min=0.0, max=0.2, upper=50.0)):
-        "A parabola that is never large."
-        return c * x**2
-
     found = diagnose(toy.problem(lambda x, z: 6 * x**2, ["timid", "cross"], seed=9, also=[timid]))
     assert found.alternatives == ()
     assert found.verdict == "unknown-effect"
@@ -205,6 +229,54 @@ def test_distance_counts_a_certificate_as_met_by_who_put_it_aside(toy):
     seen = np.append(shift * (toy.z > 0), 0.0)
     rest = seen - rows @ np.linalg.lstsq(rows, seen, rcond=None)[0]
     assert distance(blamed, cross) == pytest.approx(rest @ rest, rel=1e-5)
+
+
+def test_distance_keeps_to_the_domain_of_the_rival(toy):
+    search = searched(
+        toy.problem(lambda x, z: 6 * x**2, ["square", "upside-down"], seed=21, also=[upside_down])
+    )
+    square = search.refits.done[frozenset({Use("square")})]
+    rival = search.refits.done[frozenset({Use("upside-down")})]
+    assert rival.fit.at_bound
+    line = np.column_stack([np.ones(48), toy.x])
+    rest = toy.x**2 - line @ np.linalg.lstsq(line, toy.x**2, rcond=None)[0]
+    want = square.fit.values["square.c"] ** 2 * rest @ rest
+    assert distance(square, rival) == pytest.approx(want, rel=1e-4)
+
+
+def test_a_rival_with_nearly_the_same_equation_stays_in_the_group(toy):
+    # Far more than chance apart, and less than equations are trusted.
+    found = diagnose(toy.problem(lambda x, z: 60 * x**2, ["square", "bowl"], seed=22, also=[bowl]))
+    assert set(found.alternatives) == {("square",), ("bowl",)}
+    assert found.ranking[0].delta_bic - found.ranking[1].delta_bic > 20
+
+
+def test_an_implausible_twin_is_no_alternative(toy):
+    found = diagnose(toy.problem(lambda x, z: 6 * x**2, ["square", "timid"], seed=23, also=[timid]))
+    assert found.alternatives == (("square",),)
+
+
+def test_an_effect_that_a_set_could_do_without_is_seen(toy):
+    problem = toy.problem(lambda x, z: 5 * x**2 + 4 * x * z, ["square", "cross", "wave"], seed=24)
+    refits = Refits(Refit(frozenset(), problem, fit(problem)))
+    search = Search(refits)
+    step = search.step(refits.base)
+    square, cross, wave = (step.by_use[Use(n)][0] for n in ("square", "cross", "wave"))
+    for single in (square, cross, wave):
+        refits.fit(refits.base, [[single]])
+    assert search.needs_all(refits.fit(refits.base, [[square, cross]]))
+    assert not search.needs_all(refits.fit(refits.base, [[square, wave]]))
+
+
+def test_a_certificate_that_would_have_to_be_wrong_is_not_plausible(toy):
+    problem = toy.problem(lambda x, z: 3 * x**2, ["square", "zero-error"], seed=25)
+    refits = Refits(Refit(frozenset(), problem, fit(problem)))
+    step = Search(refits).step(refits.base)
+    square = refits.fit(refits.base, [[step.by_use[Use("square")][0]]])
+    assert plausible(square, refits.base)
+    theta = square.fit.theta.copy()
+    theta[square.fit.names.index("zero-error.shift")] = 4 * 0.5
+    assert not plausible(replace(square, fit=replace(square.fit, theta=theta)), refits.base)
 
 
 def test_a_noise_that_was_declared_too_small_blames_nobody(toy):
@@ -283,6 +355,7 @@ def test_the_equation_of_an_effect_is_trusted_to_a_fifth(toy):
     assert not passage.passed
     assert search.best.uses == {Use("square")}
     assert [r.uses for r in search.extensions] == [pair.uses]
+    assert [r.uses for r in alternatives(search)] == [search.best.uses, pair.uses]
     exact = Gate(step.start, step.gate.family, 0.0, step.gate.level)
     assert exact.passage(pair, plausible=True).passed
 

@@ -7,7 +7,7 @@ from specan.models import Use
 from specan.study.diagnose import diagnose
 from specan.study.fit import fit
 from specan.study.localise import localise
-from specan.study.next_measurement import explore, propose
+from specan.study.next_measurement import after_reading, explore, propose
 from specan.study.refit import Refit, Refits
 from specan.study.search import Search
 
@@ -55,6 +55,13 @@ def test_points_stay_within_the_limits_and_apart(toy):
     for a in range(len(found)):
         for b in range(a):
             assert np.max(np.abs((places[a] - places[b]) / [3.9, 2.5])) > 0.15
+
+
+def test_a_planned_reading_tells_the_parameters_more():
+    covariance = np.array([[2.0, 0.3], [0.3, 1.0]])
+    slope = np.array([0.5, -1.5])
+    want = np.linalg.inv(np.linalg.inv(covariance) + np.outer(slope, slope))
+    np.testing.assert_allclose(after_reading(covariance, slope), want)
 
 
 def test_a_measured_point_decides_what_the_grid_could_not(toy):
