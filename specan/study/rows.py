@@ -20,6 +20,7 @@ TIME = "elapsed_time"  # orders the readings; never a setting
 # Scatter of setting, for telling levels apart where the rig says nothing: a brake, a drive, a heater, others.
 ASSUMED = {"N*m": Setting(relative=0.05), "rad/s": Setting(relative=0.01), "K": Setting(absolute=1.5)}
 ASSUMED_OTHERS = Setting(relative=0.02)
+ENOUGH = 8  # degrees of freedom above which repeats are believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +135,8 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         points, is_set[name] = levels(distinct[:, k], settings[name])
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
-    cell = cells(*(values for name, values in level.items() if name != TIME))
+    alike = cells(*(values for name, values in level.items() if name != TIME))
+    cell = _within_files(alike, recording)
     setup, how = _setups(measurements, recording, cell, conditions, settings)
     return Rows(
         recordings=tuple(m.name for m in measurements),
@@ -176,6 +178,17 @@ def _conditions(
     return conditions, steps, notes
 
 
+def _within_files(alike: NDArray[np.intp], recording: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Repeats are looked for inside each file, where there are enough of them.
+
+    What differs between files (another day, another specimen) is common to all rows of a file and no
+    scatter. Files that hold one round of the same plan each are repeats of each other.
+    """
+    apart = cells(recording, alike)
+    repeats = alike.size - np.unique(apart).size
+    return apart if repeats >= ENOUGH else alike
+
+
 def _setups(
     measurements: Sequence[Measurement],
     recording: NDArray[np.intp],
@@ -199,7 +212,7 @@ def _setups(
 
 def check_varied(rows: Rows) -> None:
     """Refuse a single condition, or rows that are all alike: no model can be tested on them."""
-    if np.unique(rows.cell).size < 2:
+    if all(np.unique(values).size < 2 for name, values in rows.levels.items() if name != TIME):
         there = ", ".join(rows.recordings)
         what = "one row" if rows.n == 1 else f"{rows.n} rows, all at the same condition"
         raise InputError(

@@ -23,10 +23,9 @@ from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.study.reference import Reference, crude, reference
 from specan.study.replicates import VarianceFunction, pooled
-from specan.study.rows import TIME, Rows, setting_of
+from specan.study.rows import ENOUGH, TIME, Rows, setting_of
 
-ENOUGH = 8  # degrees of freedom above which repeats are believed rather than a declared uncertainty
-LEAST = 3  # and below which they say nothing
+LEAST = 3  # degrees of freedom below which repeats say nothing
 COARSE = 1e-3  # rounding below this share of the reading is no account of a measurement's uncertainty
 SETTING = "the scatter of setting that the rig declares"
 CORNERS = 7  # of a course over time

@@ -201,6 +201,23 @@ def test_what_the_file_says_of_parameters_is_done(study):
     assert "churning.viscosity_exponent" not in problem.names
 
 
+def test_a_parameter_may_have_one_value_for_each_file(tables, tmp_path, files):
+    rougher = {"speed-dependent-friction.rise": 0.0, "speed-dependent-friction.speed": 1.0}
+    columns = tables.bench(seed=3, effects=rougher)
+    columns["input_torque_Nm"] += 0.02 * columns["output_torque_Nm"] / 7.5
+    second = tables.write_table(tmp_path / "second.csv", columns)
+    first = tables.write_table(tmp_path / "first.csv", tables.bench(seed=4))
+    study = begin(tmp_path / "both", "worm-gear", files[0], [first, second]).study
+    apart = edit(
+        study, 'name = "tooth-friction"\n', 'name = "tooth-friction"\nparameters.mu = {per = "recording"}\n'
+    )
+    names = ("tooth-friction.mu[first.csv]", "tooth-friction.mu[second.csv]")
+    assert set(names) <= set(apart.problem.names)
+    one, two = (apart.compare().parameters[name]["value"] for name in names)
+    assert two - one > 0.002
+    assert apart.best.chi2 < study.best.chi2 - 50
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

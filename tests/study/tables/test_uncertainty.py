@@ -141,6 +141,22 @@ def test_rows_without_marks_are_told_apart_by_their_order(tables, tmp_path):
     assert any("back to back" in s for s in data.statements)
 
 
+def test_what_differs_between_files_is_no_scatter_unless_the_files_are_the_repeats(tables, tmp_path):
+    gear = tables.model()
+    columns = tables.bench(repeats=2)
+    shifted = {**tables.bench(seed=1, repeats=2)}
+    shifted["input_torque_Nm"] = shifted["input_torque_Nm"] + 0.2
+    pair = [tables.write_table(tmp_path / n, c) for n, c in (("a.csv", columns), ("b.csv", shifted))]
+    np.testing.assert_allclose(read_tables(gear, pair).fitted[0].sigma, tables.NOISE, rtol=0.3)
+    rounds = []
+    for k in (1, 2, 3):
+        one = {n: v[columns["repeat"] == 1] for n, v in tables.bench(seed=k).items()}
+        rounds.append(tables.write_table(tmp_path / f"round_{k}.csv", one))
+    observed = read_tables(gear, rounds).fitted[0]
+    assert observed.noise_dof > 30
+    np.testing.assert_allclose(observed.sigma, tables.NOISE, rtol=0.3)
+
+
 def test_coarse_rounding_is_an_uncertainty_and_fine_rounding_is_none(tables, tmp_path):
     columns = tables.grid()
     columns["input_torque_Nm"] = np.round(tables.input_torque(columns), 2)
