@@ -137,8 +137,8 @@ class ToneSeries:
         fundamental = still[..., 0]
         phasors = np.mean(fundamental, axis=1)
         strength = abs(phasors[leader])
-        lead = phasors[leader] / strength if np.isfinite(strength) and strength > 0 else 1.0
-        with np.errstate(divide="ignore", invalid="ignore"):
+        lead = np.exp(1j * np.angle(phasors[leader])) if np.isfinite(strength) else 1.0
+        with np.errstate(all="ignore"):  # a channel without the tone has no deviations
             deviations = fundamental / phasors[:, None] - 1
             harmonics = np.mean(still, axis=1) * np.conj(lead) ** order
         mean = self._sum / self._count
@@ -169,7 +169,7 @@ class ToneSeries:
         scatter = power - np.abs(np.mean(still)) ** 2
         noise = np.mean(np.abs(np.diff(still)) ** 2) / 2
         if scatter - noise > _WANDER * power:
-            phases = lead / np.where(lead == 0, 1, np.abs(lead))
+            phases = np.exp(1j * np.angle(lead))  # dividing by a denormal magnitude would overflow
             return phases * np.conj(phases[0]), offset, True
         return ramp, offset, False
 
