@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+
 from specan_cli.output import emit_json, say, table
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+
 from specan_cli.output import emit_json
 from specan_cli.recording_input import opening_options, say_notes, section_options
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
 from specan_cli.output import emit_json, say, table
 from specan_cli.recording_input import opening_options
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
 from specan_cli.output import say
 from specan_cli.recording_input import opening_options
 
@@ -69,11 +70,10 @@ def command(
 
 
 def _recording(place: Path, overlay: Path | None, known: dict[str, Any]) -> Callable[[Document], None]:
-    from specan_cli import fft, frf, octave
-
     from specan.errors import InputError
     from specan.inspect.opened import Opened, watched
     from specan.io.open import open_recording
+    from specan_cli import fft, frf, octave
 
     _require_bokeh()
     from specan.inspect.kept_bands import KeptBands

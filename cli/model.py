@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
 from specan_cli.output import emit_json, table
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
 from specan_cli.output import emit_json, table
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import click
+
 from specan_cli.output import say
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from specan_cli.output import emit_json, say, table
 
 from specan.errors import RequestError
+from specan_cli.output import emit_json, say, table
 
 if TYPE_CHECKING:
     from specan.models.model import Model

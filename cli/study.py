@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import click
+
 from specan_cli.main import LazyGroup
 
 STEPS = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+
 from specan_cli.study_output import study_options
 
 
@@ -23,9 +24,8 @@ def command(
     \b
     specan study add my_study seal-drag --because "idle runs ask for it"
     """
+    from specan.study.change import add_effect
     from specan_cli.study_change_output import show_change
     from specan_cli.study_output import open_study
-
-    from specan.study.change import add_effect
 
     show_change(add_effect(open_study(directory, effects), effect_name, because), as_json)

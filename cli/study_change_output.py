@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import click
+
 from specan_cli.output import emit_json, table
 from specan_cli.study_output import parameter_table
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+
 from specan_cli.study_output import study_options
 
 
@@ -20,9 +21,8 @@ def command(
     \b
     specan study drop my_study seal-drag
     """
+    from specan.study.change import drop_effect
     from specan_cli.study_change_output import show_change
     from specan_cli.study_output import open_study
-
-    from specan.study.change import drop_effect
 
     show_change(drop_effect(open_study(directory, effects), effect_name, because), as_json)

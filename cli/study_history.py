@@ -17,11 +17,10 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
     \b
     specan study history my_study --plot staircase.png
     """
-    from specan_cli.output import emit_json, table
-    from specan_cli.study_output import amount
-
     from specan.study.history import History
     from specan.study.study_file import read_study_file
+    from specan_cli.output import emit_json, table
+    from specan_cli.study_output import amount
 
     read_study_file(directory)
     steps = History(directory).steps
@@ -43,8 +42,7 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
         if steps:
             click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "the ideal machine"))
     if plot is not None:
-        from specan.report.figures_study import figure_history
-
         from specan.report.figure_style import save_figure
+        from specan.report.figures_study import figure_history
 
         save_figure(figure_history(steps), plot)

@@ -60,11 +60,10 @@ def command(
 
 
 def _show(begun: object, as_json: bool) -> None:
-    from specan_cli.output import emit_json
-    from specan_cli.study_output import amount, error_table
-
     from specan.study.assemble import certificates, held_for_want_of_variation
     from specan.study.begin import Begun
+    from specan_cli.output import emit_json
+    from specan_cli.study_output import amount, error_table
 
     assert isinstance(begun, Begun)
     study, step = begun.study, begun.step

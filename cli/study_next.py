@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import click
+
 from specan_cli.output import emit_json, say
 from specan_cli.study_output import open_study, study_options
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+
 from specan_cli.study_output import open_study, study_options
 
 
@@ -19,10 +20,9 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, output: P
     \b
     specan study report my_study -o report.html
     """
-    from specan_cli.output import emit_json
-
     from specan.errors import RequestError
     from specan.report.study_report import study_report
+    from specan_cli.output import emit_json
 
     if not output.absolute().parent.is_dir():
         raise RequestError(f"the directory of {output} does not exist", remedy="make it, or choose another")

@@ -16,10 +16,9 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import specan
 from hidden_effects.cases import Case
 from hidden_effects.judge import Record
-
-import specan
 from specan.testing.worm_gear import write
 
 ENGINE = "hidden_effects.engine"  # module with diagnose(case, directory) and measure(case, truth, directory)

@@ -13,7 +13,6 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
 
 from hidden_effects import cases, judge, run  # noqa: E402
-
 from specan.testing.worm_gear import EFFECTS  # noqa: E402
 
 

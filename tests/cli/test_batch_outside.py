@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+
 from specan_cli.main import main
 
 PLACE = Path(os.environ.get("SPECAN_RECORDINGS", Path(__file__).parents[3] / "shared" / "recordings"))

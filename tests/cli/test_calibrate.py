@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from specan_cli.main import main
 
 from specan.errors import SpecanError
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.testing.rig import Rig, box_rig, calibrator_take, noise_take
 from specan.testing.rig_files import write_tdms
+from specan_cli.main import main
 
 RATE = 8000.0
 

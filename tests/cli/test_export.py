@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from specan_cli.main import main
 
 from specan.errors import SpecanError
 from specan.io.open import open_recording
 from specan.testing.rig import box_rig, sine_take
 from specan.testing.rig_files import write_tdms
+from specan_cli.main import main
 
 RATE = 8000.0
 N = 70_000  # more than one block

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from scipy.io import wavfile
-from specan_cli.main import main
 
 from specan.errors import InputError, RequestError
+from specan_cli.main import main
 
 RATE, LATE, GAIN = 8000, 4, 3.0
 

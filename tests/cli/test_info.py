@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from specan_cli.info import command
 
 from specan.errors import InputError, RequestError
+from specan_cli.info import command
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "io"))
 import tdms_bytes as tb

@@ -4,9 +4,9 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from specan_cli.main import main
 
 from specan.errors import RequestError
+from specan_cli.main import main
 
 
 def run(*arguments):

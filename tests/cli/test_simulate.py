@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from specan_cli.main import main
 
 from specan.errors import InputError, RequestError
+from specan_cli.main import main
 
 SAMPLE = Path(__file__).parents[2] / "sample_data/worm_gear"
 RIG = SAMPLE / "rig.toml"

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 from click.testing import CliRunner
-from specan_cli.main import main, run
 
 from specan.testing.worm_gear import simulate, write
+from specan_cli.main import main, run
 
 CHAIN = {"windage": 12.0}
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
 from specan_cli.main import run
 
 ROOT = Path(__file__).parents[2]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from scipy.io import wavfile
+
 from specan_cli.octave import command as octave
 from specan_cli.study_history import command as study_history
 from specan_cli.study_new import command as study_new

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+
 from specan_cli.inspect import command
 from specan_cli.octave import write_text
 

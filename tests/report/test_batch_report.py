@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from scipy.io import wavfile
+
 from specan_cli.batch import command
 
 RATE = 8000

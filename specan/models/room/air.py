@@ -41,7 +41,7 @@ def air_attenuation(frequency, air_temperature, air_pressure, relative_humidity)
         oxygen,
         frequency,
     )
-    return np.asarray(decibel) / (20 * np.log10(np.e))
+    return np.asarray(decibel) * (np.log(10) / 20)
 
 
 QUANTITIES = (sound_speed, density, air_attenuation)
