@@ -17,7 +17,6 @@ from specan.study.projection import Projection
 from specan.study.refit import Refit
 from specan.study.score import best_of_each, score, score_pairs
 from specan.study.search import Search
-from specan.study.traces import traces
 
 TELLING = 10.0  # D below which two explanations are not told apart
 WIDE = 30.0  # D of the linearised distance within which a rival is refitted
@@ -53,18 +52,17 @@ def seen_from(base: Refit, best: Refit) -> Refit:
         residual=problem.residual(theta),
         jacobian=problem.jacobian(theta),
     )
-    return Refit(frozenset(), problem, here)
+    return replace(base, fit=here)
 
 
 def refit_rivals(search: Search) -> None:
     """Refit sets as large as the best one that the linearised distance does not rule out."""
-    best = search.best
-    there = seen_from(search.base, best)
+    best = search.step(search.best).seen
+    there = seen_from(search.step(search.base).seen, best)
     found, _ = candidates(there.problem)
-    seen = traces(there.problem, there.fit, found, search.points)
     gap = there.fit.residual * there.weights - best.residual_like(there)
     noise_free = replace_residual(there.linear, gap)
-    scored = score(noise_free, seen, there.weights)
+    scored = score(noise_free, search.tried_at(there, found), there.weights)
     whole = noise_free.free_chi2(gap)
     if len(best.uses) == 1:
         options = [(whole - items[0].gain, [items[0]]) for items in best_of_each(scored).values()]

@@ -17,11 +17,13 @@ from specan.study.problem import Problem
 
 Array = NDArray[np.float64]
 
+# In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 SETTLED = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
 STALLED = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
 MOST_JACOBIANS = 25
 MOST_SECANTS = 12
 MOST_DOUBLINGS = 8
+NEXT_TO_NONE = 1e-6  # damping with which a minimum is confirmed: a large one must not pass for it
 
 
 @dataclass(frozen=True)
@@ -34,61 +36,105 @@ class Minimum:
     chi2: float
 
 
-def descend(problem: Problem, start: Array) -> Minimum:
+def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Minimum:
     """Minimise the sum of squares of a problem's residual from one start.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : array
+        Theta.
+    slopes : array, optional
+        Jacobian near the start. It is kept current by secants, and a minimum is then accepted on it:
+        for problems whose Jacobian costs more than the verdict needs.
 
     Raises
     ------
     ComputationError
         Not finite at the start, or not settled after 25 Jacobians.
     """
-    low, high = problem.bounds()
-    size = problem.scale
-    theta = np.clip(start, low, high)
-    residual = _residual(problem, theta)
-    if residual is None:
-        raise ComputationError("the model gives values that are not finite at the start of a fit")
-    damping = 1e-4
+    descent = _Descent(problem, np.asarray(start, dtype=float))
     history: list[float] = []
-    for _ in range(MOST_JACOBIANS):
-        history.append(float(residual @ residual))
-        jacobian = problem.jacobian(theta)
+    for count in range(MOST_JACOBIANS):
+        history.append(descent.chi2)
+        guessed = slopes is not None and count == 0
+        jacobian = slopes if guessed else problem.jacobian(descent.theta)
         if not np.all(np.isfinite(jacobian)):
             raise ComputationError("the model gives derivatives that are not finite")
-        if len(history) > 5 and history[-6] - history[-1] < STALLED:
-            return Minimum(theta, residual, jacobian, history[-1])
-        slope = jacobian * size
+        stalled = len(history) > 5 and history[-6] - history[-1] < STALLED * descent.unit
+        found = descent.minimum(jacobian) if stalled else descent.follow(jacobian, guessed)
+        if found is not None:
+            return found
+    raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
+
+
+class _Descent:
+    """Where a descent stands: theta, the residual there, and the damping of the next step."""
+
+    def __init__(self, problem: Problem, start: Array) -> None:
+        self.problem, self.size = problem, problem.scale
+        self.low, self.high = problem.bounds()
+        self.theta = np.clip(start, self.low, self.high)
+        residual = _residual(problem, self.theta)
+        if residual is None:
+            raise ComputationError("the model gives values that are not finite at the start of a fit")
+        self.residual, self.damping = residual, 1e-4
+
+    @property
+    def chi2(self) -> float:
+        return float(self.residual @ self.residual)
+
+    @property
+    def unit(self) -> float:
+        """Chi-square of a degree of freedom, at least one."""
+        return max(self.chi2 / self.residual.size, 1.0)
+
+    def minimum(self, jacobian: Array) -> Minimum:
+        return Minimum(self.theta, self.residual, jacobian, self.chi2)
+
+    def follow(self, jacobian: Array, guessed: bool) -> Minimum | None:
+        """Steps by secants from one Jacobian; the minimum if it, or a guess kept current, promises no more."""
+        slope = jacobian * self.size
         for secant in range(MOST_SECANTS):
-            step, promised = _step(slope, residual, (low - theta) / size, (high - theta) / size, damping)
-            if promised < SETTLED:
-                if secant == 0 and _promise_undamped(slope, residual, theta, low, high, size) < SETTLED:
-                    return Minimum(theta, residual, jacobian, float(residual @ residual))
+            step, promised = self._step(slope, self.damping)
+            if promised < SETTLED * self.unit:
+                if (secant == 0 or guessed) and self._step(slope, NEXT_TO_NONE)[1] < SETTLED * self.unit:
+                    return self.minimum(slope / self.size)
                 if secant > 0:
-                    break
-            trial, there = _try(problem, theta, step * size)
-            if secant == 0 and there is not None and there @ there > residual @ residual:
-                bend = _bend(slope, step, there - residual - slope @ step, damping)
-                straight = trial, there
-                trial, there = _try(problem, theta, (step + bend) * size)
-                if there is None or there @ there > straight[1] @ straight[1]:
-                    trial, there = straight
-            moved = (trial - theta) / size
-            gained = -np.inf if there is None else float(residual @ residual - there @ there)
+                    return None
+            before, residual = self.theta, self.residual
+            trial, there = self._try(slope, step, bend=secant == 0)
+            moved = (trial - before) / self.size
             if there is not None and moved @ moved > 0:
                 slope = slope + np.outer(there - residual - slope @ moved, moved) / (moved @ moved)
-            if there is not None and gained > 0:
-                if gained > 0.5 * promised and damping > 1e-7:
-                    trial, there = _further(problem, theta, trial, there)
-                theta, residual = trial, there
-                damping = max(damping / 10, 1e-12) if gained > 0.3 * promised else damping
-                if gained < 0.1 * promised:
-                    break
-            else:
-                damping = min(max(damping * 10, 1e-6), 1e10)
+            gained = -np.inf if there is None else float(residual @ residual - there @ there)
+            if there is None or gained <= 0:
+                self.damping = min(max(self.damping * 10, 1e-6), 1e10)
                 if secant > 0:
-                    break
-                slope = jacobian * size  # the exact one is better than a secant over a step that failed
-    raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
+                    return None
+                slope = jacobian * self.size  # the exact one is better than a secant over a step that failed
+                continue
+            if gained > 0.5 * promised and self.damping > 1e-7:
+                trial, there = _further(self.problem, before, trial, there)
+            self.theta, self.residual = trial, there
+            if gained > 0.3 * promised:
+                self.damping = max(self.damping / 10, 1e-12)
+            if gained < 0.1 * promised:
+                return None
+        return None
+
+    def _step(self, slope: Array, damping: float) -> tuple[Array, float]:
+        low, high = (self.low - self.theta) / self.size, (self.high - self.theta) / self.size
+        return _step(slope, self.residual, low, high, damping)
+
+    def _try(self, slope: Array, step: Array, bend: bool) -> tuple[Array, Array | None]:
+        """Residual after a step; if chi-square rises and it is asked for, after the step bent with the valley."""
+        trial, there = _try(self.problem, self.theta, step * self.size)
+        if not bend or there is None or there @ there <= self.chi2:
+            return trial, there
+        turn = _bend(slope, step, there - self.residual - slope @ step, self.damping)
+        other, beside = _try(self.problem, self.theta, (step + turn) * self.size)
+        return (trial, there) if beside is None or beside @ beside > there @ there else (other, beside)
 
 
 def _try(problem: Problem, theta: Array, step: Array) -> tuple[Array, Array | None]:
@@ -152,10 +198,3 @@ def _solve(matrix: Array, right: Array) -> Array:
         return np.linalg.solve(scaled + 1e-14 * np.eye(root.size), right / root) / root
     except np.linalg.LinAlgError:
         return np.linalg.lstsq(scaled, right / root, rcond=1e-12)[0] / root
-
-
-def _promise_undamped(
-    slope: Array, residual: Array, theta: Array, low: Array, high: Array, size: Array
-) -> float:
-    """What a step with next to no damping promises: a large damping must not pass for a minimum."""
-    return _step(slope, residual, (low - theta) / size, (high - theta) / size, 1e-6)[1]

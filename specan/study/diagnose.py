@@ -18,7 +18,7 @@ from specan.study.localise import Block, localise
 from specan.study.next_measurement import Proposal, explore, propose
 from specan.study.power import by_effect, smallest_visible
 from specan.study.problem import Problem
-from specan.study.refit import Refit, Refits
+from specan.study.refit import DEAR, Refit, Refits
 from specan.study.residual_law import residual_law
 from specan.study.search import Search
 from specan.study.significance import LACK_OF_FIT
@@ -59,7 +59,7 @@ def diagnose(
     ComputationError
         A fit that a verdict would rest on did not converge or is not finite.
     """
-    start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
+    start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS if problem.n_data <= DEAR else 1))
     why = _untestable(start)
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
@@ -105,7 +105,7 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
     verdict, doubt, reason = _verdict(search, sets)
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at
-    visible = by_effect([*smallest_visible(best, step.gate, best.scale), *_of_members(search)])
+    visible = by_effect([*smallest_visible(step.seen, step.gate, best.scale), *_of_members(search)])
     return Diagnosis(
         verdict=verdict,
         reason=reason,
@@ -174,7 +174,8 @@ def _of_members(search: Search) -> list[Any]:
     """Smallest visible sizes of the effects that were found, from the base."""
     if not search.best.uses:
         return []
-    found = smallest_visible(search.base, search.step(search.base).gate, search.best.scale)
+    step = search.step(search.base)
+    found = smallest_visible(step.seen, step.gate, search.best.scale)
     return [v for v in found if v.use in {str(u) for u in search.best.uses}]
 
 

@@ -169,11 +169,15 @@ def _plausible(problem: Problem) -> tuple[Array, Array]:
     return np.minimum(low, high), np.maximum(low, high)
 
 
-def describe(problem: Problem, theta: Array) -> Fit:
-    """A Fit of a theta that some descent has found to be a minimum."""
-    theta, at_bound = _snap(problem, theta)
-    residual = _finite(problem.residual(theta))
-    jacobian = _finite(problem.jacobian(theta))
+def describe(
+    problem: Problem, theta: Array, residual: Array | None = None, jacobian: Array | None = None
+) -> Fit:
+    """A Fit of a theta that some descent has found to be a minimum; what it knows there is used again."""
+    snapped, at_bound = _snap(problem, theta)
+    if residual is None or jacobian is None or np.any(snapped != theta):
+        residual = _finite(problem.residual(snapped))
+        jacobian = _finite(problem.jacobian(snapped))
+    theta = snapped
     chi2 = float(residual @ residual)
     dof = problem.n_effective + problem.n_priors - theta.size
     lack, own = chi2 - problem.pure_dof, dof - problem.pure_dof

@@ -14,26 +14,33 @@ from specan.study.candidates import Candidate, grid
 from specan.study.fit import Fit
 from specan.study.problem import Problem
 from specan.study.projection import Projection
-from specan.study.traces import Point, changes, default_value
+from specan.study.traces import Known, Point, changes, default_value
 
 Array = NDArray[np.float64]
 
 SAME = 0.985  # cosine above which two sizes of an effect leave one direction
 ALIKE = 0.8  # cosine below which a shape is tried between two others
 ROUNDS = 4
-MOST_SHAPES = 60  # places of its shapes that one candidate is tried at
+MOST_PLACES = 60  # places of its shapes that one candidate is tried at
+# Evaluations for all candidates together: for a small table, and where there are very many rows.
+MOST_EVALUATIONS, LEAST_EVALUATIONS = 4000, 400
+ROWS = 175  # of a small table
+FEW = 10  # places below which sizes are not told apart
 SWALLOWED = 1e-6  # share of a trace, in chi-square, that is no more than rounding
 
 
-def plan(problem: Problem, fit: Fit, found: Sequence[Candidate]) -> dict[Use, list[Point]]:
+def plan(problem: Problem, fit: Fit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
     """Points at which each candidate is to be tried, from how its trace turns at a fit of the problem.
 
     Amplitudes are moved by sizes from the plausible range, not by infinitesimal steps, so that an
     effect that saturates, or has a kink at zero, is seen as it is. Directions are compared after the
-    parameters of the base have taken out what they can.
+    parameters of the base have taken out what they can. What is worked out for it is kept in `known`.
     """
     base = Projection.of(fit.residual, fit.jacobian)
-    return {c.use: points for c in found if (points := _Planner(problem, fit, base, c).points())}
+    allowed = max(LEAST_EVALUATIONS, min(MOST_EVALUATIONS, MOST_EVALUATIONS * ROWS // problem.n_data))
+    most = max(1, min(MOST_PLACES, allowed // max(len(found), 1)))
+    planners = {c.use: _Planner(problem, fit, base, c, most, known) for c in found}
+    return {use: points for use, planner in planners.items() if (points := planner.points())}
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +49,8 @@ class _Planner:
     fit: Fit
     base: Projection
     candidate: Candidate
+    most: int
+    known: Known
 
     def points(self) -> list[Point]:
         """Own elements and their values, one mapping a point."""
@@ -60,7 +69,7 @@ class _Planner:
     def _directions(self, points: Sequence[Point]) -> list[Array | None]:
         """Unit vectors that are left of the traces; None where nothing is, or no finite value."""
         out: list[Array | None] = []
-        for column in changes(self.problem, self.fit, self.candidate, points):
+        for column in changes(self.problem, self.fit, self.candidate, points, self.known):
             clean = None if column is None else self.base.clean(column)
             if clean is None or column is None or not clean @ clean > SWALLOWED * (column @ column):
                 out.append(None)
@@ -73,37 +82,49 @@ class _Planner:
         candidate = self.candidate
         neutral = candidate.neutral(amplitude)
         low, high = candidate.plausible(amplitude)
-        wanted = [default_value(candidate, amplitude), high, low]
-        wanted += [neutral + 0.1 * (v - neutral) for v in (high, low)]
-        values = [v for v in dict.fromkeys(wanted) if abs(v - neutral) > 1e-9 * max(abs(high), abs(low))]
-        shapes = {n: default_value(candidate, n) for n in candidate.shapes}
         kept: list[tuple[float, Array]] = []
+        ends = [default_value(candidate, amplitude), high, low][: None if self.most >= FEW else 1]
+        for values in (ends, [neutral + 0.1 * (v - neutral) for v in (high, low)]):
+            if values is not ends and len(kept) <= 1:
+                break  # the same direction at both ends: it is the same in between
+            self._keep_distinct(amplitude, values, kept)
+        return [value for value, _ in kept]
+
+    def _keep_distinct(self, amplitude: str, values: list[float], kept: list[tuple[float, Array]]) -> None:
+        candidate = self.candidate
+        reach = max(abs(v) for v in candidate.plausible(amplitude))
+        values = [v for v in dict.fromkeys(values) if abs(v - candidate.neutral(amplitude)) > 1e-9 * reach]
+        shapes = {n: default_value(candidate, n) for n in candidate.shapes}
         for value, unit in zip(values, self._directions([{**shapes, amplitude: v} for v in values])):
             if unit is not None and all(abs(unit @ other) < SAME for _, other in kept):
                 kept.append((value, unit))
-        return [value for value, _ in kept]
 
     def _places(self, amplitude: str, size: float) -> list[Point]:
-        """Places of the shapes: each over its plausible range, closer where the trace turns quickly."""
+        """Places of the shapes: each over its plausible range, closer where the trace turns quickly.
+
+        Several shapes are moved one at a time from their defaults, and together on a coarse grid where
+        there is room for it.
+        """
         candidate = self.candidate
-        defaults = {n: default_value(candidate, n) for n in candidate.shapes}
+        defaults: Point = {n: default_value(candidate, n) for n in candidate.shapes}
         if not defaults:
             return [{}]
+        each = max((self.most - 1) // len(defaults), 1)
         rest = {n: candidate.neutral(n) for n in candidate.amplitudes} | {amplitude: size}
-        axes = []
+        places = [defaults]
         for name in candidate.shapes:
-            values = list(grid(*candidate.plausible(name), 5))
+            values = list(grid(*candidate.plausible(name), min(5, each))) if each > 1 else []
             for _ in range(ROUNDS):
                 units = self._directions([{**defaults, **rest, name: v} for v in values])
                 wide = [k for k in range(len(values) - 1) if _turn(units[k], units[k + 1])]
-                if not wide or len(values) > MOST_SHAPES // 2:
+                if not wide or len(values) + len(wide) > each:
                     break
                 values = sorted({*values, *(_middle(values[k], values[k + 1]) for k in wide)})
-            axes.append(values)
-        places: list[Point] = [dict(zip(candidate.shapes, place)) for place in product(*axes)]
-        if len(places) > MOST_SHAPES:
-            places = [places[int(k)] for k in np.linspace(0, len(places) - 1, MOST_SHAPES)]
-        return [defaults, *places]
+            places += [{**defaults, name: v} for v in values]
+        if len(defaults) > 1 and len(places) + 3 ** len(defaults) <= self.most:
+            coarse = [grid(*candidate.plausible(name), 3) for name in candidate.shapes]
+            places += [dict(zip(candidate.shapes, place)) for place in product(*coarse)]
+        return list({tuple(p.items()): p for p in places}.values())
 
 
 def _middle(low: float, high: float) -> float:

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 EffectSet = frozenset[Use]
 
+DEAR = 2000  # rows from which an evaluation is dear: Jacobians are guessed first, traces carried over
+SLOPE_STEP = 1e-3  # of a parameter's typical size
+
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
 MOVES = 1e-3
 
@@ -40,6 +43,8 @@ class Refit:
         How many of them are amplitudes; the others are shapes.
     one_sided : frozenset of Use
         Those of the uses whose only amplitude is neutral at the boundary of its domain.
+    worth : float
+        Rows that each data row stands for (see `thinned`).
     """
 
     uses: EffectSet
@@ -48,11 +53,14 @@ class Refit:
     count: int = 0
     amplitudes: int = 0
     one_sided: EffectSet = frozenset()
+    worth: float = 1.0
 
     @cached_property
     def weights(self) -> Array:
         """Weights of the rows (see `row_weights`)."""
-        return row_weights(self.problem)
+        weights = row_weights(self.problem)
+        weights[: self.problem.n_data] *= np.sqrt(self.worth)
+        return weights
 
     @cached_property
     def linear(self) -> Projection:
@@ -153,8 +161,9 @@ class Refits:
         best: Minimum | None = None
         reason = ""
         for members in traces:
+            theta = problem.start(start_from(start, members, problem))
             try:
-                found = descend(problem, problem.start(start_from(start, members, problem)))
+                found = descend(problem, theta, self._slopes(problem, theta))
             except ComputationError as fault:
                 reason = fault.found
                 continue
@@ -163,8 +172,39 @@ class Refits:
         if best is None:
             self.failed[uses] = reason
             return None
-        self.done[uses] = self._describe(uses, problem, describe(problem, best.theta))
+        fitted = describe(problem, best.theta, best.residual, best.jacobian)
+        self.done[uses] = self._describe(uses, problem, fitted)
         return self.done[uses]
+
+    def _slopes(self, problem: Problem, theta: Array) -> Array | None:
+        """Jacobian to begin with where an exact one is dear: the base's, and slopes of what is new."""
+        base = self.base
+        if problem.n_data <= DEAR:
+            return None
+        known = {name: base.fit.jacobian[:, k] for k, name in enumerate(base.fit.names)}
+        rows = [*range(problem.n_data), *self._prior_rows(problem)]
+        here = problem.residual(theta)
+        low, high = problem.bounds()
+        columns = []
+        for k, name in enumerate(problem.names):
+            if name in known and name.split("[")[0] in base.problem.free:
+                columns.append(known[name][rows])
+                continue
+            step = (
+                SLOPE_STEP
+                * problem.scale[k]
+                * (1 if theta[k] + SLOPE_STEP * problem.scale[k] <= high[k] else -1)
+            )
+            moved = theta.copy()
+            moved[k] = np.clip(theta[k] + step, low[k], high[k])
+            columns.append((problem.residual(moved) - here) / (moved[k] - theta[k]))
+        return np.column_stack(columns)
+
+    def _prior_rows(self, problem: Problem) -> list[int]:
+        """Rows of the base that hold the priors of another problem over it."""
+        base = self.base.problem
+        held = [n for n in base.names if n.split("[")[0] in base.priors]
+        return [base.n_data + held.index(n) for n in problem.names if n.split("[")[0] in problem.priors]
 
     def _describe(self, uses: EffectSet, problem: Problem, best: Fit) -> Refit:
         own = {u: [n for n in problem.names if n.rpartition(".")[0] == str(u)] for u in uses}

@@ -12,9 +12,10 @@ from specan.study.candidates import Candidate, candidates
 from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
 from specan.study.plan import plan
 from specan.study.plausibility import plausible
-from specan.study.refit import EffectSet, Refit, Refits
+from specan.study.refit import DEAR, EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, family, score, score_pairs
-from specan.study.traces import Point, changes, default_value, traces
+from specan.study.thinning import thinned
+from specan.study.traces import Known, Point, Trace, carried, changes, default_value, traces
 
 REFITTED = 5  # candidates that are always refitted
 WINDOW = 10.0  # and all whose BIC lies within this of the best
@@ -27,9 +28,16 @@ Progress = Callable[[str], None]
 
 @dataclass(eq=False)
 class Step:
-    """One set of effects, what could be added to it, and the gate for that."""
+    """One set of effects, what could be added to it, and the gate for that.
+
+    Attributes
+    ----------
+    seen : Refit
+        The set on the rows that were looked at: all, where they are not very many.
+    """
 
     start: Refit
+    seen: Refit
     scored: list[Scored]
     by_use: dict[Use, list[Scored]]
     gate: Gate
@@ -46,6 +54,8 @@ class Search:
         The set that passed, the base where none did.
     extensions : list of Refit
         Pairs with the best single effect that would be needed if its equation were exact.
+    points, tried
+        Where the candidates are tried, and the traces that they left there.
     passages : dict
         How every refitted set fared against the base or, where it has two effects, its best part.
     third : Refit or None
@@ -58,6 +68,7 @@ class Search:
     steps: dict[EffectSet, Step] = field(default_factory=dict)
     passages: dict[EffectSet, Passage] = field(default_factory=dict)
     points: dict[Use, list[Point]] = field(default_factory=dict)
+    tried: list[Trace] = field(default_factory=list)
     best: Refit = field(init=False)
     extensions: list[Refit] = field(default_factory=list)
     third: Refit | None = None
@@ -101,26 +112,32 @@ class Search:
                 found.append(refit)
         return sorted(found, key=lambda r: r.chi2)
 
-    def explained(self, refit: Refit) -> float:
-        """Share of what the base leaves beyond noise that a set takes away."""
-        missing = self.base.lack - self.base.dof
-        return 1 - max(refit.lack - refit.dof, 0.0) / missing if missing > 0 else 1.0
-
     # --- one effect ------------------------------------------------------------------------------
 
     def step(self, start: Refit, level: float = LEVEL / 2) -> Step:
         """Score everything that could be added to a set."""
         if start.uses not in self.steps:
             self.progress("scoring what could be added to " + (_text(start.uses) or "the base"))
-            found, not_testable = candidates(start.problem)
-            self.points = self.points or plan(start.problem, start.fit, found)
-            not_testable |= _not_finite(start, [c for c in found if c.use not in self.points])
-            seen = traces(start.problem, start.fit, found, self.points)
-            scored = score(start.linear, seen, start.weights)
+            seen = thinned(start)
+            found, not_testable = candidates(seen.problem)
+            known: Known = {}
+            if not self.points:
+                self.points = plan(seen.problem, seen.fit, found, known)
+                not_testable |= _not_finite(seen, [c for c in found if c.use not in self.points])
+            scored = score(seen.linear, self.tried_at(seen, found, known), seen.weights)
             explained = max(self.base.chi2 - start.chi2, 0.0)
             gate = Gate(start, family(scored), explained, level, self.bootstrap)
-            self.steps[start.uses] = Step(start, scored, best_of_each(scored), gate, not_testable)
+            self.steps[start.uses] = Step(start, seen, scored, best_of_each(scored), gate, not_testable)
         return self.steps[start.uses]
+
+    def tried_at(self, seen: Refit, found: Sequence[Candidate], known: Known | None = None) -> list[Trace]:
+        """Traces of candidates at a set; those of the base again where an evaluation is dear."""
+        if seen.problem.n_data > DEAR and self.tried:
+            return carried(
+                self.tried, self.step(self.base).seen.problem, seen.problem, {c.use for c in found}
+            )
+        self.tried = traces(seen.problem, seen.fit, found, self.points, known)
+        return self.tried
 
     def _best_single(self) -> Refit | None:
         step = self.step(self.base)
@@ -132,7 +149,7 @@ class Search:
         """Refit a set with one more effect."""
         self.progress(f"refitting with {use}")
         starts = [[s] for s in _different(step.by_use[use], STARTS)]
-        return self.refits.fit(step.start, starts)
+        return self.refits.fit(step.seen, starts)
 
     def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
         passed = [r for r in found if self.passage(r).passed]
@@ -180,16 +197,17 @@ class Search:
         base = self.step(self.base)
         price = float(np.log(self.base.problem.n_effective))
         best: dict[EffectSet, tuple[float, Refit, list[Scored]]] = {}
-        for pair in score_pairs(self.base.linear, base.scored):
+        for pair in score_pairs(base.seen.linear, base.scored):
             members = [pair.first, pair.second]
             cost = price * sum(_count(m) for m in members)
-            best[pair.uses] = (self.base.chi2 - pair.gain + cost, self.base, members)
+            best[pair.uses] = (self.base.chi2 - pair.gain + cost, base.seen, members)
         if single is not None:  # scored at the fit of one of them: better than at the base
             singles = sorted(self.refits.of_size(1), key=lambda r: r.bic(single.scale))
             for start in reversed(singles[:3]):
-                for use, items in self.step(start).by_use.items():
+                step = self.step(start)
+                for use, items in step.by_use.items():
                     value = start.chi2 - items[0].gain + price * (start.count + _count(items[0]))
-                    best[start.uses | {use}] = (value, start, [items[0]])
+                    best[start.uses | {use}] = (value, step.seen, [items[0]])
         return sorted(best.values(), key=lambda item: item[0])
 
     def _hopeless(self, reference: Refit, promised_bic: float) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -54,31 +54,52 @@ class Trace:
 
 
 Point = Mapping[str, float]
+Known = dict[tuple[Use, tuple[tuple[str, float], ...]], "Array | None"]
 
 
 def traces(
-    problem: Problem, fit: Fit, found: Sequence[Candidate], points: Mapping[Use, Sequence[Point]]
+    problem: Problem,
+    fit: Fit,
+    found: Sequence[Candidate],
+    points: Mapping[Use, Sequence[Point]],
+    known: Known | None = None,
 ) -> list[Trace]:
-    """Traces of candidates at a fit of the problem that lacks them, at planned points."""
+    """Traces of candidates at a fit of the problem that lacks them, at planned points.
+
+    `known` holds changes that were worked out at the same fit already.
+    """
+    known = {} if known is None else known
     return [
         trace
         for candidate in found
         if candidate.use in points
-        for trace in _of(problem, fit, candidate, points[candidate.use])
+        for trace in _of(problem, fit, candidate, points[candidate.use], known)
     ]
 
 
-def _of(problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point]) -> Iterator[Trace]:
+def _of(
+    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known
+) -> Iterator[Trace]:
     if candidate.released:
         yield _certificate(problem, fit, candidate)
     elif len(candidate.amplitudes) > 1:
         yield from _several_amplitudes(problem, fit, candidate, points)
     else:
         amplitude = candidate.amplitudes[0]
-        for point, column in zip(points, changes(problem, fit, candidate, points)):
+        for point, column in zip(points, changes(problem, fit, candidate, points, known)):
             if column is not None:
                 shapes = {name: value for name, value in point.items() if name != amplitude}
                 yield _trace(candidate, amplitude, point[amplitude], shapes, column)
+
+
+def carried(seen: Sequence[Trace], old: Problem, new: Problem, uses: Collection[Use]) -> list[Trace]:
+    """Traces for another set of effects, taken as they were: rows of priors that it put aside fall out.
+
+    What an effect does to the residual depends little on the effects beside it, and where an evaluation is
+    dear that is enough to see which ones are worth a refit.
+    """
+    rows = [*range(old.n_data), *(row for name, row in prior_rows(old).items() if name in prior_rows(new))]
+    return [replace(t, columns=t.columns[rows]) for t in seen if t.use in uses]
 
 
 def _trace(
@@ -142,9 +163,19 @@ def default_value(candidate: Candidate, name: str) -> float:
 
 
 def changes(
-    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Mapping[str, float]]
+    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known | None = None
 ) -> list[Array | None]:
     """Whitened change of all rows at each point; None where the model has no finite value there."""
+    known = {} if known is None else known
+    keys = [(candidate.use, tuple(sorted(point.items()))) for point in points]
+    new = {key: point for key, point in zip(keys, points) if key not in known}
+    known.update(zip(new, _worked_out(problem, fit, candidate, list(new.values()))))
+    return [known[key] for key in keys]
+
+
+def _worked_out(
+    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point]
+) -> list[Array | None]:
     extended = candidate.extended
     start = extended.start({**fit.values, **_neutral_values(candidate)})
     places = {name: k for k, name in enumerate(extended.names)}

@@ -19,8 +19,9 @@ from specan.study.traces import traces
 def scored(problem):
     start = Refit(frozenset(), problem, fit(problem))
     found, not_testable = candidates(problem)
-    points = plan(problem, start.fit, found)
-    seen = traces(problem, start.fit, found, points)
+    known = {}
+    points = plan(problem, start.fit, found, known)
+    seen = traces(problem, start.fit, found, points, known)
     return start, score(start.linear, seen, start.weights), not_testable
 
 
