@@ -12,10 +12,8 @@ from specan.models import Model
 from specan.study.observation import Observation
 
 # kind -> module with `open_data(model, request) -> OpenedData`
-# `specan.study.recording_data` opens recordings as transfer functions; it joins this table once verdicts
-# on rooms have been counted on a bench: an undisturbed room must not be called disturbed.
-OPENERS = {"table": "specan.study.data"}
-SUFFIXES = {".csv": "table", ".tsv": "table", ".txt": "table"}
+OPENERS = {"table": "specan.study.data", "frf": "specan.study.recording_data"}
+SUFFIXES = {".csv": "table", ".tsv": "table", ".txt": "table", ".tdms": "frf", ".wav": "frf"}
 
 
 @dataclass(frozen=True)
