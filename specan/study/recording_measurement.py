@@ -99,12 +99,12 @@ def observe_recording(
     )
     # What is relative goes by a smooth, fitted response: by the measured one, a line that noise has made
     # small would seem to be known better, and pull the fit down.
-    smooth = _fitted(model, plain)
-    return replace(plain, shared=_shared(model, smooth, found.frequency_hz, folding, conditions))
+    values = _fitted(model, plain)
+    return replace(plain, shared=_shared(model, plain, values))
 
 
-def _fitted(model: Model, plain: FrfObservation) -> Complex:
-    """Response of the base model, fitted with the declared percents as one independent error a line."""
+def _fitted(model: Model, plain: FrfObservation) -> Mapping[str, Any]:
+    """Parameters of the base model, fitted with the declared percents as one independent error a line."""
     size = np.abs(plain.response)
     given = model.settings["uncertainty"]
     percent = max(given["model_discrepancy_percent"], 100 * (10 ** (given["calibration_dB"] / 20) - 1), 1.0)
@@ -112,10 +112,7 @@ def _fitted(model: Model, plain: FrfObservation) -> Complex:
         plain, noise=np.hypot(plain.noise, percent / 100 * np.median(size, axis=1, keepdims=True))
     )
     problem = base_problem(model, [crude])
-    values = problem.values_at(fit(problem).theta)
-    quantity = plain.quantity
-    evaluated = problem.assembly.evaluate(plain.conditions_at_nodes, values, wanted=[quantity])
-    return plain.folding(evaluated[quantity])
+    return problem.values_at(fit(problem, starts=1).theta)
 
 
 def _noise(
@@ -183,38 +180,37 @@ def _density_at(signal: Any, rate: float, block: int, vibrometer: Channel, nodes
     return np.interp(nodes, f, density * per_velocity)
 
 
-def _shared(
-    model: Model, response: Complex, frequency: Any, folding: Folding, conditions: Mapping[str, Any]
-) -> Complex:
+def _shared(model: Model, plain: FrfObservation, values: Mapping[str, Any]) -> Complex:
     """What is uncertain in common over the lines of a microphone: place, calibration, discrepancy."""
     given = model.settings["uncertainty"]
+    response, slopes = _with_slopes(model, plain, values)
     columns = [
         response * (np.log(10) / 20 * given["calibration_dB"]),
         1j * response * np.radians(given["calibration_phase_deg"]),
+        *(given["position_m"] * slope for slope in slopes),
     ]
-    if given["position_m"]:
-        columns += [given["position_m"] * slope for slope in _slopes(model, folding, conditions)]
     discrepancy = given["model_discrepancy_percent"] / 100
     if discrepancy:
-        for hat in _hats(frequency):
+        for hat in _hats(plain.frequency_hz):
             columns += [discrepancy * hat * response, 1j * discrepancy * hat * response]
     return np.stack(columns, axis=-1)
 
 
-def _slopes(model: Model, folding: Folding, conditions: Mapping[str, Any]) -> list[Complex]:
-    """Change of every transfer function a metre, along x, y and z; all microphones move at once."""
-    uses = [f"microphone-position@{name}" for name in model.axes["microphone"]]
+def _with_slopes(
+    model: Model, plain: FrfObservation, values: Mapping[str, Any]
+) -> tuple[Complex, list[Complex]]:
+    """Response, and its change a metre along x, y and z; all microphones move at once."""
+    places = [f"microphone-position@{name}" for name in model.axes["microphone"]]
+    owners = {name.rpartition(".")[0] for name in values} - {""}
+    uses = [*places, *(u for u in owners if u.partition("@")[0] in model.effects)]
     assembly = model.assemble(uses)
-    quantity = model.observables["frf"].quantity
     step = 1e-3
-    out = []
+    nowhere = {f"{use}.{axis}": 0.0 for use in places for axis in ("dx", "dy", "dz")}
+    many = [{**nowhere, **values}]
     for axis in ("dx", "dy", "dz"):
-        ends = []
-        for sign in (1, -1):
-            values = {**assembly.neutral, **{f"{use}.{axis}": sign * step for use in uses}}
-            ends.append(folding(assembly.evaluate(conditions, values, wanted=[quantity])[quantity]))
-        out.append((ends[0] - ends[1]) / (2 * step))
-    return out
+        many += [{**many[0], **{f"{use}.{axis}": sign * step for use in places}} for sign in (1, -1)]
+    found = plain.responses(assembly, many)
+    return found[0], [(found[k] - found[k + 1]) / (2 * step) for k in (1, 3, 5)]
 
 
 def _hats(frequency: Any) -> Any:

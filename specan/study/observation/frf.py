@@ -126,25 +126,27 @@ class FrfObservation:
 
     def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """What the model expects in place of `measured`."""
-        return self._predicted(assembly, values, None, ())[0]
+        return self._stack(self.responses(assembly, [values])[0])
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values; what does not depend on what changed is kept."""
-        out = np.empty((self.n, len(many)))
+        return np.stack([self._stack(response) for response in self.responses(assembly, many)], axis=1)
+
+    def responses(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> list[Complex]:
+        """Transfer functions (microphones, lines) as the analysis would see them, for several sets of values."""
+        out: list[Complex] = []
         first: Any = None
-        for k, values in enumerate(many):
-            changed = () if first is None else _changed(many[0], values)
-            out[:, k], evaluation = self._predicted(assembly, values, first, changed)
+        for values in many:
+            evaluation = assembly.evaluate(
+                self.conditions_at_nodes,
+                values,
+                wanted=[self.quantity],
+                after=first,
+                changed=() if first is None else _changed(many[0], values),
+            )
+            out.append(self.folding(evaluation[self.quantity]))
             first = evaluation if first is None else first
         return out
-
-    def _predicted(
-        self, assembly: Assembly, values: Mapping[str, Any], after: Any, changed: Sequence[str]
-    ) -> tuple[Array, Any]:
-        evaluation = assembly.evaluate(
-            self.conditions_at_nodes, values, wanted=[self.quantity], after=after, changed=changed
-        )
-        return self._stack(self.folding(evaluation[self.quantity])), evaluation
 
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0."""
