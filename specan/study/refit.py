@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.descent import Minimum, descend
+from specan.study.descent import STALLED, Minimum, descend
 from specan.study.fit import Fit, describe
 from specan.study.problem import Problem
 from specan.study.projection import Projection
@@ -142,6 +142,8 @@ class Refits:
     def fit(self, start: Refit, traces: Sequence[Sequence[Scored]]) -> Refit | None:
         """Add the uses of the traces to a fitted set and refit everything.
 
+        A descent that ends above a fit with fewer effects has missed the minimum: it is begun anew from there.
+
         Parameters
         ----------
         start : Refit
@@ -158,10 +160,26 @@ class Refits:
         if uses in self.done or uses in self.failed:
             return self.done.get(uses)
         problem = self.base.problem.with_uses(sorted(uses))
+        starts = [start_from(start, members, problem) for members in traces]
+        best, reason = self._lowest(problem, starts)
+        nested = self._best_within(uses)
+        if best is None or best.chi2 > nested.fit.chi2 + STALLED * max(best.chi2 / best.residual.size, 1.0):
+            best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)])
+        if best is None:
+            self.failed[uses] = reason
+            return None
+        fitted = describe(problem, best.theta, best.residual, best.jacobian)
+        self.done[uses] = self._describe(uses, problem, fitted)
+        return self.done[uses]
+
+    def _lowest(
+        self, problem: Problem, starts: Sequence[Mapping[str, float | Array]]
+    ) -> tuple[Minimum | None, str]:
+        """Lowest minimum that a descent from one of the starts reaches; None, and why not, where none does."""
         best: Minimum | None = None
         reason = ""
-        for members in traces:
-            theta = problem.start(start_from(start, members, problem))
+        for values in starts:
+            theta = problem.start(values)
             try:
                 found = descend(problem, theta, self._slopes(problem, theta))
             except ComputationError as fault:
@@ -169,12 +187,11 @@ class Refits:
                 continue
             if best is None or found.chi2 < best.chi2:
                 best = found
-        if best is None:
-            self.failed[uses] = reason
-            return None
-        fitted = describe(problem, best.theta, best.residual, best.jacobian)
-        self.done[uses] = self._describe(uses, problem, fitted)
-        return self.done[uses]
+        return best, reason
+
+    def _best_within(self, uses: EffectSet) -> Refit:
+        """The best fit so far that a set contains: with the other effects at nothing the set is as good."""
+        return min((r for part, r in self.done.items() if part < uses), key=lambda r: r.fit.chi2)
 
     def _slopes(self, problem: Problem, theta: Array) -> Array | None:
         """Jacobian to begin with where an exact one is dear: the base's, and slopes of what is new."""
@@ -223,6 +240,18 @@ class Refits:
     def of_size(self, size: int) -> list[Refit]:
         """Sets with so many effects that were fitted."""
         return [r for uses, r in self.done.items() if len(uses) == size]
+
+
+def start_nested(
+    nested: Refit, near: Mapping[str, float | Array], problem: Problem
+) -> dict[str, float | Array]:
+    """Values of a fit with fewer effects, those that it lacks at nothing and with the shapes of `near`."""
+    nothing = {
+        f"{use}.{name}": value
+        for use in {*problem.assembly.uses}.difference(nested.problem.assembly.uses)
+        for name, value in problem.assembly.model.effects[use.name].neutral_si.items()
+    }
+    return {**near, **nested.fit.values, **nothing}
 
 
 def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dict[str, float | Array]:

@@ -1,5 +1,6 @@
 """The worked example: what docs/worm_gear_article.md says was reached with the article's tables."""
 
+import math
 import shutil
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 
 from specan.study.begin import begin
 from specan.study.change import add_effect, drop_effect
+from specan.study.diagnose import diagnose
 from specan.study.history import History
 from specan.study.study import Study
 
@@ -15,7 +17,8 @@ ARTICLE = {"table 8": (2.17, 6.25), "table 9": (2.88, 6.38)}  # its own simulati
 
 
 @pytest.fixture(scope="module")
-def steps(tmp_path_factory):
+def article(tmp_path_factory):
+    """The steps of the example, and what is found before the last one."""
     directory = tmp_path_factory.mktemp("article") / "study"
     begin(
         directory,
@@ -26,8 +29,14 @@ def steps(tmp_path_factory):
     )
     add_effect(Study(directory), "load-dependent-friction")
     drop_effect(Study(directory), "bearing-friction")
+    found = diagnose(Study(directory).problem)
     add_effect(Study(directory), "thermal-lag")
-    return History(directory).steps
+    return History(directory).steps, found
+
+
+@pytest.fixture(scope="module")
+def steps(article):
+    return article[0]
 
 
 def percent(step, where, observable="efficiency"):
@@ -47,6 +56,23 @@ def test_the_errors_of_the_example_are_those_that_are_told(steps):
 def test_the_last_model_beats_the_articles_simulation_on_data_that_it_has_not_seen(steps):
     for where, name in (("fit", "table 8"), ("held_out", "table 9")):
         assert all(own < its for own, its in zip(percent(steps[3], where), ARTICLE[name], strict=True))
+
+
+def test_what_an_instrument_error_gains_is_what_it_does_to_the_table(article):
+    """Its refit starts in a valley of wrong torques: from there it ended far above the model without it."""
+    found = article[1]
+    by_effects = {r.effects: r for r in found.ranking}
+    for ranked in found.ranking:
+        assert ranked.delta_bic >= -len(ranked.parameters) * math.log(29) - 0.1
+    zero, lag = by_effects["torque-zero-error",], by_effects["thermal-lag",]
+    assert abs(zero.delta_bic + math.log(29) - lag.delta_bic) < 1.5  # one parameter more, the same fit
+    assert zero.parameters["torque-zero-error.output"]["value"] == pytest.approx(3.0, abs=0.3)
+
+
+def test_the_exponent_is_one_that_films_have_once_idle_runs_are_told_apart(steps):
+    exponents = [step.parameters["load-dependent-friction.exponent"] for step in steps[1:]]
+    assert [e["plausible"] for e in exponents] == [True, False, True]
+    assert exponents[2]["low"] < 0.2 < exponents[2]["high"]
 
 
 def test_the_sample_study_is_that_of_the_example(tmp_path):
