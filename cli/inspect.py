@@ -102,10 +102,13 @@ def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], None]
 
     study = open_study(place, effects)
     _require_bokeh()
+    from specan.inspect.kept_study import KeptStudy
     from specan.inspect.study_page import StudyPage
 
+    kept = KeptStudy(study)
+
     def fill(document: Document) -> None:
-        StudyPage(document, study.directory)
+        StudyPage(document, kept)
 
     return fill
 

@@ -36,11 +36,43 @@ _LEGEND_MOST = 12  # names that stand in a legend; the channel list tells the ot
 
 @dataclass(frozen=True)
 class Curve:
-    """One line: its name, and where it runs."""
+    """One line: its name, and where it runs.
+
+    Attributes
+    ----------
+    hue, dash : int or None
+        Colour and dash by their numbers; otherwise one after the other.
+    """
 
     name: str
     x: NDArray[np.float64]
     y: NDArray[np.float64]
+    hue: int | None = None
+    dash: int | None = None
+
+
+@dataclass(frozen=True)
+class Band:
+    """What lies between two lines, in the colour of a curve; nothing where an end is not finite."""
+
+    x: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    hue: int
+
+    @property
+    def outline(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Closed outlines of its pieces, NaN between them."""
+        known = np.isfinite(self.low) & np.isfinite(self.high)
+        ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+        xs: list[NDArray[np.float64]] = []
+        ys: list[NDArray[np.float64]] = []
+        gap = np.array([np.nan])
+        for first, last in zip(ends[::2], ends[1::2]):
+            x, low, high = (v[first:last] for v in (self.x, self.low, self.high))
+            xs += [x, x[::-1], gap]
+            ys += [low, high[::-1], gap]
+        return (np.concatenate(xs[:-1]), np.concatenate(ys[:-1])) if xs else (np.empty(0), np.empty(0))
 
 
 def plain(text: str) -> str:
@@ -55,14 +87,6 @@ def plain(text: str) -> str:
     for mark in ("$$", r"\(", r"\["):
         text = text.replace(mark, mark[0] + joiner + mark[1])
     return text
-
-
-def with_gaps(phase: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A wrapped phase with a gap where it jumps instead of a vertical line."""
-    gapped = phase.copy()
-    with np.errstate(invalid="ignore"):
-        gapped[1:][np.abs(np.diff(phase)) > 180] = np.nan
-    return gapped
 
 
 def hertz_axis(sheet: Any, axis: Any) -> None:
@@ -113,6 +137,10 @@ class Lines:
             tools=[],
             output_backend="canvas",
         )
+        self._shades = ColumnDataSource({"x": [], "y": [], "colour": []})
+        self.sheet.patches(
+            "x", "y", source=self._shades, fill_color="colour", fill_alpha=0.25, line_color=None
+        )
         self._source = ColumnDataSource({"x": [], "y": [], "colour": [], "dash": [], "name": []})
         glyph = self.sheet.multi_line(
             "x", "y", source=self._source, line_color="colour", line_dash="dash", line_width=1.3
@@ -145,14 +173,22 @@ class Lines:
         if self._legend is not None:
             self.sheet.add_layout(self._legend, "right")
 
-    def draw(self, curves: Sequence[Curve]) -> None:
-        """Exchange the lines."""
+    def draw(self, curves: Sequence[Curve], bands: Sequence[Band] = ()) -> None:
+        """Exchange the lines, and the bands behind them."""
         n = len(COLOURS)
+        outlines = [band.outline for band in bands]
+        self._shades.data = {
+            "x": [x for x, _ in outlines],
+            "y": [y for _, y in outlines],
+            "colour": [COLOURS[band.hue % n] for band in bands],
+        }
+        hues = [k if c.hue is None else c.hue for k, c in enumerate(curves)]
+        dashes = [hue // n if c.dash is None else c.dash for hue, c in zip(hues, curves)]
         self._source.data = {
             "x": [c.x for c in curves],
             "y": [np.where(np.isfinite(c.y), c.y, np.nan) for c in curves],
-            "colour": [COLOURS[k % n] for k in range(len(curves))],
-            "dash": [_DASHES[k // n % len(_DASHES)] for k in range(len(curves))],
+            "colour": [COLOURS[hue % n] for hue in hues],
+            "dash": [_DASHES[dash % len(_DASHES)] for dash in dashes],
             "name": [plain(c.name) for c in curves],
         }
         if self._legend is not None:

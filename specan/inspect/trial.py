@@ -1,60 +1,71 @@
-"""What a model says of its measurement, with or without one more effect; nothing is written."""
+"""What a model says of its measurement, with or without further effects; nothing is written."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.report.residual_map import ResidualMap, residual_map
 from specan.study.assemble import parameter_table
 from specan.study.candidates import Candidate, candidates
 from specan.study.error import ObservableError, observable_errors
 from specan.study.fit import Fit, fit
-from specan.study.observation.table import TableObservation
 from specan.study.problem import Problem
+from specan.study.refit import DEAR
 from specan.study.study import STARTS, Study
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A fitted model over the measured tables.
+    """A fitted model over the measurements.
 
     Attributes
     ----------
-    name : str
-        The effect that was tried; empty for the model as it is.
-    measured, predicted, z : arrays (rows,)
-        Of all measurements; z is (model - measured) / sigma.
-    observable : array of str (rows,)
+    uses : tuple of str
+        The effects that were tried; empty for the model as it is.
+    predictions : tuple of array
+        One an observation of the problem.
+    where : ResidualMap or None
+        Where the model fails; None where no operating variable varies.
     """
 
-    name: str
+    uses: tuple[str, ...]
     problem: Problem
     fit: Fit
     errors: tuple[ObservableError, ...]
-    measured: NDArray[np.float64]
-    predicted: NDArray[np.float64]
-    z: NDArray[np.float64]
-    observable: NDArray[np.str_]
+    predictions: tuple[NDArray[np.float64], ...]
+    where: ResidualMap | None
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        return " with ".join(self.uses)
 
     @property
     def parameters(self) -> list[tuple[str, ...]]:
-        """Those of the tried effect, with their intervals."""
+        """Those of the tried effects, or all, with their intervals."""
         table = parameter_table(self.problem, self.fit)
-        own = [(n, p) for n, p in table.items() if not self.name or n.rpartition(".")[0] == self.name]
+        own = [(n, p) for n, p in table.items() if not self.uses or n.rpartition(".")[0] in self.uses]
         return [
-            (n, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", p["unit"],
+            (n, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", "" if p["unit"] == "1" else p["unit"],
              "at its bound" if p["at_bound"] else "" if p["plausible"] else "implausible")
             for n, p in own
         ]  # fmt: skip
 
 
 def as_it_is(study: Study) -> Trial:
-    """The study's model, fitted."""
-    return _trial("", study.problem, study.best)
+    """The study's model, fitted; of many rows from where its last step left it, unless somebody changed it since."""
+    last = study.history.last
+    if study.problem.n_data > DEAR and last is not None and not study.edited and "best" not in vars(study):
+        return _trial(
+            (), study.problem, fit(study.problem, start=_kept_values(study.problem, last.parameters))
+        )
+    return _trial((), study.problem, study.best)
 
 
 def candidates_of(study: Study) -> tuple[list[Candidate], dict[str, str]]:
@@ -62,54 +73,48 @@ def candidates_of(study: Study) -> tuple[list[Candidate], dict[str, str]]:
     return candidates(study.problem)
 
 
-def try_effect(study: Study, name: str) -> Trial:
-    """Refit with one more effect.
+def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
+    """Refit with further effects.
+
+    Parameters
+    ----------
+    study : Study
+    now : Fit
+        Of the model as it is.
+    uses : sequence of str
 
     Raises
     ------
     RequestError
-        These data cannot test it.
+        These data cannot test one of them.
     ComputationError
         No start converged.
     """
     found, not_testable = candidates_of(study)
-    for candidate in found:
-        if str(candidate.use) == name:
-            best = fit(candidate.extended, start=study.best.values, starts=STARTS)
-            return _trial(name, candidate.extended, best)
-    raise RequestError(f"{name} cannot be tried: {not_testable.get(name, 'it is in the model or unknown')}")
+    known = {str(c.use): c for c in found}
+    for name in uses:
+        if name not in known:
+            why = not_testable.get(name.partition("@")[0], "it is in the model or unknown")
+            raise RequestError(f"{name} cannot be tried: {why}")
+    problem = study.problem.with_uses([known[name].use for name in uses])
+    starts = STARTS if problem.n_data <= DEAR else 1
+    return _trial(tuple(uses), problem, fit(problem, start=now.values, starts=starts))
 
 
-def tables_of(problem: Problem) -> Sequence[TableObservation]:
-    """The measured tables.
-
-    Raises
-    ------
-    RequestError
-        The study rests on recordings.
-    """
-    tables = [o for o in problem.observations if isinstance(o, TableObservation)]
-    if len(tables) != len(problem.observations):
-        raise RequestError(
-            "the page of a study is drawn for tables only, and this one rests on recordings",
-            remedy="use specan study compare and specan study report",
-        )
-    return tables
+def _kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """SI values by the name of the parameter out of a table by the name of the element."""
+    elements: dict[str, dict[str, float]] = {}
+    for name, row in table.items():
+        plain = name.split("[")[0]
+        elements.setdefault(plain, {})[name] = problem.assembly.parameters[plain].to_si(row["value"])
+    found: dict[str, Any] = {}
+    for plain, known in elements.items():
+        order = problem.elements.get(plain)
+        found[plain] = np.array([known[f"{plain}[{e}]"] for e in order]) if order else known[plain]
+    return found
 
 
-def _trial(name: str, problem: Problem, best: Fit) -> Trial:
+def _trial(uses: tuple[str, ...], problem: Problem, best: Fit) -> Trial:
     predictions = problem.predictions(best.theta)
-    tables = tables_of(problem)
-    measured = np.concatenate([o.measured for o in tables])
-    predicted = np.concatenate(predictions)
-    sigma = np.concatenate([o.sigma for o in tables])
-    return Trial(
-        name,
-        problem,
-        best,
-        tuple(observable_errors(problem, problem.observations, predictions)),
-        measured,
-        predicted,
-        (predicted - measured) / sigma,
-        np.concatenate([o.observable for o in tables]),
-    )
+    errors = observable_errors(problem, problem.observations, predictions)
+    return Trial(uses, problem, best, tuple(errors), tuple(predictions), residual_map(problem, best))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 
@@ -48,6 +49,14 @@ def octave_axis(axes: Axes, low_hz: float, high_hz: float, which: Literal["x", "
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_ticks([f for f, _ in shown], labels=[text for _, text in shown])
     axis.set_minor_locator(NullLocator())
+
+
+def with_gaps(phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A wrapped phase in degrees with a gap where it jumps instead of a vertical line."""
+    gapped = phase.copy()
+    with np.errstate(invalid="ignore"):
+        gapped[1:][np.abs(np.diff(phase)) > 180] = np.nan
+    return gapped
 
 
 def figure_format(path: Path) -> str:

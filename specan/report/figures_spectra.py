@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.spectrum import Spectrogram, Spectrum
-from specan.report.figure_style import line_styles, octave_axis
+from specan.report.figure_style import line_styles, octave_axis, with_gaps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,7 +74,7 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
         line = {**style, "linewidth": 1.0, "marker": marker}
         axes[0].plot(f, level[row], label=name, **line)
         # A wrapped phase gets a gap where it jumps, not a vertical line.
-        shown = phase[row] if unwrapped else _with_gaps(phase[row])
+        shown = phase[row] if unwrapped else with_gaps(phase[row])
         axes[1].plot(f, shown, **line)
         band = {"color": style["color"], "alpha": 0.2 if len(level) <= _MANY else 0.05, "linewidth": 0}
         axes[0].fill_between(f, low[row], high[row], **band)
@@ -96,13 +96,6 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     _legend(figure, axes[0], found.channels)
     _frequency_axis(axes, f)
     return figure
-
-
-def _with_gaps(phase: NDArray[np.float64]) -> NDArray[np.float64]:
-    gapped = phase.copy()
-    with np.errstate(invalid="ignore"):
-        gapped[1:][np.abs(np.diff(phase)) > 180] = np.nan
-    return gapped
 
 
 def _limits(level: NDArray[np.float64]) -> tuple[float, float]:

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS
+from specan.report.figures_study_frf import figure_compare_frf
+from specan.report.residual_map import axis_text, residual_map
 from specan.study.history import Step
-from specan.study.localise import spoken, variable_name
+from specan.study.localise import spoken
 from specan.study.observation.table import TableObservation
 from specan.units import convert
 
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
 MOST_PANELS = 4
 MOST_LINES = 7
 POINTS = 60  # along a curve
-Z_SHOWN = 6.0  # end of the colour scale of a map
 
 
 @dataclass(frozen=True)
@@ -40,16 +41,18 @@ class _Panel:
 
 
 def figure_compare(study: Study) -> Figure:
-    """Measured values with two standard uncertainties beside the fitted model, and the residual in sigma.
+    """Measured values with two standard uncertainties beside the fitted model, and what is between them.
 
-    One pair of panels for every observable and, with three operating variables, for every level of the
-    third. The curves run at the levels of the other variables; where readings lie beside their level (a
-    brake that misses its set value), they are brought to it by the model, so that the gap between point
-    and curve is the residual.
+    Of recordings, transfer functions (see `figure_compare_frf`). Of tables, one pair of panels for every
+    observable and, with three operating variables, for every level of the third. The curves run at the
+    levels of the other variables; where readings lie beside their level (a brake that misses its set
+    value), they are brought to it by the model, so that the gap between point and curve is the residual.
     """
     from matplotlib.figure import Figure
 
-    observation = _table(study)
+    observation = study.problem.observations[0]
+    if not isinstance(observation, TableObservation):
+        return figure_compare_frf(study)
     predicted = study.problem.predictions(study.best.theta)[0]
     panels = _panels(observation)
     figure = Figure(figsize=(1.0 + 3.8 * len(panels), 5.6), layout="constrained")
@@ -58,17 +61,10 @@ def figure_compare(study: Study) -> Figure:
     for panel, (top, bottom) in zip(panels, grid.T, strict=True):
         _draw(study, observation, predicted, panel, top, bottom)
         if panel.line and panel.observable not in explained:
-            top.legend(title=_axis_text(panel.line), fontsize="small", title_fontsize="small")
+            top.legend(title=axis_text(panel.line), fontsize="small", title_fontsize="small")
             explained.add(panel.observable)
     grid[1, 0].set_ylabel("(model - measured) / sigma" if study.data.known else "relative to 1 %")
     return figure
-
-
-def _table(study: Study) -> TableObservation:
-    observation = study.problem.observations[0]
-    if not isinstance(observation, TableObservation):
-        raise RequestError("this figure is drawn for tables only")
-    return observation
 
 
 def _order(labels: Mapping[str, NDArray[Any]], rows: NDArray[np.bool_]) -> list[str]:
@@ -116,7 +112,7 @@ def _draw(
         axes.grid(alpha=0.3)
     top.set_ylabel(_quantity(study, panel.observable))
     top.set_title(panel.title, fontsize="medium")
-    bottom.set_xlabel(_axis_text(panel.x))
+    bottom.set_xlabel(axis_text(panel.x))
 
 
 def _lines(observation: TableObservation, panel: _Panel) -> list[tuple[str, str, NDArray[np.bool_]]]:
@@ -177,35 +173,31 @@ def _curve(
 
 
 def figure_map(study: Study) -> Figure:
-    """Mean error of every pair of levels in standard uncertainties; significant blocks are framed."""
+    """Mean error of every pair of levels in standard uncertainties; significant blocks are framed.
+
+    Raises
+    ------
+    RequestError
+        No operating variable varies.
+    """
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    from specan.study.localise import localise
-
-    observation = _table(study)
-    found = localise(study.problem, study.best)
-    order = _order(observation.labels, np.ones(observation.n, dtype=bool))
-    if len(order) < 2:
-        raise RequestError("a map needs two operating variables that vary")
-    horizontal, vertical = order[:2]
-    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    found = residual_map(study.problem, study.best)
+    if found is None:
+        raise RequestError("a map needs an operating variable that varies")
+    size = (3.4 + 0.25 * max(len(found.columns), 12), 1.6 + 0.22 * max(len(found.rows), 8))
+    figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots()
-    across, up = (np.unique(observation.labels[n]).tolist() for n in (horizontal, vertical))
-    z = np.full((len(up), len(across)), np.nan)
-    for block in found.blocks:
-        if set(block.where) != {horizontal, vertical}:
-            continue
-        i, j = up.index(block.where[vertical]), across.index(block.where[horizontal])
-        if np.isnan(z[i, j]) or abs(block.z) > abs(z[i, j]):
-            z[i, j] = block.z
-        if block.significant:
-            axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, lw=2))
-    image = axes.imshow(z, origin="lower", cmap="PuOr_r", vmin=-Z_SHOWN, vmax=Z_SHOWN, aspect="auto")
-    axes.set_xticks(range(len(across)), [f"{v:g}" for v in across], rotation=45)
-    axes.set_yticks(range(len(up)), [f"{v:g}" for v in up])
-    axes.set(xlabel=_axis_text(horizontal), ylabel=_axis_text(vertical))
-    figure.colorbar(image, label="z: model low (-) or high (+)")
+    for i, j in np.argwhere(found.significant):
+        axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, lw=1.2))
+    image = axes.imshow(
+        found.z, origin="lower", cmap="PuOr_r", vmin=-found.end, vmax=found.end, aspect="auto"
+    )
+    axes.set_xticks(range(len(found.columns)), list(found.columns), rotation=45)
+    axes.set_yticks(range(len(found.rows)), [text.replace("$", r"\$") for text in found.rows])
+    axes.set(xlabel=axis_text(found.across), ylabel=axis_text(found.up) if found.up else "")
+    figure.colorbar(image, label="z: model low (-) or high (+)", extend="both")
     return figure
 
 
@@ -237,8 +229,3 @@ def figure_history(steps: Sequence[Step]) -> Figure:
 def _quantity(study: Study, name: str) -> str:
     unit = study.model.observables[name].unit
     return name.replace("_", " ") + ("" if unit == "1" else f" / {unit}")
-
-
-def _axis_text(column: str) -> str:
-    unit = column.rpartition("_")[2]
-    return f"{variable_name(column)} / {unit}" if "_" in column else column

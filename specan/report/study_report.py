@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from specan import __version__
 from specan.report.figures_study import figure_compare, figure_history, figure_map
 from specan.report.html_page import bullets, page, picture, table
-from specan.study.observation.table import TableObservation
+from specan.report.residual_map import map_axes
 from specan.study.study_file import NAME
 
 if TYPE_CHECKING:
@@ -60,11 +60,9 @@ def _comparison(study: Study) -> list[str]:
             f"{study.data.discrepancy_percent:g} % is allowed for.</p>"
         )
         parts.append(bullets(where.sentences()))
-    if isinstance(study.problem.observations[0], TableObservation):
-        parts.append(picture(figure_compare(study), "measured values and model"))
-        varying = [n for n in study.problem.observations[0].labels if n != "measurement"]
-        if where is not None and len(varying) > 1:
-            parts.append(picture(figure_map(study), "where the model fails"))
+    parts.append(picture(figure_compare(study), "measured values and model"))
+    if where is not None and map_axes(study.problem.observations[0].labels):
+        parts.append(picture(figure_map(study), "where the model fails"))
     rows_ = [
         [name, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", p["unit"], _remark(p)]
         for name, p in found.parameters.items()
@@ -82,11 +80,9 @@ def _remark(p: Mapping[str, Any]) -> str:
 
 
 def _diagnosis(found: Diagnosis) -> list[str]:
-    names = " or ".join(" with ".join(members) for members in found.alternatives)
-    verdict = found.verdict + (f": {names}" if names else "")
     parts = [
         "<h2>What is missing</h2>",
-        f'<p class="verdict">{escape(verdict)}</p>',
+        f'<p class="verdict">{escape(verdict_line(found))}</p>',
         f"<p>{escape(found.reason[:1].upper() + found.reason[1:])}.</p>",
     ]
     if found.residual_law is not None:
@@ -112,6 +108,12 @@ def _diagnosis(found: Diagnosis) -> list[str]:
     if found.next_measurement:
         parts += ["<h3>What would decide</h3>", bullets(str(row["text"]) for row in found.next_measurement)]
     return parts
+
+
+def verdict_line(found: Diagnosis) -> str:
+    """Verdict and what it names: ``group: windage or seal-drag``."""
+    names = " or ".join(" with ".join(members) for members in found.alternatives)
+    return found.verdict + (f": {names}" if names else "")
 
 
 def _value(name: str, p: Mapping[str, Any]) -> str:

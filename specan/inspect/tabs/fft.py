@@ -11,9 +11,10 @@ from specan.data.recording import Recording
 from specan.data.spectrum import SCALINGS, Spectrum
 from specan.dsp.windows import WINDOWS
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Curve, Lines, with_gaps
+from specan.inspect.plots import Curve, Lines
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
 from specan.inspect.view import View
+from specan.report.figure_style import with_gaps
 from specan.report.figures_spectra import figure_spectrum
 from specan.schema import parse
 

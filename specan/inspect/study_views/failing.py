@@ -1,0 +1,72 @@
+"""The residual map: third octave x microphone, torque x speed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from bokeh.models import ColorBar, ColumnDataSource, Div, HoverTool, LinearColorMapper
+from bokeh.palettes import PuOr11
+from bokeh.plotting import figure
+
+from specan.inspect.plots import plain
+from specan.inspect.sheets import notice
+from specan.inspect.trial import Trial
+from specan.report.residual_map import ResidualMap, axis_text
+from specan.study.study import Study
+
+
+class FailingMap:
+    """Left-out z of every pair of levels; a frame where it is significant."""
+
+    def __init__(self, study: Study) -> None:
+        self._colours = LinearColorMapper(palette=PuOr11, low=-1, high=1)
+        self._cells = ColumnDataSource({"x": [], "y": [], "z": [], "n": [], "edge": []})
+        self._known = study.data.known
+        self.sheet = figure(
+            title="Where the model fails", height=300, sizing_mode="stretch_width", tools="save",
+            x_range=[""], y_range=[""], x_axis_label="", y_axis_label="",
+        )  # fmt: skip
+        boxes = self.sheet.rect(
+            "x", "y", 0.96, 0.94, source=self._cells, line_color="edge", line_width=1.5,
+            fill_color={"field": "z", "transform": self._colours},
+        )  # fmt: skip
+        self._hover = HoverTool(renderers=[boxes], tooltips=[])
+        self.sheet.add_tools(self._hover)
+        self.sheet.add_layout(ColorBar(color_mapper=self._colours, title="high > 0"), "right")
+        self.sheet.xaxis.major_label_orientation = 0.8
+        self.sheet.grid.visible = False
+        self.sheet.toolbar.logo = None
+        self._missing = Div(text=notice("No operating variable varies: there is no map."), visible=False)
+        self.body: Any = [self.sheet, self._missing]
+
+    def show(self, trial: Trial) -> None:
+        """Show the map of a fit."""
+        found = trial.where
+        self.sheet.visible, self._missing.visible = found is not None, found is None
+        if found is None:
+            return
+        self._colours.update(low=-found.end, high=found.end)
+        self.sheet.x_range.factors = [plain(text) for text in found.columns]
+        self.sheet.y_range.factors = [plain(text) for text in found.rows]
+        self.sheet.xaxis.axis_label = axis_text(found.across)
+        self.sheet.yaxis.axis_label = axis_text(found.up) if found.up else ""
+        self._hover.tooltips = [
+            (axis_text(found.across), "@x"), *([(axis_text(found.up), "@y")] if found.up else []),
+            ("left-out z, positive: model high", "@z{0.0}"), ("values", "@n"),
+        ]  # fmt: skip
+        self._cells.data = _cells(found)
+        of = "framed: significant" if self._known else "relative to 1 %"
+        self.sheet.title.text = f"Where the model fails ({of})"
+        self.sheet.height = max(300, 90 + 17 * len(found.rows))
+
+
+def _cells(found: ResidualMap) -> dict[str, list[Any]]:
+    places = [(int(i), int(j)) for i, j in np.argwhere(np.isfinite(found.z))]
+    return {
+        "x": [plain(found.columns[j]) for _, j in places],
+        "y": [plain(found.rows[i]) for i, _ in places],
+        "z": [float(found.z[p]) for p in places],
+        "n": [int(found.count[p]) for p in places],
+        "edge": ["#000000" if found.significant[p] else "#ffffff" for p in places],
+    }

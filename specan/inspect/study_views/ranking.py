@@ -1,0 +1,151 @@
+"""What could be missing: candidates in the order of the diagnosis, each to be read about and to be tried."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from html import escape
+from typing import Any
+
+from bokeh.layouts import column, row
+from bokeh.models import Button, Div, Select
+
+from specan.inspect.plots import plain
+from specan.inspect.sheets import notice, sheet
+from specan.models import Use
+from specan.study.diagnosis import Diagnosis, Ranked
+from specan.study.study import Study
+
+MOST_ROWS = 24  # candidates with a line of their own; the others stand in a list to choose from
+_WIDTH = 330
+Uses = tuple[str, ...]
+
+
+class Ranking:
+    """The list, and the explanation of the candidate that is selected.
+
+    Parameters
+    ----------
+    try_ : callable
+        Called with the uses of a candidate.
+    """
+
+    def __init__(self, try_: Callable[[Uses], None]) -> None:
+        self._try = try_
+        self._study: Study | None = None
+        self._ranked: dict[Uses, Ranked] = {}
+        self._lines: dict[Uses, Any] = {}
+        self._others: dict[str, Uses] = {}
+        self._choice = Select(value="", width=200, name="others")
+        self._choice.on_change("value", lambda a, old, new: self.explain(self._others[new]) if new else None)
+        button = Button(label="Try", width=50, name="try-other")
+        button.on_click(
+            lambda: self._pressed(self._others[self._choice.value]) if self._choice.value else None
+        )
+        self._choose = row(button, self._choice)
+        self.list = column(name="candidates")
+        self.explanation = Div(text="", name="explanation", width=_WIDTH)
+
+    def show(
+        self, study: Study, uses: Sequence[str], not_testable: Mapping[str, str], found: Diagnosis | None
+    ) -> None:
+        """Show the candidates of a study; in their order where a diagnosis was made."""
+        self._study = study
+        self._ranked = {uses_of(r): r for r in found.ranking} if found else {}
+        children: list[Any] = []
+        if found is not None:
+            children += self._groups(found)
+        left = [(name,) for name in uses if (name,) not in self._ranked]
+        if left:
+            if found is not None:
+                children.append(_heading("The data do not ask for"))
+            children += self._plain(left)
+        children += [
+            Div(text=notice(f"Not testable: {n} {why}"), width=_WIDTH) for n, why in not_testable.items()
+        ]
+        self.list.children = children
+        self.explanation.text = ""
+
+    def explain(self, uses: Uses) -> None:
+        """Show what a candidate is, and what the diagnosis found of it."""
+        if self._study is None:
+            return
+        parts = []
+        for name in uses:
+            effect = self._study.model.effects[Use.parse(name).name]
+            parts.append(f"<b>{escape(name)}</b>")
+            parts += [f"<p>{escape(part)}</p>" for part in effect.explanation.strip().split("\n\n")]
+            if effect.separate_by:
+                parts.append(f"<p><i>Told from others by:</i> {escape(effect.separate_by)}</p>")
+            if effect.reference:
+                parts.append(f"<p><i>Source:</i> {escape(effect.reference)}</p>")
+        ranked = self._ranked.get(uses)
+        if ranked is not None:
+            rows = [
+                [n.rpartition(".")[2], f"{p['value']:.3g}", f"{p['low']:.3g} to {p['high']:.3g}", p["unit"]]
+                for n, p in ranked.parameters.items()
+            ]
+            parts.append(sheet(["Parameter", "value", "95 %", "unit"], rows))
+            if ranked.at_bound:
+                parts.append("<p>A parameter sits on the end of its domain.</p>")
+            if not ranked.plausible:
+                parts.append("<p>These are values that the machine could not have.</p>")
+        self.explanation.text = "".join(parts)
+
+    # --- parts of the list ------------------------------------------------------------------------
+
+    def _groups(self, found: Diagnosis) -> list[Any]:
+        asked = found.ranking[: len(found.alternatives)]
+        others = found.ranking[len(found.alternatives) :]
+        likely = [r for r in others if r.plausible]
+        unlikely = [r for r in others if not r.plausible]
+        alone = (
+            "The data ask for" if len(asked) == 1 else "The data ask for one of these, and cannot tell which"
+        )
+        children: list[Any] = []
+        for text, ranked in ((alone, asked), ("Refitted, less likely", likely), ("Not plausible", unlikely)):
+            if ranked:
+                children.append(_heading(text))
+                children += [self._row(uses_of(r), r) for r in ranked[:MOST_ROWS]]
+        return children
+
+    def _plain(self, left: Sequence[Uses]) -> list[Any]:
+        if len(left) <= MOST_ROWS:
+            return [self._row(uses, None) for uses in left]
+        self._others = {" with ".join(uses): uses for uses in left}
+        self._choice.update(options=[("", "choose"), *((n, plain(n)) for n in self._others)], value="")
+        return [self._choose]
+
+    def _row(self, uses: Uses, ranked: Ranked | None) -> Any:
+        # The same widgets again in another place: those of before would stay in the browser.
+        if uses not in self._lines:
+            self._lines[uses] = self._new_line(uses)
+        line = self._lines[uses]
+        if ranked is None:
+            numbers = ""
+        else:
+            numbers = f"<small>p {ranked.p_value:.1g}<br>ΔBIC {ranked.delta_bic:.0f}</small>"
+        line.children[-1].text = numbers
+        line.styles = {"opacity": "0.55"} if ranked is not None and not ranked.plausible else {}
+        return line
+
+    def _new_line(self, uses: Uses) -> Any:
+        name = " with ".join(uses)
+        button = Button(label="Try", width=50, name=f"try-{name}")
+        button.on_click(partial(self._pressed, uses))
+        about = Button(label=name, button_type="light", width=175, name=f"about-{name}")
+        about.on_click(partial(self.explain, uses))
+        return row(button, about, Div(text="", width=75, name=f"rank-{name}"))
+
+    def _pressed(self, uses: Uses) -> None:
+        self.explain(uses)
+        self._try(uses)
+
+
+def uses_of(ranked: Ranked) -> Uses:
+    """Written forms of the effects of a row, places and copies included: those that its parameters carry."""
+    return tuple(dict.fromkeys(name.rpartition(".")[0] for name in ranked.parameters)) or ranked.effects
+
+
+def _heading(text: str) -> Div:
+    return Div(text=f"<b><small>{escape(text)}</small></b>", width=_WIDTH)

@@ -1,0 +1,133 @@
+"""Where a model fails, on a map: left-out blocks over two operating variables, third octave x microphone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.study.fit import Fit
+from specan.study.localise import Block, localise, variable_name
+from specan.study.problem import Problem
+
+_LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
+_MOST_SHARE = 0.95  # of the cells that the scale tells apart where the model fails everywhere
+_FREQUENCY = "third_octave_hz"  # always lies across
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualMap:
+    """Mean errors of left-out blocks in standard uncertainties.
+
+    Attributes
+    ----------
+    across, up : str
+        Operating variables, as the labels of the rows name them; `up` is empty where one alone varies.
+    columns, rows : tuple of str
+        Their levels.
+    z : array (rows, columns)
+        What the model, fitted to all other data, is off by; positive where it is high, NaN where nothing was measured.
+        Of several observables the furthest off.
+    count : int array (rows, columns)
+        Measured values.
+    significant : bool array (rows, columns)
+        Passed at a false discovery rate of 5 %.
+    """
+
+    across: str
+    up: str
+    columns: tuple[str, ...]
+    rows: tuple[str, ...]
+    z: NDArray[np.float64]
+    count: NDArray[np.int64]
+    significant: NDArray[np.bool_]
+
+    @property
+    def end(self) -> float:
+        """End of the colour scale, to either side."""
+        known = np.abs(self.z[np.isfinite(self.z)])
+        wanted = float(np.quantile(known, _MOST_SHARE)) if known.size else 0.0
+        return max(_LEAST_END, float(f"{wanted:.1g}"))
+
+
+def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
+    """The map of a fitted model; None where no operating variable varies.
+
+    Blocks are those of `specan.study.localise`: nuisance parameters cannot hide a failure in them.
+    """
+    labels = _shared_labels(problem)
+    names = map_axes(labels)
+    if not names:
+        return None
+    across, up = names[0], names[1] if len(names) > 1 else ""
+    columns, rows = _levels(labels[across]), _levels(labels[up]) if up else [None]
+    blocks: dict[frozenset[tuple[str, Any]], list[Block]] = {}
+    for block in localise(problem, best).blocks:
+        blocks.setdefault(frozenset(block.where.items()), []).append(block)
+    shape = (len(rows), len(columns))
+    z, count, significant = np.full(shape, np.nan), np.zeros(shape, np.int64), np.zeros(shape, bool)
+    for i, row in enumerate(rows):
+        for j, column in enumerate(columns):
+            where = {across: column, **({up: row} if up else {})}
+            mine = np.logical_and.reduce([labels[n] == level for n, level in where.items()])
+            count[i, j] = mine.sum()
+            found = _blocks_of(blocks, labels, where, mine)
+            if found:
+                z[i, j] = max((b.z for b in found), key=abs)
+                significant[i, j] = any(b.significant for b in found)
+    texts = [tuple(_text(v) for v in levels) for levels in (columns, rows)]
+    return ResidualMap(across, up, texts[0], texts[1] if up else ("",), z, count, significant)
+
+
+def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:
+    """Varying operating variables, those for a map first: frequency, then the one with most levels.
+
+    Examples
+    --------
+    >>> map_axes({"torque": np.array([1.0, 1.0, 2.0]), "speed": np.array([1.0, 2.0, 3.0]), "oil": np.ones(3)})
+    ['speed', 'torque']
+    """
+    counts = {n: np.unique(v).size for n, v in labels.items() if n != "measurement"}
+    return sorted((n for n in counts if counts[n] > 1), key=lambda n: (n != _FREQUENCY, -counts[n], n))
+
+
+def axis_text(column: str) -> str:
+    """``speed / rpm`` of ``speed_rpm``."""
+    if column == _FREQUENCY:
+        return "third octave / Hz"
+    return f"{variable_name(column)} / {column.rpartition('_')[2]}" if "_" in column else column
+
+
+def _shared_labels(problem: Problem) -> dict[str, NDArray[Any]]:
+    shared = set.intersection(*(set(o.labels) for o in problem.observations))
+    order = [name for name in problem.observations[0].labels if name in shared]
+    return {name: np.concatenate([o.labels[name] for o in problem.observations]) for name in order}
+
+
+def _levels(values: NDArray[Any]) -> list[Any]:
+    """Numbers in their order, names as they come."""
+    if values.dtype.kind in "fiu":
+        return list(np.unique(values).tolist())
+    return list(dict.fromkeys(values.tolist()))
+
+
+def _blocks_of(
+    blocks: Mapping[frozenset[tuple[str, Any]], Sequence[Block]],
+    labels: Mapping[str, NDArray[Any]],
+    where: Mapping[str, Any],
+    mine: NDArray[np.bool_],
+) -> Sequence[Block]:
+    """Those of a cell; rows that two places share are kept under the first, so a cell may go by one variable."""
+    found = blocks.get(frozenset(where.items()))
+    if found is None:
+        for one in where.items():
+            if np.array_equal(labels[one[0]] == one[1], mine) and frozenset([one]) in blocks:
+                return blocks[frozenset([one])]
+    return found or ()
+
+
+def _text(level: Any) -> str:
+    return level if isinstance(level, str) else f"{level:g}"
