@@ -28,6 +28,7 @@ from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
 from specan.study.observation import Array, Observation
 
+DEAR = 2000  # rows from which an evaluation of the model is dear
 STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
 
 
@@ -111,6 +112,11 @@ class Problem:
     def n_data(self) -> int:
         """Number of measured values."""
         return sum(o.n for o in self.observations)
+
+    @property
+    def dear(self) -> bool:
+        """Whether an evaluation is worth saving."""
+        return self.n_data > DEAR
 
     @cached_property
     def n_effective(self) -> float:
@@ -202,7 +208,7 @@ class Problem:
         """V^(-1/2) (predicted - measured) of every observation, then (theta - mean) / sd of the priors."""
         values = self.values_at(theta)
         parts = [
-            o.whiten(o.predict(self.assembly, self._seen_by(o, values)) - o.measured)
+            o.whiten(o.predict(self.assembly, self.seen_by(o, values)) - o.measured)
             for o in self.observations
         ]
         return np.concatenate([*parts, self._prior_residual(theta)])
@@ -221,14 +227,16 @@ class Problem:
         points, weights = self._stencil(theta)
         many = [self.values_at(p) for p in points]
         return [
-            o.predict_many(self.assembly, [self._seen_by(o, v) for v in many]) @ weights
+            o.predict_many(self.assembly, [self.seen_by(o, v) for v in many]) @ weights
             for o in self.observations
         ]
 
     def _stencil(self, theta: Array) -> tuple[list[Array], Array]:
         """Points around theta (itself first) and the weights that make derivatives of their predictions.
 
-        Central differences; one-sided ones of second order where a bound is near.
+        Central differences; one-sided ones of second order where a bound is near. Where an evaluation is
+        dear, plain one-sided ones: what they err by, the step's share of the parameter's width, no step
+        of a fit and no interval shows.
         """
         low, high = self.bounds()
         points = [theta]
@@ -236,6 +244,13 @@ class Problem:
         for k, scale in enumerate(self.scale):
             h = STEP * max(scale, abs(theta[k]))
             h = (theta[k] + h) - theta[k]
+            if self.dear:
+                h = -h if theta[k] + h > high[k] else h
+                weights[0, k] = -1 / h
+                weights[len(points), k] = 1 / h
+                points.append(theta.copy())
+                points[-1][k] += h
+                continue
             if theta[k] - h < low[k]:
                 offsets, at_centre, outside = (1, 2), -1.5, (2.0, -0.5)
             elif theta[k] + h > high[k]:
@@ -248,12 +263,12 @@ class Problem:
                 point[k] += offset * h
                 points.append(point)
                 weights[1 + 2 * k + place, k] = weight / h
-        return points, weights
+        return points, weights[: len(points)]
 
     def predictions(self, theta: Array) -> list[Array]:
         """What the model expects in place of `measured`, one vector an observation."""
         values = self.values_at(theta)
-        return [o.predict(self.assembly, self._seen_by(o, values)) for o in self.observations]
+        return [o.predict(self.assembly, self.seen_by(o, values)) for o in self.observations]
 
     def whiten(self, array: Array) -> Array:
         """V^(-1/2) of all observations on an array over the `n_data` measured rows (no priors)."""
@@ -266,7 +281,7 @@ class Problem:
         """Rows of a residual or Jacobian: one part an observation, the priors' last."""
         return np.split(array, np.cumsum([o.n for o in self.observations]))
 
-    def _seen_by(self, observation: Observation, values: Mapping[str, Any]) -> Mapping[str, Any]:
+    def seen_by(self, observation: Observation, values: Mapping[str, Any]) -> Mapping[str, Any]:
         """Values as one observation sees them: of vectors over recordings, its own elements."""
         own = [name for name in self._per_recording if name in values]
         if not own or observation.recordings == self.recordings:

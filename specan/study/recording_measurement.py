@@ -89,6 +89,7 @@ def observe_recording(
         recording=recording.label,
         quantity=model.observables["frf"].quantity,
         frequency_hz=found.frequency_hz,
+        line_hz=rate / block,
         channels=model.axes["microphone"],
         response=found.response,
         noise=noise,
@@ -181,36 +182,46 @@ def _density_at(signal: Any, rate: float, block: int, vibrometer: Channel, nodes
 
 
 def _shared(model: Model, plain: FrfObservation, values: Mapping[str, Any]) -> Complex:
-    """What is uncertain in common over the lines of a microphone: place, calibration, discrepancy."""
+    """What is uncertain in common over the lines of a microphone: place, calibration, and the model's own error.
+
+    The model's error is a part of the response, and a part of its natural frequencies and bandwidths; both are
+    smooth in frequency.
+    """
     given = model.settings["uncertainty"]
-    response, slopes = _with_slopes(model, plain, values)
+    response, moved, detuned = _with_slopes(model, plain, values)
     columns = [
         response * (np.log(10) / 20 * given["calibration_dB"]),
         1j * response * np.radians(given["calibration_phase_deg"]),
-        *(given["position_m"] * slope for slope in slopes),
+        *(given["position_m"] * slope for slope in moved),
     ]
-    discrepancy = given["model_discrepancy_percent"] / 100
-    if discrepancy:
-        for hat in _hats(plain.frequency_hz):
-            columns += [discrepancy * hat * response, 1j * discrepancy * hat * response]
+    for percent, of in (("model_discrepancy_percent", response), ("natural_frequency_percent", detuned)):
+        if given[percent]:
+            for hat in _hats(plain.frequency_hz):
+                columns += [given[percent] / 100 * hat * of * turn for turn in (1, 1j)]
     return np.stack(columns, axis=-1)
 
 
 def _with_slopes(
     model: Model, plain: FrfObservation, values: Mapping[str, Any]
-) -> tuple[Complex, list[Complex]]:
-    """Response, and its change a metre along x, y and z; all microphones move at once."""
+) -> tuple[Complex, list[Complex], Complex]:
+    """Response; its change a metre along x, y and z (all microphones move at once); its change with ln k."""
     places = [f"microphone-position@{name}" for name in model.axes["microphone"]]
     owners = {name.rpartition(".")[0] for name in values} - {""}
-    uses = [*places, *(u for u in owners if u.partition("@")[0] in model.effects)]
+    uses = {*places, *(u for u in owners if u.partition("@")[0] in model.effects), "temperature"}
     assembly = model.assemble(uses)
-    step = 1e-3
-    nowhere = {f"{use}.{axis}": 0.0 for use in places for axis in ("dx", "dy", "dz")}
-    many = [{**nowhere, **values}]
-    for axis in ("dx", "dy", "dz"):
-        many += [{**many[0], **{f"{use}.{axis}": sign * step for use in places}} for sign in (1, -1)]
+    axes = ("dx", "dy", "dz")
+    nowhere = {f"{use}.{axis}": 0.0 for use in places for axis in axes}
+    here = {**nowhere, "temperature.offset": 0.0, **values}
+    step, kelvin = 1e-3, 0.02
+    many = [here]
+    for axis in axes:
+        many += [{**here, **{f"{use}.{axis}": sign * step for use in places}} for sign in (1, -1)]
+    many += [{**here, "temperature.offset": here["temperature.offset"] + sign * kelvin} for sign in (1, -1)]
     found = plain.responses(assembly, many)
-    return found[0], [(found[k] - found[k + 1]) / (2 * step) for k in (1, 3, 5)]
+    slopes = [(found[k] - found[k + 1]) / (2 * h) for k, h in ((1, step), (3, step), (5, step), (7, kelvin))]
+    # k goes as T^(-1/2), and the response as the density besides
+    absolute = model.settings["rig"]["air"]["nominal_temperature_C"] + 273.15
+    return found[0], slopes[:3], -2 * (absolute * slopes[3] + found[0])
 
 
 def _hats(frequency: Any) -> Any:

@@ -214,6 +214,6 @@ def residuals(problem: Problem, many: Sequence[Mapping[str, Any]]) -> Array:
     """Whitened data residuals (no priors) for several sets of values, one a column."""
     parts = []
     for o in problem.observations:
-        seen = [problem._seen_by(o, values) for values in many]
+        seen = [problem.seen_by(o, values) for values in many]
         parts.append(o.whiten(o.predict_many(problem.assembly, seen) - o.measured[:, None]))
     return np.concatenate(parts)

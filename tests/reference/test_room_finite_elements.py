@@ -106,7 +106,7 @@ def test_transfer_functions(system):
     force, seen = on_piston @ weight, values_at(places)
     expected = np.empty((len(places), len(frequency)), dtype=complex)
     for i, f in enumerate(frequency):
-        k = 2 * np.pi * f / c
+        k = 2 * np.pi * f / (c * (1 + got["air_dispersion"][i]))
         k_air = k - 1j * got["air_attenuation"][i]
         matrix = stiffness - k_air**2 * mass + 1j * k * BETA * (walls - piston_wall)
         expected[:, i] = seen.T @ lu_solve(lu_factor(matrix), 1j * 2 * np.pi * f * rho * force)

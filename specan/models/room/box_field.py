@@ -87,17 +87,17 @@ class BoxField:
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
-        key = (source, tuple(receivers))
-        if key not in self._done:
-            found = self._modal(source, receivers)
+        new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
+        if new:
+            found = self._modal(source, new)
             # A ball averages away what lies above the truncation.
-            plain = [i for i, port in enumerate(receivers) if not port.ball]
+            plain = [i for i, port in enumerate(new) if not port.ball]
             if not source.ball and plain:
-                points = np.array([receivers[i].position for i in plain])
-                radii = np.array([receivers[i].radius for i in plain])
+                points = np.array([new[i].position for i in plain])
+                radii = np.array([new[i].radius for i in plain])
                 found[:, plain] += self._rest(source, points, radii)
-            self._done[key] = found
-        return self._done[key]
+            self._done |= {(source, port): column for port, column in zip(new, found.T, strict=True)}
+        return np.stack([self._done[source, port] for port in receivers], axis=1)
 
     def _modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
         points = np.array([port.position for port in receivers])

@@ -72,13 +72,21 @@ def wall_admittance(
 
 @quantity(unit="1", opaque=True)
 def box(
-    frequency, sound_speed, air_attenuation, wall_admittance, room_dimensions, drawn_dimensions, mode_margin
+    frequency,
+    sound_speed,
+    air_attenuation,
+    air_dispersion,
+    wall_admittance,
+    room_dimensions,
+    drawn_dimensions,
+    mode_margin,
 ):
     """The room's modes, and the couplings that were asked of them."""
     inputs = (
         frequency,
         sound_speed,
         air_attenuation,
+        air_dispersion,
         wall_admittance,
         room_dimensions,
         drawn_dimensions,
@@ -105,13 +113,14 @@ def _make_box(
     frequency: Any,
     sound_speed: Any,
     attenuation: Any,
+    dispersion: Any,
     admittance: Any,
     dimensions: Any,
     drawn: Any,
     margin: Any,
 ) -> BoxField:
     lengths, as_drawn = point(dimensions), point(drawn)
-    k = 2 * np.pi * np.asarray(frequency, dtype=float) / sound_speed
+    k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + dispersion))
     # Counts and the remainder's range belong to the drawn room in cold air: while temperature or an edge
     # is fitted they must not jump.
     k_max = 2 * np.pi * float(np.max(frequency)) / COLD

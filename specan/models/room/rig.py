@@ -80,6 +80,7 @@ class Uncertainty(Settings):
     vibrometer_delay_s: NotNegative = 1e-5
     vibrometer_gain_percent: NotNegative = 1.0
     model_discrepancy_percent: NotNegative = 0.5
+    natural_frequency_percent: NotNegative = 0.005
 
 
 class Rig(Settings):

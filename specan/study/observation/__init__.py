@@ -84,3 +84,6 @@ class Observation(Protocol):
 
     def take(self, mask: NDArray[np.bool_]) -> Observation:
         """The same observation with some of its rows only."""
+
+    def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Observation:
+        """About so many rows, cheaper to predict, with the residual that the whole has at these values."""

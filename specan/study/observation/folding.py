@@ -40,9 +40,12 @@ class Folding:
         folded: Complex = (self.matrix @ response.T).T
         return folded
 
-    def lines(self, keep: NDArray[np.bool_]) -> Folding:
-        """The same for some of the lines."""
-        return Folding(self.nodes, self.matrix[keep])
+    @classmethod
+    def none(cls, frequency_hz: Real) -> Folding:
+        """No windows: the response at the lines themselves."""
+        from scipy.sparse import eye_array
+
+        return cls(frequency_hz, eye_array(len(frequency_hz), format="csr"))
 
 
 def fold(

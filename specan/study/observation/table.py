@@ -99,6 +99,10 @@ class TableObservation:
             return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
         return self._root @ array
 
+    def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> TableObservation:
+        """All of it: a table's rows are cheap."""
+        return self
+
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
         """Keep some of the rows; effects that look at earlier readings still see those left out.
 
