@@ -15,7 +15,7 @@ from specan.testing.room.response import BEFORE_S, SAMPLING_RATE
 SEED = 22
 FIELD = {
     "wall-impedance", "panel-resonance", "helmholtz-resonator", "leak", "temperature", "dimension-error",
-    "microphone-position", "piston-size", "flanking-source",
+    "microphone-position", "piston-size", "flanking-source", "porous-absorber", "scatterer",
 }  # fmt: skip
 
 
@@ -34,7 +34,8 @@ def plain(cache: Path) -> RoomCase:
 
 
 def test_every_effect_of_the_list_can_be_hidden() -> None:
-    named = {"microphone-delay", "microphone-gain", "piston-breakup", "vibrometer-noise"}
+    named = {"microphone-delay", "microphone-gain", "piston-breakup", "vibrometer-noise", "air-absorption"}
+    named |= {"extended-reaction", "drifting-air", "shaken-microphone"}  # outside the catalogue
     assert set(EFFECTS) == FIELD | named
 
 

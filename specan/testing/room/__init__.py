@@ -6,7 +6,8 @@ convolution.
 """
 
 from specan.testing.room.case import RoomCase, simulate, write
-from specan.testing.room.effects import EFFECTS, HiddenRoomEffect, Truth
+from specan.testing.room.effects import EFFECTS
 from specan.testing.room.response import impulse_responses
+from specan.testing.room.truth import HiddenRoomEffect, Truth
 
 __all__ = ["EFFECTS", "HiddenRoomEffect", "RoomCase", "Truth", "impulse_responses", "simulate", "write"]

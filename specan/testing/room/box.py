@@ -62,6 +62,28 @@ class Box:
         result += np.matmul(self._curvature[1], field)
         return result
 
+    def minus_laplacian_on(self, wall: str, values: Real) -> Real:
+        """The same within a wall, for values at the nodes of `face`; nothing holds the edges."""
+        first, second = (i for i in range(3) if i != axis_of(wall))
+        grid = values.reshape(self.shape[first], self.shape[second])
+        return (self._curvature[first] @ grid + grid @ self._columns[second]).ravel()
+
+    def yield_of(self, shape: Real) -> float:
+        """How far a static field gives way to a load, measured by the load itself: ``g K^-1 g``, no constant part.
+
+        The stiffness is a sum of products, so that the shapes of the three edges solve it.
+        """
+        values, part = [], shape
+        for number, axis in enumerate(self.lines):
+            root = np.sqrt(axis.weights)
+            eigenvalues, vectors = np.linalg.eigh(axis.stiffness / root[:, None] / root)
+            values.append(eigenvalues)
+            along = np.tensordot((vectors / root[:, None]).T, part, axes=(1, number))
+            part = np.moveaxis(along, 0, number)
+        total = values[0][:, None, None] + values[1][:, None] + values[2]
+        total[0, 0, 0] = np.inf
+        return float(np.sum(part**2 / total))
+
     def largest_eigenvalue(self) -> float:
         """Largest eigenvalue of `minus_laplacian`, 1/m^2: it limits the time step."""
         total = 0.0

@@ -8,20 +8,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.testing.rig import CALIBRATOR_HZ, Rig, Take, velocity_per_volt
+from specan.testing.rig import CALIBRATOR_HZ, Rig, Take, calibrator_take
 from specan.testing.rig_files import write_tdms
 from specan.testing.room import layout as rooms
-from specan.testing.room.effects import Truth, check, hide
-from specan.testing.room.field import LONGEST_S
+from specan.testing.room.effects import check, hide
+from specan.testing.room.field import Room
+from specan.testing.room.layout import at_temperature
 from specan.testing.room.line import Real
-from specan.testing.room.response import SAMPLING_RATE, impulse_responses, spectrum_for
+from specan.testing.room.record import Session, record
+from specan.testing.room.response import impulse_responses
+from specan.testing.room.truth import Truth
 
-DRIVE_V = 0.05
-_LOWEST_HZ, _FADE_HZ = 12.0, 80.0
-_VIBROMETER_NOISE = 5e-4  # over the velocity, both RMS
+_DRIFT_STEP_K = 0.5
+_DELIVERED_DB, _DELIVERED_DEG = 0.7, 2.0  # standard deviations of an uncalibrated set
+_ADAPTER = 6  # microphones that go into the calibrator at once
+_CALIBRATION_RATE, _CALIBRATION_S = 8192.0, 6.0
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,9 @@ class RoomCase:
     truth : Truth
         The room and the instruments as they are; `truth.details` holds what was drawn for each effect.
     responses : array (microphones, samples)
-        Impulse responses; see `impulse_responses`.
+        Impulse responses (in drifting air: half way); see `impulse_responses`.
+    hardware, at_calibration : Rig
+        The channels while recording, and when they were calibrated.
     """
 
     take: Take
@@ -48,6 +53,7 @@ class RoomCase:
     truth: Truth
     responses: Real
     hardware: Rig
+    at_calibration: Rig
     seed: int
 
 
@@ -56,9 +62,12 @@ def simulate(
     effects: Mapping[str, float] | None = None,
     *,
     take: int = 0,
+    repeat: int = 0,
     n_mics: int = 12,
     duration_s: float = 5.0,
     noise: bool = True,
+    tone_hz: float | None = None,
+    calibrated: bool = True,
     cache: Path | str | None = None,
 ) -> RoomCase:
     """Record a room in which effects are hidden.
@@ -72,12 +81,20 @@ def simulate(
         ``microphone-delay@2`` for a card, ``dimension-error@x``), and their strengths; ``none`` is passed over.
     take : int
         Draws excitation, noise, and the errors of the instruments anew in the same room.
+    repeat : int
+        Draws excitation and noise anew; room and instruments stay.
     n_mics : int
         Number of microphones, eight to a converter card.
     duration_s : float
         Length of the recording.
     noise : bool
-        Whether the channels are noisy; hidden and common errors stay.
+        Whether the channels are noisy; hidden and common errors stay. Hidden noise of the vibrometer then stands in
+        the recording as the bias that it gives to a transfer function.
+    tone_hz : float, optional
+        A sine of this frequency instead of noise.
+    calibrated : bool
+        Whether the nominal sensitivities are true but for the errors that a calibration leaves. Otherwise the
+        microphones are as they come: some decibels and degrees off, which `write` tells by calibrator recordings.
     cache : path, optional
         Directory of impulse responses.
 
@@ -97,12 +114,39 @@ def simulate(
             f"{n_mics} microphones for {duration_s:g} s are asked for",
             expected="1 to 24 microphones and 0.5 to 600 s",
         )
+    if tone_hz is not None and not 0.0 < tone_hz <= rooms.F_MAX_HZ:
+        raise RequestError(f"a tone of {tone_hz:g} Hz is asked for", expected=f"up to {rooms.F_MAX_HZ:g} Hz")
     truth = hide(_draw_truth(seed, take, n_mics), hidden, seed)
-    responses = impulse_responses(truth.room, cache)
-    hardware = _hardware(truth)
-    rng = np.random.default_rng([seed, 4, take])
-    recorded = _record(truth, hardware, responses, round(duration_s * SAMPLING_RATE), rng, noise)
-    return RoomCase(recorded, rooms.rig_file(truth.layout, seed), hidden, truth, responses, hardware, seed)
+    responses = [impulse_responses(room, cache) for room in _over_time(truth)]
+    raw = _as_delivered(seed, take, n_mics) if not calibrated else (np.zeros(n_mics), np.zeros(n_mics))
+    hardware = _hardware(truth, raw[0] + truth.gain_dB, raw[1] - 360.0 * CALIBRATOR_HZ * truth.delay_s)
+    rng = np.random.default_rng([seed, 4, take, repeat] if repeat else [seed, 4, take])
+    recorded = record(truth, hardware, responses, Session(duration_s, noise, tone_hz), rng)
+    return RoomCase(
+        take=recorded,
+        rig=rooms.rig_file(truth.layout, seed),
+        effects=hidden,
+        truth=truth,
+        responses=responses[len(responses) // 2],
+        hardware=hardware,
+        at_calibration=_hardware(truth, *raw),
+        seed=seed,
+    )
+
+
+def _over_time(truth: Truth) -> list[Room]:
+    """The room from the beginning of the recording to its end, in steps that a line hardly sees."""
+    if not truth.drift_K:
+        return [truth.room]
+    steps = 2 * int(np.ceil(abs(truth.drift_K) / 2.0 / _DRIFT_STEP_K))
+    part = np.linspace(-0.5, 0.5, steps + 1)
+    return [at_temperature(truth.room, truth.temperature_C + p * truth.drift_K) for p in part]
+
+
+def _as_delivered(seed: int, take: int, n_mics: int) -> tuple[Real, Real]:
+    """Sensitivities in dB over the nominal one, phases in degrees at 1 kHz, of microphones as they are delivered."""
+    rng = np.random.default_rng([seed, 5, take])
+    return _DELIVERED_DB * rng.standard_normal(n_mics), _DELIVERED_DEG * rng.standard_normal(n_mics)
 
 
 def _draw_truth(seed: int, take: int, n_mics: int) -> Truth:
@@ -128,78 +172,43 @@ def _draw_truth(seed: int, take: int, n_mics: int) -> Truth:
     )
 
 
-def _hardware(truth: Truth) -> Rig:
-    """The same as channels: sensitivities, and phases as the acquisition would show them at the calibrator's tone."""
+def _hardware(truth: Truth, sensitivity_dB: Real, phase_deg: Real) -> Rig:
+    """The rig as channels: sensitivities, and phases as the acquisition would show them at the calibrator's tone."""
     return Rig(
         dims_m=truth.layout.dims_m,
         piston_centre_m=truth.layout.piston.centre_m,
         piston_radius_m=truth.layout.piston.radius_m,
         mic_position_m=np.array(truth.layout.position_m),
-        sensitivity_dB=truth.gain_dB,
-        phase_deg=-360.0 * CALIBRATOR_HZ * truth.delay_s,
+        sensitivity_dB=sensitivity_dB,
+        phase_deg=phase_deg,
         nominal_V_per_Pa=rooms.MIC_MV_PER_PA / 1000.0,
         vibrometer_m_s_per_V=rooms.VIBROMETER_MM_S_PER_V / 1000.0,
     )
 
 
-def _indicated(truth: Truth, frequency_hz: Real) -> NDArray[np.complex128]:
-    """What the vibrometer makes of the diaphragm's mean velocity: its own errors, and the break-up at its point.
+def insertions(n_mics: int) -> list[tuple[int, ...]]:
+    """Groups of microphones that are calibrated together: six at a time, microphone 1 in each.
 
-    The centre runs ahead of the mean by a resonator that the inertia of the cone drives.
+    >>> insertions(8)
+    [(1, 2, 3, 4, 5, 6), (1, 7, 8)]
     """
-    strength, resonance, loss = truth.breakup
-    x = frequency_hz / resonance
-    ahead = 1.0 + strength * x**2 / (1.0 - x**2 + 1j * loss * x)
-    late = np.exp(-2j * np.pi * frequency_hz * truth.vibrometer_delay_s)
-    return (1.0 + truth.vibrometer_gain) * late * ahead
+    others = range(2, n_mics + 1)
+    return [(1, *others[k : k + _ADAPTER - 1]) for k in range(0, len(others), _ADAPTER - 1)] or [(1,)]
 
 
-def _drive(rng: np.random.Generator, frequency_hz: Real, n: int) -> NDArray[np.complex128]:
-    """Spectrum of gaussian noise of `DRIVE_V` volts within the band of the rig."""
-    up = np.clip(frequency_hz / _LOWEST_HZ - 1.0, 0.0, 1.0)
-    down = np.clip((rooms.F_MAX_HZ + _FADE_HZ - frequency_hz) / _FADE_HZ, 0.0, 1.0)
-    spectrum = np.fft.rfft(rng.standard_normal(n)) * up * down
-    level = np.sqrt(2.0 * np.sum(np.abs(spectrum) ** 2)) / n
-    return spectrum * (DRIVE_V / level)
-
-
-def _record(
-    truth: Truth, hardware: Rig, responses: Real, n: int, rng: np.random.Generator, noise: bool
-) -> Take:
-    """All channels under noise; the field has been built up before the recording begins."""
-    before = round((LONGEST_S + 0.5) * SAMPLING_RATE)  # the same for every room: the drive does not tell
-    total = before + n + round(0.1 * SAMPLING_RATE)
-    frequency = np.fft.rfftfreq(total, 1.0 / SAMPLING_RATE)
-
-    def signal(spectrum: NDArray[np.complexfloating]) -> Real:
-        return np.fft.irfft(spectrum, total)[..., before : before + n]
-
-    drive: NDArray[np.complexfloating] = _drive(rng, frequency, total)
-    moving = drive * velocity_per_volt(hardware, frequency)
-    pressure = moving * spectrum_for(responses, total)
-    quantities = np.vstack([signal(pressure), signal(moving), signal(drive)])
-    shown = np.vstack(
-        [
-            signal(pressure * hardware.channel_phase(frequency)),
-            signal(moving * _indicated(truth, frequency)),
-            quantities[-1],
-        ]
-    )
-    swing = float(np.std(quantities[-2]))
-    spread = np.array(
-        [hardware.mic_noise_Pa] * hardware.n_mics
-        + [swing * float(np.hypot(_VIBROMETER_NOISE, truth.vibrometer_noise)), hardware.generator_noise_V]
-    )
-    if noise:
-        shown = shown + spread[:, None] * rng.standard_normal(shown.shape)
-    gain = np.append(hardware.sensitivity_V_per_Pa, [1.0 / hardware.vibrometer_m_s_per_V, 1.0])
-    names = (*(f"Mic {m}" for m in range(1, hardware.n_mics + 1)), "Vibrometer", "Generator")
-    properties: dict[str, object] = {"Excitation": "gaussian noise", "ExcitationAmplitude_V": DRIVE_V}
-    return Take(names, SAMPLING_RATE, quantities, shown * gain[:, None], properties)
-
-
-def write(case: RoomCase, directory: Path | str) -> tuple[Path, Path]:
+def write(case: RoomCase, directory: Path | str, *, calibrations: bool = False) -> tuple[Path, Path]:
     """Write ``recording.tdms`` (24-bit samples) and ``rig.toml``; nothing in them tells what was hidden.
+
+    Parameters
+    ----------
+    case : RoomCase
+        What to write.
+    directory : path
+        Made if it is not there.
+    calibrations : bool
+        Write the calibrator's recordings too, ``calibration_1.tdms`` and so on: 1 kHz at 94 dB on up to six
+        microphones at once, microphone 1 in every group. What happened after the calibration, hidden errors of
+        microphones included, is not in them.
 
     Returns
     -------
@@ -212,4 +221,11 @@ def write(case: RoomCase, directory: Path | str) -> tuple[Path, Path]:
     recording, rig_file = folder / "recording.tdms", folder / "rig.toml"
     write_tdms(recording, case.hardware, case.take)
     rig_file.write_text(tomlkit.dumps(case.rig), encoding="utf-8", newline="\n")
+    if calibrations:
+        n = round(_CALIBRATION_S * _CALIBRATION_RATE)
+        for number, group in enumerate(insertions(case.hardware.n_mics), 1):
+            heard = calibrator_take(
+                case.at_calibration, group, n, _CALIBRATION_RATE, seed=1000 * case.seed + number
+            )
+            write_tdms(folder / f"calibration_{number}.tdms", case.at_calibration, heard)
     return recording, rig_file

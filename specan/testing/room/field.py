@@ -15,6 +15,8 @@ from specan.errors import ComputationError
 from specan.testing.room.box import WALLS, Box, Disc
 from specan.testing.room.branch import Branch, Lining, Plug
 from specan.testing.room.line import Real
+from specan.testing.room.losses import NITROGEN, Air
+from specan.testing.room.obstacle import Block, Obstacle
 
 OUTPUT_HZ = 4096.0
 HIGHEST_HZ = 800.0  # responses are given up to here
@@ -28,10 +30,7 @@ LONGEST_S = 4.0
 _LINES_AT_ONCE = 64  # bounds the memory of the transform
 _MARGIN = 0.8  # of the largest stable step; the linings' springs need some of it
 
-# Air at 20 degC, 50 % humidity, 101.325 kPa (values of ISO 9613-1, clause 6): nitrogen relaxes within the band, its
-# strength is that of its vibrational specific heat; oxygen and the classical losses grow with the square of frequency.
-_NITROGEN_HZ, _NITROGEN = 332.0, 1.27e-4
-_VISCOUS_S = 3.3e-9
+Part = Lining | Plug
 
 
 @dataclass(frozen=True)
@@ -56,6 +55,10 @@ class Room:
         Another place of a wall that moves with the piston's velocity times `second_gain`, `second_delay_s` later.
     air_losses : bool
         Whether sound is lost in the air.
+    humidity_percent : float
+        Relative humidity, which decides how much.
+    block : Block, optional
+        A rigid object.
     """
 
     dims_m: tuple[float, float, float]
@@ -64,11 +67,13 @@ class Room:
     admittance: tuple[float, ...]
     piston: Disc
     position_m: tuple[tuple[float, float, float], ...]
-    parts: tuple[Lining | Plug, ...] = ()
+    parts: tuple[Part, ...] = ()
     second: Disc | None = None
     second_gain: float = 0.0
     second_delay_s: float = 0.0
     air_losses: bool = True
+    humidity_percent: float = 50.0
+    block: Block | None = None
 
 
 @dataclass(frozen=True)
@@ -82,27 +87,25 @@ class Heard:
 
 
 class _Losses:
-    """Inverse of mass plus half a step of the walls' damping; under the rigid diaphragm the wall takes nothing.
+    """Inverse of mass plus half a step of the walls' damping, less what the diaphragm and an object take from them.
 
-    The diaphragm's share is subtracted as a matrix of low rank. As a share of the wall its eigenvalues lie between 0
-    and 1; where the quadrature of a disc across elements overshoots, they are cut, or the march would be unstable.
+    Under the rigid diaphragm the wall takes nothing, and where an object is no air is compressed: matrices of low
+    rank. As a share of the wall the diaphragm's eigenvalues lie between 0 and 1; where the quadrature of a disc across
+    elements overshoots, they are cut, or the march would be unstable.
     """
 
-    def __init__(self, box: Box, room: Room, step_s: float) -> None:
+    def __init__(self, box: Box, room: Room, step_s: float, obstacle: Obstacle | None) -> None:
         mass = box.volume.ravel().copy()
         half = 0.5 * step_s * room.sound_speed
         for wall, admittance in zip(WALLS, room.admittance, strict=True):
             nodes, weights = box.face(wall)
             mass[nodes] += half * admittance * weights
         self.inverse = 1.0 / mass
-        self.nodes, area = box.face(room.piston.wall)
-        basis, weights = box.disc(room.piston)
-        taken = half * room.admittance[WALLS.index(room.piston.wall)] * area
-        _, share, shapes = np.linalg.svd(
-            np.sqrt(weights)[:, None] * basis / np.sqrt(area), full_matrices=False
-        )
-        kept = share > 1e-6
-        rows = np.minimum(share[kept], 1.0)[:, None] * shapes[kept] * np.sqrt(taken)
+        rows = _under_the_diaphragm(box, room, half)
+        if obstacle is not None:
+            rows = np.vstack([rows, obstacle.pressure])
+        self.nodes = np.flatnonzero(np.any(rows, axis=0))
+        rows = rows[:, self.nodes]
         spread = rows * self.inverse[self.nodes]
         inner = np.eye(len(rows)) - spread @ rows.T
         self._out, self._in = spread.T @ np.linalg.inv(inner), spread
@@ -112,6 +115,18 @@ class _Losses:
         change = load * self.inverse
         change[self.nodes] += self._out @ (self._in @ load[self.nodes])
         return change
+
+
+def _under_the_diaphragm(box: Box, room: Room, half: float) -> Real:
+    """Vectors whose products are the damping that the wall does not have under the diaphragm."""
+    nodes, area = box.face(room.piston.wall)
+    basis, weights = box.disc(room.piston)
+    taken = half * room.admittance[WALLS.index(room.piston.wall)] * area
+    _, share, shapes = np.linalg.svd(np.sqrt(weights)[:, None] * basis / np.sqrt(area), full_matrices=False)
+    kept = share > 1e-6
+    rows = np.zeros((int(kept.sum()), box.volume.size))
+    rows[:, nodes] = np.minimum(share[kept], 1.0)[:, None] * shapes[kept] * np.sqrt(taken)
+    return rows
 
 
 def _step(box: Box, room: Room) -> tuple[float, int]:
@@ -151,15 +166,17 @@ def march(room: Room, shortest_s: float = 0.3, longest_s: float = LONGEST_S) -> 
     """
     box = Box(room.dims_m)
     step, every = _step(box, room)
-    losses = _Losses(box, room, step)
+    obstacle = None if room.block is None else Obstacle(box, room.block)
+    losses = _Losses(box, room, step, obstacle)
+    air = Air.at_humidity(room.humidity_percent)
     branches = [Branch(box, part, step) for part in room.parts]
     sources = _sources(box, room, step)
     pulse = _pulse(step)
     acceleration = np.diff(pulse, prepend=0.0, append=0.0) / step
     points = box.at(np.array(room.position_m))
     mass = box.volume.ravel()
-    square = (room.sound_speed * step) ** 2 / (1.0 + _NITROGEN * room.air_losses)
-    keep = np.exp(-2.0 * np.pi * _NITROGEN_HZ * step)
+    square = (room.sound_speed * step) ** 2 / (1.0 + NITROGEN * room.air_losses)
+    keep = np.exp(-2.0 * np.pi * air.nitrogen_hz * step)
 
     old, now, slow = (np.zeros(box.volume.size) for _ in range(3))
     samples: list[Real] = []
@@ -179,8 +196,11 @@ def march(room: Room, shortest_s: float = 0.3, longest_s: float = LONGEST_S) -> 
         bent = now
         if room.air_losses:
             slow = keep * slow + (1.0 - keep) * now
-            bent = now + _NITROGEN * (now - slow) + (_VISCOUS_S / step) * change
+            bent = now + NITROGEN * (now - slow) + (air.viscous_s / step) * change
         load = (2.0 * change - square * box.minus_laplacian(bent.reshape(box.shape)).ravel()) * mass
+        if obstacle is not None:
+            load -= obstacle.pressure * (2.0 * obstacle.pressure @ change)
+            load += square * (obstacle.gradient @ bent) @ obstacle.gradient
         for shape, late, gain in sources:
             if 0 <= n - late < len(acceleration):
                 load += (square * gain * acceleration[n - late]) * shape

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,6 +76,13 @@ class Line:
 
     def basis(self, at: Real) -> Real:
         """Values of all basis functions at the coordinates `at`, shape (points, nodes)."""
+        return self._at(at, lagrange)
+
+    def slopes(self, at: Real) -> Real:
+        """Derivatives of all basis functions at the coordinates `at`, shape (points, nodes), 1/m."""
+        return self._at(at, lambda nodes, x: lagrange(nodes, x) @ _slopes(nodes))
+
+    def _at(self, at: Real, polynomials: Callable[[Real, Real], Real]) -> Real:
         at = np.atleast_1d(np.asarray(at, float))
         size = self.length_m / self.n_elements
         own = np.clip((at / size).astype(int), 0, self.n_elements - 1)
@@ -83,7 +91,7 @@ class Line:
             rows = np.flatnonzero(own == element)
             first = element * self.order
             inside = slice(first, first + self.order + 1)
-            values[rows, inside] = lagrange(self.nodes[inside], at[rows])
+            values[rows, inside] = polynomials(self.nodes[inside], at[rows])
         return values
 
 
