@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import OrderedDict
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ class AxisModes:
     w: Complex
     a0: Complex
     norm: Complex
+    _at: dict[bytes, Complex] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def q2(self) -> Complex:
@@ -47,18 +49,26 @@ class AxisModes:
         found: Complex = (self.a0[..., None] * cosine - self.w[..., None] * part * sine) / self.length
         return found
 
-    def lines(self, part: slice) -> AxisModes:
-        """The same at some lines only."""
-        return AxisModes(self.length, self.w[part], self.a0[part], self.norm[part])
-
     def at(self, x: NDArray[np.float64]) -> Complex:
         """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
-        part = np.asarray(x, dtype=float) / self.length
+        key = np.asarray(x, dtype=float).tobytes()
+        if key not in self._at:
+            if len(self._at) >= 4:
+                self._at.clear()
+            self._at[key] = self._waves(np.asarray(x, dtype=float) / self.length)
+        return self._at[key]
+
+    def _waves(self, part: NDArray[np.float64]) -> Complex:
         u = np.where(np.abs(self.w) < 1e-12, 1e-6, np.sqrt(self.w))[..., None]
         wave = np.exp(1j * u * part)  # one exponential is cheaper than a sine and a cosine
         back = 1 / wave
         found: Complex = 0.5 * (wave + back) - (0.5j * self.a0[..., None] / u) * (wave - back)
         return found
+
+
+# A fit changes one wall or one edge at a time; the other axes stay.
+_AXES: OrderedDict[tuple[object, ...], AxisModes] = OrderedDict()
+_KEPT = 8
 
 
 def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: int) -> AxisModes:
@@ -86,11 +96,24 @@ def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: i
         The zeros are not found at some line.
     """
     a0, a1 = (np.atleast_1d(np.asarray(a, dtype=complex))[:, None] for a in (a0, a1))
+    key = (length, a0.tobytes(), a1.tobytes(), count)
+    if key in _AXES:
+        _AXES.move_to_end(key)
+        return _AXES[key]
+    w = _zeros(length, a0, a1, count)
+    while len(_AXES) >= _KEPT:
+        _AXES.popitem(last=False)
+    _AXES[key] = AxisModes(length, w, a0, length * _norm(w, a0))
+    return _AXES[key]
+
+
+def _zeros(length: float, a0: Complex, a1: Complex, count: int) -> Complex:
     rigid = (np.pi * np.arange(count)) ** 2
     shift = (a0 + a1) * np.where(np.arange(count) == 0, 1.0, 2.0)  # first-order perturbation
     limit = 0.25 * np.where(np.arange(count) == 0, 8.0, 2 * np.pi**2 * np.maximum(np.arange(count), 1))
     w = rigid + shift * np.minimum(1.0, limit / np.maximum(np.abs(shift), 1e-300))
-    left = _iterate(w, a0, a1, np.arange(len(w)))
+    left = _newton(w, a0, a1)
+    left = _iterate(w, a0, a1, left)
     if left.size:
         w[left] = _galerkin(a0[left], a1[left], count)
         left = _iterate(w, a0, a1, left)
@@ -100,7 +123,27 @@ def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: i
             expected="zeros found within 60 iterations",
             remedy="narrow the parameters of the walls or the frequency range",
         )
-    return AxisModes(length, w, a0, length * _norm(w, a0))
+    return w
+
+
+def _newton(w: Complex, a0: Complex, a1: Complex) -> NDArray[np.intp]:
+    """Refine `w` in place; returns the lines where a zero may have been found twice or not at all.
+
+    Between hard walls every zero stays so near to that of the rigid axis that Newton's steps cannot confuse two.
+    """
+    order = np.arange(w.shape[1])
+    apart = 0.45 * np.pi**2 * np.maximum(2 * order - 1, 1)  # discs around the rigid zeros do not touch
+    rigid, start = (np.pi * order) ** 2, w.copy()
+    for _ in range(6):
+        value, slope = _characteristic(w, a0, a1)
+        step = value / slope
+        w -= step
+        if np.max(np.abs(step) / (1.0 + np.abs(w))) < 1e-8:  # convergence is quadratic
+            break
+    settled = np.abs(step) <= 1e-8 * (1.0 + np.abs(w))
+    left = np.flatnonzero(~np.all(settled & (np.abs(w - rigid) < apart), axis=1))
+    w[left] = start[left]
+    return left
 
 
 def _iterate(w: Complex, a0: Complex, a1: Complex, lines: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -128,10 +171,7 @@ def _galerkin(a0: Complex, a1: Complex, count: int) -> Complex:
 
 
 def _aberth_step(w: Complex, a0: Complex, a1: Complex) -> Complex:
-    cosine, sine = _cos_sinc(w)
-    slope_sine = np.where(np.abs(w) < 1e-4, -1 / 6 + w / 60, (cosine - sine) / (2 * np.where(w == 0, 1, w)))
-    value = w * sine - (a0 + a1) * cosine - a0 * a1 * sine
-    slope = sine + (w - a0 * a1) * slope_sine + (a0 + a1) * sine / 2
+    value, slope = _characteristic(w, a0, a1)
     newton = value / slope
     gap = w[:, :, None] - w[:, None, :] + 1e-30  # two starting values may coincide
     gap[:, np.arange(w.shape[1]), np.arange(w.shape[1])] = np.inf
@@ -141,6 +181,14 @@ def _aberth_step(w: Complex, a0: Complex, a1: Complex) -> Complex:
     step = np.where(far, newton / correction, newton)
     longest = 1.0 + np.sqrt(np.abs(w))
     return step * np.minimum(1.0, 3 * longest / np.maximum(np.abs(step), 1e-300))
+
+
+def _characteristic(w: Complex, a0: Complex, a1: Complex) -> tuple[Complex, Complex]:
+    """F(w) and its derivative."""
+    cosine, sine = _cos_sinc(w)
+    slope_sine = np.where(np.abs(w) < 1e-4, -1 / 6 + w / 60, (cosine - sine) / (2 * np.where(w == 0, 1, w)))
+    value = w * sine - (a0 + a1) * cosine - a0 * a1 * sine
+    return value, sine + (w - a0 * a1) * slope_sine + (a0 + a1) * sine / 2
 
 
 def _norm(w: Complex, a0: Complex) -> Complex:

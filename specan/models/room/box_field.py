@@ -101,18 +101,20 @@ class BoxField:
 
     def _modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
         points = np.array([port.position for port in receivers])
+        at = [axis.at(points[:, i]) for i, axis in enumerate(self.axes)]
         out = np.empty((len(self.k2), len(receivers)), dtype=complex)
         special = [i for i, port in enumerate(receivers) if port.radius > 0 or port.slope is not None]
+        from_source = _along(self.axes, source)
+        to_special = [_along(self.axes, receivers[i]) for i in special]
         for first in range(0, len(self.k2), _LINES_AT_ONCE):
             part = slice(first, first + _LINES_AT_ONCE)
-            axes = [a.lines(part) for a in self.axes]
-            amplitudes = _amplitudes(axes, self.k2[part], source)
-            at = [axis.at(points[:, i]) for i, axis in enumerate(axes)]
-            along_z = amplitudes @ at[2][:, None]
-            along_y = np.einsum("fxyr,fyr->fxr", along_z, at[1])
-            out[part] = np.einsum("fxr,fxr->fr", along_y, at[0])
-            for i in special:
-                out[part, i] = _port_sum(axes, amplitudes, receivers[i])
+            here = _Lines.of(self.axes, self.k2, part)
+            amplitudes = here.amplitudes([x[part] for x in from_source], source)
+            along_z = amplitudes @ at[2][part][:, None]
+            along_y = np.einsum("fxyr,fyr->fxr", along_z, at[1][part])
+            out[part] = np.einsum("fxr,fxr->fr", along_y, at[0][part])
+            for i, along in zip(special, to_special, strict=True):
+                out[part, i] = here.port_sum(amplitudes, [x[part] for x in along], receivers[i])
         return out
 
     def _rest(self, source: Port, points: Real, radii: Real) -> Complex:
@@ -136,16 +138,18 @@ def disc_mean(kt2: NDArray, radius: float) -> NDArray:
     """Mean over a disc of a field with in-plane wave number squared `kt2`, relative to its centre.
 
     ``2 J1(z)/z`` with ``z = kt a``: the mean value property of solutions of the Helmholtz equation. As a
-    power series, which serves complex arguments and needs no branch.
+    power series in ``x = -z^2 / 4``, which serves complex arguments and needs no branch; a term is
+    ``x / (n (n + 1))`` times the one before.
     """
-    z = np.asarray(kt2) * (radius**2 / 4)
-    term = np.ones_like(z)
-    total = np.ones_like(z)
-    for n in range(1, 80):
-        term = term * (-z) / (n * (n + 1))
-        total = total + term
-        if np.max(np.abs(term)) < 1e-14:
-            break
+    x = np.asarray(kt2) * (-(radius**2) / 4)
+    largest, size, terms = float(np.max(np.abs(x), initial=0.0)), 1.0, 0
+    while size > 1e-14 and terms < 80:
+        terms += 1
+        size *= largest / (terms * (terms + 1))
+    total = np.ones_like(x)
+    for n in range(terms, 0, -1):
+        total *= x / (n * (n + 1))
+        total += 1
     return total
 
 
@@ -154,16 +158,6 @@ _ALONG = (
     (slice(None), None, slice(None), None),
     (slice(None), None, None, slice(None)),
 )
-
-
-def _mean_over(axes: Sequence[AxisModes], port: Port) -> NDArray:
-    """Factor (lines, nx, ny, nz) that averages the modes over a patch or ball; 1 for a point."""
-    if port.radius == 0:
-        return np.ones((1, 1, 1, 1))
-    if port.ball:
-        return ball_mean(axes[0].q2[_ALONG[0]] + axes[1].q2[_ALONG[1]] + axes[2].q2[_ALONG[2]], port.radius)
-    i, j = (axis for axis in range(3) if axis != port.axis)
-    return disc_mean(axes[i].q2[_ALONG[i]] + axes[j].q2[_ALONG[j]], port.radius)
 
 
 def ball_mean(big_k2: NDArray, radius: float) -> NDArray:
@@ -183,15 +177,57 @@ def _along(axes: Sequence[AxisModes], port: Port) -> list[Complex]:
     ]
 
 
-def _amplitudes(axes: Sequence[AxisModes], k2: Complex, source: Port) -> Complex:
-    """Psi_N(source) / (Lambda_N (K_N^2 - k^2)), array (lines, nx, ny, nz)."""
-    at = [(x / axis.norm)[w] for x, axis, w in zip(_along(axes, source), axes, _ALONG, strict=True)]
-    big_k2 = sum(axis.q2[where] for axis, where in zip(axes, _ALONG, strict=True))
-    found: Complex = at[0] * at[1] * at[2] * _mean_over(axes, source) / (big_k2 - k2[:, None, None, None])
-    return found
+@dataclass
+class _Lines:
+    """The modes at some lines."""
 
+    q2: tuple[Complex, Complex, Complex]  # squared wave numbers of the axes, ready to be added
+    norm: tuple[Complex, Complex, Complex]
+    distance: Complex  # K_N^2 - k^2, array (lines, nx, ny, nz)
+    k2: Complex
+    _means: dict[tuple[int, float, bool], NDArray] = field(default_factory=dict)
 
-def _port_sum(axes: Sequence[AxisModes], amplitudes: Complex, port: Port) -> Complex:
-    at = [x[w] for x, w in zip(_along(axes, port), _ALONG, strict=True)]
-    found: Complex = (amplitudes * at[0] * at[1] * at[2] * _mean_over(axes, port)).sum(axis=(1, 2, 3))
-    return found
+    @classmethod
+    def of(cls, axes: Sequence[AxisModes], k2: Complex, part: slice) -> _Lines:
+        q = [(axis.w[part] / axis.length**2)[where] for axis, where in zip(axes, _ALONG, strict=True)]
+        norm = [axis.norm[part][where] for axis, where in zip(axes, _ALONG, strict=True)]
+        own = k2[part][:, None, None, None]
+        return cls((q[0], q[1], q[2]), (norm[0], norm[1], norm[2]), (q[0] - own) + q[1] + q[2], own)
+
+    def amplitudes(self, along: Sequence[Complex], source: Port) -> Complex:
+        """Psi_N(source) / (Lambda_N (K_N^2 - k^2)), array (lines, nx, ny, nz)."""
+        at = [x[where] / norm for x, norm, where in zip(along, self.norm, _ALONG, strict=True)]
+        found: Complex = self._product(at, source) / self.distance
+        return found
+
+    def port_sum(self, amplitudes: Complex, along: Sequence[Complex], port: Port) -> Complex:
+        """Sum of the modes over a patch, a ball, or of a derivative, array (lines,)."""
+        found: Complex = np.einsum(
+            "fxyz,fxyz->f",
+            amplitudes,
+            np.broadcast_to(
+                self._product([x[w] for x, w in zip(along, _ALONG, strict=True)], port), amplitudes.shape
+            ),
+        )
+        return found
+
+    def _product(self, at: Sequence[Complex], port: Port) -> Complex:
+        """Mode shapes at a port; what has two axes is multiplied before the third joins."""
+        if port.radius == 0:
+            return (at[0] * at[1]) * at[2]
+        mean = self._mean(port)
+        if port.ball:
+            return (at[0] * at[1]) * at[2] * mean
+        i, j = (axis for axis in range(3) if axis != port.axis)
+        return (at[i] * at[j] * mean) * at[port.axis]
+
+    def _mean(self, port: Port) -> NDArray:
+        """Factor that averages the modes over a patch or ball."""
+        key = (port.axis, port.radius, port.ball)
+        if key not in self._means:
+            if port.ball:
+                self._means[key] = ball_mean(self.distance + self.k2, port.radius)
+            else:
+                i, j = (axis for axis in range(3) if axis != port.axis)
+                self._means[key] = disc_mean(self.q2[i] + self.q2[j], port.radius)
+        return self._means[key]
