@@ -33,11 +33,15 @@ if TYPE_CHECKING:
     type=click.Choice(["1 nm/s", "50 nm/s"]),
     help="0 dB of velocity.  [default: 1 nm/s]",
 )
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw to a .png, .svg or .pdf.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write everything as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @opening_options
 def command(
     file: Path,
     weighting: str | None,
+    plot: Path | None,
+    output: Path | None,
     as_json: bool,
     channel_table: Path | None,
     calibration: Path | None,
@@ -47,11 +51,17 @@ def command(
     """Find RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
 
     All but the mean are of the signal about its mean.
+
+    \b
+    specan rms sample_data/recordings/knock.tdms --averaging slow
     """
     from specan.analysis.levels import Levels
     from specan.io.open import open_recording
+    from specan.report.figure_style import figure_format
     from specan.schema import parse
 
+    if plot is not None:
+        figure_format(plot)
     settings = parse(
         Levels, given(weighting=None if weighting is None else weighting.upper(), **options), "rms"
     )
@@ -61,10 +71,20 @@ def command(
     accumulator = settings.accumulator(recording)
     feed(accumulator, recording)
     found = accumulator.result()
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_levels import figure_levels
+
+        save_figure(figure_levels(found), plot)
+    if output is not None:
+        write_text(found, output)
     if as_json:
         emit_json(content(found))
     else:
         show(found)
+        for written in (plot, output):
+            if written is not None:
+                click.echo(f"Written to {written}.")
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return 0
 
@@ -143,6 +163,42 @@ def show(found: SignalLevels) -> None:
         f"Levels; {letter} max and L of the {found.averaging} level, {found.weighting} weighted for Pa"
     )
     table("", header, rows)
+
+
+def write_text(found: SignalLevels, path: Path) -> None:
+    """One row a channel, tab-separated."""
+    from specan.io import results_text as text
+
+    percent = {f"L{n:g}_dB": values for n, values in found.percentile_db.items()}
+    equivalent = {f"Leq_{weighting}_dB": values for weighting, values in found.equivalent_db.items()}
+    levels = {
+        "level_dB": found.level_db, "peak_dB": found.peak_db, **equivalent, "max_dB": found.maximum_db,
+        "min_dB": found.minimum_db, **percent,
+    }  # fmt: skip
+    numbers = {
+        "rms": found.rms, "peak": found.peak, "crest_factor": found.crest_factor, "mean": found.mean,
+        "minimum": found.minimum, "maximum": found.maximum,
+    }  # fmt: skip
+    block = text.rows(
+        [
+            [text.word(name) for name in found.channels],
+            [text.word(group) for group in found.groups],
+            [text.word(unit) for unit in found.units],
+            *(text.significant(values) for values in numbers.values()),
+            [text.word(reference.text) for reference in found.references],
+            *(text.levels(values) for values in levels.values()),
+            [" ".join(words) for words in found.flags],
+        ]
+    )
+    header = [
+        f"levels of {found.label}, {found.start_s:g} s to {found.start_s + found.duration_s:g} s, about the mean",
+        f"max, min and L of the {found.averaging} level, {found.weighting} weighted for Pa",
+        f"settling: {found.settling}",
+        f"settings: {found.settings}",
+        *found.notes,
+    ]
+    columns = ("channel", "group", "unit", *numbers, "level_reference", *levels, "flags")
+    text.write_table(path, header, columns, [block])
 
 
 def _number(value: float, form: str = "{:.2f}") -> str:

@@ -137,7 +137,7 @@ class Lines:
             tools=[],
             output_backend="canvas",
         )
-        self._shades = ColumnDataSource({"x": [], "y": [], "colour": []})
+        self._shades = ColumnDataSource({"x": [], "y": [], "colour": []}, name="bands")
         self.sheet.patches(
             "x", "y", source=self._shades, fill_color="colour", fill_alpha=0.25, line_color=None
         )

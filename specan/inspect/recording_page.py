@@ -179,6 +179,7 @@ class RecordingPage:
         if view.tab != old.tab:
             self.found = []
             self.readout.text = ""
+            self.tabs[view.tab].settings_of(view)
             self._body.children = self._of_tab()
         self.waveform.show_section(view)
         self._start.value, self._stop.value, self._cursor.value = view.start, view.stop, view.cursor

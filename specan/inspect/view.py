@@ -37,10 +37,13 @@ class View(Settings):
         Multiples of the cursor are shown as well.
     averaging, hold, fraction, weighting, fmin, fmax
         Of the octave tab; a time constant is written as its number.
-    lines, window, scaling, reference
-        Of the FFT tab and, for the first two, the transfer functions.
-    over, estimator, unwrapped
+    lines, window, overlap, scaling, spectrum_averaging, blocks, reference
+        Of the FFT tab and, for the first three, the transfer functions; `blocks` are those of an exponential
+        average. Lines hold for the spectrogram as well.
+    over, estimator, instrument, unwrapped
         Of the transfer functions; `over` is the reference channel.
+    of : str
+        ``group/name`` of the channel whose spectrogram is shown; the first on screen by default.
     level_weighting, level_averaging
         Of the levels against time.
     """
@@ -61,10 +64,15 @@ class View(Settings):
     fmax: float = Field(default=20000.0, gt=0.5)
     lines: int = Field(default=3200, ge=8, le=1_000_000)
     window: WindowName = "hann"
+    overlap: float = Field(default=0.5, ge=0.0, le=0.95)
     scaling: Scaling = "amplitude"
+    spectrum_averaging: Literal["linear", "exponential", "max", "min"] = "linear"
+    blocks: int = Field(default=10, ge=2, le=100_000)
     reference: str = ""
     over: str = ""
     estimator: Estimator = "H1"
+    instrument: str = ""
+    of: str = ""
     unwrapped: bool = False
     level_weighting: Weighting = "Z"
     level_averaging: Literal["fast", "slow"] = "fast"

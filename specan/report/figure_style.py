@@ -59,6 +59,23 @@ def with_gaps(phase: NDArray[np.float64]) -> NDArray[np.float64]:
     return gapped
 
 
+def band_about(
+    level_db: NDArray[np.float64], relative: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Levels below and above a level whose magnitude is uncertain by a relative amount; -40 dB of it at the lowest.
+
+    Examples
+    --------
+    >>> low, high = band_about(np.array([80.0]), np.array([0.1]))
+    >>> low.round(2).tolist(), high.round(2).tolist()
+    ([79.08], [80.83])
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return level_db + 20 * np.log10(np.maximum(1 - relative, 1e-2)), level_db + 20 * np.log10(
+            1 + relative
+        )
+
+
 def figure_format(path: Path) -> str:
     """Format by the suffix of a file, checked before the work is done.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.spectrum import Spectrogram, Spectrum
-from specan.report.figure_style import line_styles, octave_axis, with_gaps
+from specan.report.figure_style import band_about, line_styles, octave_axis, with_gaps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,9 +67,7 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     relative = 2 * np.hypot(found.u_magnitude_percent, found.u_common_percent) / 100
     turn = 2 * np.hypot(found.u_phase_deg, found.u_common_phase_deg)
     marker = "." if len(f) < 60 else ""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        low = level + 20 * np.log10(np.maximum(1 - relative, 1e-3))
-        high = level + 20 * np.log10(1 + relative)
+    low, high = band_about(level, relative)
     for row, (name, style) in enumerate(zip(found.channels, line_styles())):
         line = {**style, "linewidth": 1.0, "marker": marker}
         axes[0].plot(f, level[row], label=name, **line)

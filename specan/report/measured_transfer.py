@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.report.figure_style import band_about
 from specan.study.observation.frf import FrfObservation
 
 Array = NDArray[np.float64]
@@ -41,8 +42,7 @@ class MeasuredTransfer:
 
     def band_db(self) -> tuple[Array, Array]:
         """Levels two standard uncertainties below and above the measured one."""
-        level, reach = level_db(self.measured), 2 * self.u_relative
-        return level + 20 * np.log10(np.maximum(1 - reach, 1e-2)), level + 20 * np.log10(1 + reach)
+        return band_about(level_db(self.measured), 2 * self.u_relative)
 
     @property
     def error_db(self) -> Array:

@@ -1,9 +1,11 @@
 """A browser and a running page, for those who have one."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -61,3 +63,81 @@ def serve() -> Iterator[Callable[..., str]]:
     for process in running:
         process.terminate()
         process.communicate(timeout=20)
+
+
+# The page's widgets live in nested shadow roots; Bokeh's own document finds them by their name.
+MODEL = "Bokeh.documents[0].get_model_by_name(arguments[0])"
+
+
+PATIENCE = 30.0  # s, on a busy machine
+
+
+def wait_for(what, patience: float = PATIENCE):
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        found = what()
+        if found:
+            return found
+        time.sleep(0.1)
+    raise AssertionError(f"waited {patience} s in vain")
+
+
+class Page:
+    """One open page."""
+
+    def __init__(self, browser, url: str) -> None:
+        self.browser = browser
+        browser.get("about:blank")
+        browser.get_log("browser")  # of pages before
+        browser.get(url)
+        wait_for(
+            lambda: self.script(
+                "return !!(window.Bokeh && Bokeh.documents.length && Bokeh.documents[0].roots().length)"
+            )
+        )
+
+    def script(self, code: str, *arguments):
+        return self.browser.execute_script(code, *arguments)
+
+    wait = staticmethod(wait_for)
+
+    def text(self, name: str) -> str:
+        markup = self.script(f"const m = {MODEL}; return m ? m.text : ''", name) or ""
+        return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", markup))
+
+    def element(self, name: str, tag: str):
+        """The HTML element of a widget."""
+        return wait_for(
+            lambda: self.script(
+                "const id = " + MODEL + "?.id; const tag = arguments[1];"
+                "const seek = (views) => { for (const v of views) { if (v.model.id == id) return v.el;"
+                " const f = seek(v.child_views ?? []); if (f) return f; } };"
+                "const el = seek(Object.values(Bokeh.index).length ? Object.values(Bokeh.index)"
+                " : [...Bokeh.index]); return el?.shadowRoot.querySelector(tag)",
+                name,
+                tag,
+            )
+        )
+
+    def choose(self, name: str, text: str) -> None:
+        from selenium.webdriver.support.ui import Select
+
+        Select(self.element(name, "select")).select_by_visible_text(text)
+
+    def type(self, name: str, text: str) -> None:
+        from selenium.webdriver.common.keys import Keys
+
+        self.element(name, "input").send_keys(Keys.CONTROL, "a", Keys.NULL, text, Keys.ENTER)
+
+    def press(self, name: str) -> None:
+        self.element(name, "button").click()
+
+    @property
+    def complaints(self) -> list[str]:
+        return [e["message"] for e in self.browser.get_log("browser") if e["level"] in ("SEVERE", "WARNING")]
+
+
+@pytest.fixture
+def open_page(browser) -> Callable[[str], Page]:
+    """Open an address in the browser."""
+    return lambda url: Page(browser, url)

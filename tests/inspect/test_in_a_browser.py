@@ -2,7 +2,6 @@
 
 import json
 import re
-import time
 from pathlib import Path
 
 import numpy as np
@@ -10,83 +9,16 @@ import pytest
 from click.testing import CliRunner
 from scipy.io import wavfile
 
+from specan_cli.fft import command as fft
+from specan_cli.frf import command as frf
 from specan_cli.octave import command as octave
-from specan_cli.study_history import command as study_history
-from specan_cli.study_new import command as study_new
+from specan_cli.rms import command as rms
 
 pytest.importorskip("bokeh")
 
 ROOT = Path(__file__).parents[2]
 NOISE = ROOT / "sample_data" / "recordings" / "noise" / "noise_24_microphones.tdms"
-GEAR = ROOT / "sample_data" / "worm_gear"
-PATIENCE = 30.0  # s, on a busy machine
-
-# The page's widgets live in nested shadow roots; Bokeh's own document finds them by their name.
-MODEL = "Bokeh.documents[0].get_model_by_name(arguments[0])"
-
-
-def wait_for(what, patience: float = PATIENCE):
-    end = time.monotonic() + patience
-    while time.monotonic() < end:
-        found = what()
-        if found:
-            return found
-        time.sleep(0.1)
-    raise AssertionError(f"waited {patience} s in vain")
-
-
-class Page:
-    """One open page."""
-
-    def __init__(self, browser, url: str) -> None:
-        self.browser = browser
-        browser.get("about:blank")
-        browser.get_log("browser")  # of pages before
-        browser.get(url)
-        wait_for(
-            lambda: self.script(
-                "return !!(window.Bokeh && Bokeh.documents.length && Bokeh.documents[0].roots().length)"
-            )
-        )
-
-    def script(self, code: str, *arguments):
-        return self.browser.execute_script(code, *arguments)
-
-    def text(self, name: str) -> str:
-        markup = self.script(f"const m = {MODEL}; return m ? m.text : ''", name) or ""
-        return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", markup))
-
-    def element(self, name: str, tag: str):
-        """The HTML element of a widget."""
-        return wait_for(
-            lambda: self.script(
-                "const id = " + MODEL + "?.id; const tag = arguments[1];"
-                "const seek = (views) => { for (const v of views) { if (v.model.id == id) return v.el;"
-                " const f = seek(v.child_views ?? []); if (f) return f; } };"
-                "const el = seek(Object.values(Bokeh.index).length ? Object.values(Bokeh.index)"
-                " : [...Bokeh.index]); return el?.shadowRoot.querySelector(tag)",
-                name,
-                tag,
-            )
-        )
-
-    def choose(self, name: str, text: str) -> None:
-        from selenium.webdriver.support.ui import Select
-
-        Select(self.element(name, "select")).select_by_value(text)
-
-    def type(self, name: str, text: str) -> None:
-        from selenium.webdriver.common.keys import Keys
-
-        self.element(name, "input").send_keys(Keys.CONTROL, "a")
-        self.element(name, "input").send_keys(text, Keys.ENTER)
-
-    def press(self, name: str) -> None:
-        self.element(name, "button").click()
-
-    @property
-    def complaints(self) -> list[str]:
-        return [e["message"] for e in self.browser.get_log("browser") if e["level"] in ("SEVERE", "WARNING")]
+KNOCK = ROOT / "sample_data" / "recordings" / "knock.tdms"
 
 
 def bands(*options: str) -> dict:
@@ -94,32 +26,32 @@ def bands(*options: str) -> dict:
     return json.loads(result.stdout)
 
 
-def test_a_band_level_is_that_of_the_command(browser, serve):
-    page = Page(browser, serve(str(NOISE)))
+def test_a_band_level_is_that_of_the_command(browser, open_page, serve):
+    page = open_page(serve(str(NOISE)))
     page.type("cursor", "1010")
-    wait_for(lambda: "Mic 1 1000" in page.text("readout"))
+    page.wait(lambda: "Mic 1 1000" in page.text("readout"))
     page.choose("fraction", "12")
     found = bands("--channel", "Mic 1", "--fraction", "12")
     inside = np.flatnonzero((np.array(found["lower_hz"]) <= 1010) & (np.array(found["upper_hz"]) > 1010))[0]
     level = f"{found['channels'][0]['level_dB'][inside]:.2f}"
-    wait_for(lambda: f"Mic 1 {found['nominal_hz'][inside]:g} {level} dB" in page.text("readout"))
+    page.wait(lambda: f"Mic 1 {found['nominal_hz'][inside]:g} {level} dB" in page.text("readout"))
     page.choose("weighting", "A")
     weighted = bands("--channel", "Mic 1", "--fraction", "12", "--weighting", "A")["channels"][0]
-    wait_for(lambda: f"{weighted['level_dB'][inside]:.2f} dB" in page.text("readout"))
+    page.wait(lambda: f"{weighted['level_dB'][inside]:.2f} dB" in page.text("readout"))
     # The settings stand in the address: sent on, it shows the same.
-    wait_for(lambda: "fraction=12" in browser.current_url and "weighting=A" in browser.current_url)
+    page.wait(lambda: "fraction=12" in browser.current_url and "weighting=A" in browser.current_url)
     shown, address = page.text("readout"), browser.current_url
-    again = Page(browser, address)
-    wait_for(lambda: again.text("readout") == shown)
+    again = open_page(address)
+    page.wait(lambda: again.text("readout") == shown)
     assert page.complaints == []
 
 
-def test_zoom_section_and_numbers(browser, serve):
+def test_zoom_section_and_numbers(browser, open_page, serve):
     from selenium.webdriver.common.action_chains import ActionChains
 
-    page = Page(browser, serve(str(NOISE)))
-    wait_for(lambda: "97." in page.text("overall"))
-    canvas = wait_for(lambda: page.script(
+    page = open_page(serve(str(NOISE)))
+    page.wait(lambda: "97." in page.text("overall"))
+    canvas = page.wait(lambda: page.script(
         "const seek = (v) => { if (v.model.type == 'Figure') return v.el; for (const c of v.child_views ?? []) {"
         " const f = seek(c); if (f) return f; } }; for (const v of Object.values(Bokeh.index).length ?"
         " Object.values(Bokeh.index) : [...Bokeh.index]) return seek(v)"))  # fmt: skip
@@ -128,21 +60,21 @@ def test_zoom_section_and_numbers(browser, serve):
     ActionChains(browser).move_to_element_with_offset(canvas, -wide // 5, 0).click_and_hold().move_by_offset(
         wide // 4, 10
     ).release().perform()
-    wait_for(lambda: "start=" in browser.current_url and "stop=" in browser.current_url)
+    page.wait(lambda: "start=" in browser.current_url and "stop=" in browser.current_url)
     start = float(re.search(r"start=([\d.]+)", browser.current_url)[1])
     stop = float(re.search(r"stop=([\d.]+)", browser.current_url)[1])
     assert 0.2 < start < stop < 3.3
     found = bands("--channel", "Mic 1", "--start", str(start), "--stop", str(stop))
-    wait_for(lambda: f"Mic 1 {found['channels'][0]['overall_dB']['Z']:.2f}" in page.text("overall"))
+    page.wait(lambda: f"Mic 1 {found['channels'][0]['overall_dB']['Z']:.2f}" in page.text("overall"))
     # The wheel zooms, and the part on screen is drawn anew.
     from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 
     ActionChains(browser).scroll_from_origin(ScrollOrigin.from_element(canvas), 0, -300).perform()
-    wait_for(lambda: "low=" in browser.current_url or "high=" in browser.current_url)
+    page.wait(lambda: "low=" in browser.current_url or "high=" in browser.current_url)
     # Numbers as the command writes them.
     page.press("save-txt")
     name = "noise_24_microphones_octave.txt"
-    saved = wait_for(lambda: next(iter(browser.downloads.glob(name)), None))
+    saved = page.wait(lambda: next(iter(browser.downloads.glob(name)), None))
     expected = browser.downloads / "expected.txt"
     channels = [o for k in (1, 2, 3, 4) for o in ("--channel", f"Measurement/Mic {k}")]
     CliRunner().invoke(
@@ -164,60 +96,118 @@ def test_zoom_section_and_numbers(browser, serve):
     assert page.complaints == []
 
 
-def test_every_tab_opens(browser, serve):
-    url = serve(str(NOISE), "--overlay", str(ROOT / "sample_data/recordings/knock.tdms"))
-    page = Page(browser, url + "?tab=fft&cursor=500&reference=Mic+1")
-    wait_for(lambda: "degrees" in page.text("readout"))
-    page = Page(browser, url + "?tab=frf&cursor=500&lines=400")
-    wait_for(lambda: "coherence" in page.text("readout"))
-    page = Page(browser, url + "?tab=levels")
-    wait_for(lambda: "knock" in page.text("levels"))
-    page = Page(browser, url + "?tab=info")
-    wait_for(lambda: "24-bit" in page.text("info"))
-    page = Page(browser, url + "?tab=nonsense")
-    wait_for(lambda: "nonsense" in page.text("status"))
+def test_every_tab_opens(browser, open_page, serve):
+    url = serve(str(NOISE), "--overlay", str(KNOCK))
+    page = open_page(url + "?tab=fft&cursor=500&reference=Mic+1")
+    page.wait(lambda: "degrees" in page.text("readout"))
+    page = open_page(url + "?tab=frf&cursor=500&lines=400")
+    page.wait(lambda: "coherence" in page.text("readout"))
+    page = open_page(url + "?tab=levels")
+    page.wait(lambda: "knock" in page.text("levels"))
+    page = open_page(url + "?tab=info")
+    page.wait(lambda: "24-bit" in page.text("info"))
+    page = open_page(url + "?tab=nonsense")
+    page.wait(lambda: "nonsense" in page.text("status"))
     assert page.complaints == []
 
 
-def test_a_recording_whose_names_are_markup_and_which_vanishes(browser, serve, tmp_path):
+def test_a_recording_whose_names_are_markup_and_which_vanishes(browser, open_page, serve, tmp_path):
     file = tmp_path / "<img src=x onerror=document.title=1>.wav"
     wavfile.write(file, 8000, np.zeros(800, dtype=np.float32))
-    page = Page(browser, serve(str(file)))
-    wait_for(lambda: "dead" in page.text("status"))
+    page = open_page(serve(str(file)))
+    page.wait(lambda: "dead" in page.text("status"))
     assert page.script("return document.querySelectorAll('img').length") == 0
     assert page.browser.title != "1"
     file.unlink()
     page.type("start", "0.02")
-    wait_for(lambda: "cannot be reached" in page.text("status"))
+    page.wait(lambda: "cannot be reached" in page.text("status"))
 
 
-def test_an_effect_is_tried_accepted_and_in_the_history(browser, serve, tmp_path):
-    study = tmp_path / "gear"
-    arguments = [
-        "--model",
-        "worm-gear",
-        "--rig",
-        str(GEAR / "rig.toml"),
-        "--measurement",
-        str(GEAR / "table_8_loaded.csv"),
-    ]
-    assert CliRunner().invoke(study_new, [str(study), *arguments]).exit_code == 0
-    before = (study / "history.jsonl").read_text()
-    page = Page(browser, serve(str(study)))
-    wait_for(lambda: "efficiency" in page.text("trial"))
-    shown = page.text("trial")
-    page.press("try-seal-drag")
-    wait_for(lambda: "tried, not accepted" in page.text("status"))
-    assert page.text("trial") != shown
-    assert (study / "history.jsonl").read_text() == before  # nothing is written by trying
-    page.type("because", "it leaks")
-    page.press("accept")
-    wait_for(lambda: "it leaks" in page.text("history"))
-    steps = json.loads(CliRunner().invoke(study_history, [str(study), "--json"]).stdout)
-    assert (steps[-1]["action"], steps[-1]["effect"], steps[-1]["because"]) == (
-        "add",
-        "seal-drag",
-        "it leaks",
+def saved_text(browser, page, name: str) -> str:
+    """What the button hands to the downloads."""
+    place = browser.downloads / name
+    place.unlink(missing_ok=True)
+    page.press("save-txt")
+    page.wait(place.exists)
+    return place.read_text()
+
+
+def written(command, tmp_path, *arguments: str) -> str:
+    """What the command writes with -o."""
+    place = tmp_path / "expected.txt"
+    result = CliRunner().invoke(command, [*arguments, "-o", str(place)], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return place.read_text()
+
+
+FOUR = [o for k in (1, 2, 3, 4) for o in ("--channel", f"Measurement/Mic {k}")]
+
+
+def test_averaging_and_overlap_of_a_spectrum_are_those_of_the_command(browser, open_page, serve, tmp_path):
+    page = open_page(serve(str(NOISE)) + "?tab=fft&lines=400&cursor=500")
+    for name, text in (("exponential", "exponential"), ("max", "max hold"), ("min", "min hold")):
+        page.choose("spectrum_averaging", text)
+        page.wait(lambda name=name: f"spectrum_averaging={name}" in browser.current_url)
+    page.type("overlap", "0.75")
+    page.wait(lambda: "overlap=0.75" in browser.current_url and "dB" in page.text("readout"))
+    expected = written(
+        fft, tmp_path, str(NOISE), *FOUR, "--lines", "400", "--averaging", "min", "--overlap", "0.75"
     )
-    assert f"{steps[-1]['fit_error']['value']:.4g}" in page.text("history")
+    page.wait(lambda: saved_text(browser, page, "noise_24_microphones_fft.txt") == expected)
     assert page.complaints == []
+
+
+def test_the_generator_as_instrument_and_the_uncertainty_on_screen(browser, open_page, serve, tmp_path):
+    page = open_page(serve(str(NOISE)) + "?tab=frf&lines=400&cursor=300")
+    page.wait(lambda: "coherence" in page.text("readout"))
+    bands = (
+        "return [...Bokeh.documents[0]._all_models.values()].filter(m => m.name == 'bands'"
+        " && (m.data.colour ?? m.data.get('colour')).length == 4).length"
+    )
+    page.wait(lambda: page.script(bands) == 2)  # of the magnitude and of the phase
+    page.choose("estimator", "H3c")
+    page.wait(lambda: "estimator=H3c" in browser.current_url)
+    expected = written(frf, tmp_path, str(NOISE), *FOUR, "--lines", "400", "--estimator", "H3c")
+    page.wait(lambda: saved_text(browser, page, "noise_24_microphones_frf.txt") == expected)
+    uncertain = re.search(r"u ([\d.e-]+) % and ([\d.e-]+) degrees", page.text("readout"))
+    assert 0 < float(uncertain[1]) < 50
+    assert page.complaints == []
+
+
+def test_levels_are_saved_as_the_command_writes_them(browser, open_page, serve, tmp_path):
+    page = open_page(serve(str(NOISE)) + "?tab=levels&level_averaging=slow&level_weighting=A")
+    page.wait(lambda: "Mic 4" in page.text("levels"))
+    expected = written(rms, tmp_path, str(NOISE), *FOUR, "--averaging", "slow", "--weighting", "A")
+    page.wait(lambda: saved_text(browser, page, "noise_24_microphones_levels.txt") == expected)
+    assert page.complaints == []
+
+
+def test_a_spectrogram_of_any_channel(browser, open_page, serve, tmp_path):
+    page = open_page(serve(str(NOISE)) + "?tab=spectrogram&lines=200")
+    page.choose("of", "Mic 17")
+    page.wait(lambda: "of=Measurement%2FMic+17" in browser.current_url)
+    options = ["--spectrogram", "--columns", "500", "--lines", "200", "--channel", "Measurement/Mic 17"]
+    expected = written(fft, tmp_path, str(NOISE), *options)
+    page.wait(lambda: saved_text(browser, page, "noise_24_microphones_spectrogram.txt") == expected)
+    assert page.complaints == []
+
+
+def test_the_cursor_shows_its_harmonics_and_both_files(open_page, serve):
+    url = serve(str(NOISE), "--overlay", str(KNOCK))
+    page = open_page(url + "?tab=fft&cursor=200&lines=400")
+    page.wait(lambda: "Mic 1 · noise" in page.text("readout") and "Mic 1 · knock" in page.text("readout"))
+    alone = page.text("readout").count("Mic 1 · knock")
+    page.element("harmonics", "input").click()
+    page.wait(lambda: page.text("readout").count("Mic 1 · knock") == 10 * alone)
+    assert "2000" in page.text("readout")
+    assert page.complaints == []
+
+
+def test_pictures_are_saved(browser, open_page, serve):
+    page = open_page(serve(str(NOISE)) + "?tab=levels")
+    page.wait(lambda: "Mic 4" in page.text("levels"))
+    for kind, begin in (("png", b"\x89PNG"), ("svg", b"<?xml")):
+        page.press(f"save-{kind}")
+        place = browser.downloads / f"noise_24_microphones_levels.{kind}"
+        page.wait(lambda place=place: place.exists() and place.stat().st_size)
+        assert place.read_bytes().startswith(begin)

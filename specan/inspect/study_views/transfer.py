@@ -22,8 +22,9 @@ class TransferAgreement:
     """Magnitude, phase, and the difference of the levels."""
 
     def __init__(self, study: Study) -> None:
-        self._chosen = [k for k, o in enumerate(study.problem.observations) if isinstance(o, FrfObservation)]
-        recordings = [study.problem.observations[k] for k in self._chosen]
+        observations = study.problem.observations
+        self._chosen = [k for k, o in enumerate(observations) if isinstance(o, FrfObservation)]
+        recordings = [o for o in observations if isinstance(o, FrfObservation)]
         several = len(recordings) > 1
         self._keys = [
             (f"{number}/{name}", f"{name} · {o.name}" if several else name)

@@ -30,7 +30,16 @@ class FftTab(Tab):
         super().__init__(opened, view, change)
         self.number(view, "lines", "Lines", mode="int")
         self.choice(view, "window", "Window", WINDOWS, 130)
+        self.number(view, "overlap", "Overlap", 70)
         self.choice(view, "scaling", "Scaling", SCALINGS)
+        averages = [
+            ("linear", "linear"),
+            ("exponential", "exponential"),
+            ("max", "max hold"),
+            ("min", "min hold"),
+        ]
+        self.choice(view, "spectrum_averaging", "Averaging", averages)
+        self.number(view, "blocks", "of blocks", 70, mode="int")
         names = list(dict.fromkeys(c.name for _, c in opened.keys.values()))
         self.choice(
             view, "reference", "Phase over", [("", "choose a channel"), *((n, n) for n in names)], 190
@@ -76,7 +85,7 @@ class FftTab(Tab):
         self.phase.label(f"Phase{over} / degrees" if phases else "Phase: choose a reference")
         self.levels.sheet.title.text = (
             f"{scale.window}, lines {scale.line_spacing_hz:.4g} Hz apart, noise bandwidth "
-            f"{scale.enbw_hz:.4g} Hz, {found[0][1].n_blocks} blocks"
+            f"{scale.enbw_hz:.4g} Hz, {found[0][1].n_blocks} blocks, {found[0][1].averaging}"
         )
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
@@ -102,7 +111,10 @@ def _settings(view: View, chosen: Chosen) -> FourierSpectrum:
         "channels": chosen.patterns,
         "lines": view.lines if view.lines != View().lines else None,
         "window": view.window,
+        "overlap": view.overlap,
         "scaling": view.scaling,
+        "averaging": view.spectrum_averaging,
+        "n_exponential": view.blocks,
         "start_s": view.start,
         "stop_s": view.stop,
         "reference": view.reference or None,

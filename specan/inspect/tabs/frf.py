@@ -11,12 +11,14 @@ from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
 from specan.errors import InputError
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Curve, Lines
+from specan.inspect.plots import Band, Curve, Lines
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
 from specan.inspect.view import View
-from specan.report.figure_style import with_gaps
+from specan.report.figure_style import band_about, with_gaps
 from specan.report.figures_spectra import figure_frequency_response
 from specan.schema import parse
+
+_MOST_BANDS = 8  # channels whose bands are drawn: more would be one grey
 
 
 class FrfTab(Tab):
@@ -29,8 +31,10 @@ class FrfTab(Tab):
         names = list(dict.fromkeys(c.name for _, c in opened.keys.values()))
         self.choice(view, "over", "Reference", [("", "the vibrometer"), *((n, n) for n in names)], 170)
         self.choice(view, "estimator", "Estimator", ["H1", "H2", "Hv", "H3c"], 90)
+        self.choice(view, "instrument", "of H3c", [("", "the generator"), *((n, n) for n in names)], 150)
         self.choice(view, "unwrapped", "Phase", [("False", "-180 to 180"), ("True", "unwrapped")], 120)
         self.number(view, "lines", "Lines", mode="int")
+        self.number(view, "overlap", "Overlap", 70)
         self.magnitude = Lines("", "Magnitude / dB", hertz=True, tip=("Hz", "dB"), dynamics=100.0, height=260)
         self.phase = Lines(
             "", "Phase / degrees", hertz=True, like=self.magnitude, height=190, tip=("Hz", "degrees")
@@ -52,8 +56,10 @@ class FrfTab(Tab):
                     "reference": view.over or None,
                     "channels": chosen.patterns,
                     "estimator": view.estimator,
+                    "instrument": view.instrument or None,
                     "lines": _lines(view, chosen),
                     "window": view.window,
+                    "overlap": view.overlap,
                     "start_s": view.start,
                     "stop_s": view.stop,
                 },
@@ -64,25 +70,35 @@ class FrfTab(Tab):
         return self.of_each(view, analyse, "a response")
 
     def draw(self, found: Found, view: View) -> None:
-        """Three strips over one axis."""
+        """Three strips over one axis, with the bands of 95 % where they can be told apart."""
         magnitude, phase, coherence = [], [], []
+        levels: list[Band] = []
+        turns: list[Band] = []
+        banded = sum(len(r.channels) for _, r in found) <= _MOST_BANDS
         for number, r in found:
             turned = r.unwrapped_phase_deg if view.unwrapped else r.phase_deg
             for row, name in enumerate(r.channels):
                 text = self.opened.text(number, name)
                 magnitude.append(Curve(text, r.frequency_hz, r.level_db[row]))
                 one = turned[row] if view.unwrapped else with_gaps(turned[row])
+                if banded:
+                    hue = len(magnitude)
+                    relative = 2 * np.hypot(r.u_magnitude_percent[row], r.u_common_percent[row]) / 100
+                    reach = 2 * np.hypot(r.u_phase_deg[row], r.u_common_phase_deg[row])
+                    levels.append(Band(r.frequency_hz, *band_about(r.level_db[row], relative), hue))
+                    turns.append(Band(r.frequency_hz, one - reach, one + reach, hue))
                 phase.append(Curve(text, r.frequency_hz, one))
                 coherence.append(Curve(text, r.frequency_hz, r.coherence[row]))
-        for figure, curves in zip(self.figures, (magnitude, phase, coherence)):
-            figure.draw(curves)
+        self.magnitude.draw(magnitude, levels)
+        self.phase.draw(phase, turns)
+        self.coherence.draw(coherence)
         self.magnitude.span(min(c.x[0] for c in magnitude), max(c.x[-1] for c in magnitude))
         units = dict.fromkeys(unit for _, r in found for unit in r.units)
         self.magnitude.label("Magnitude / dB re 1 " + ", ".join(units))
         first = found[0][1]
         self.magnitude.sheet.title.text = (
             f"{first.estimator} over {first.reference} ({first.reference_rms:.4g} {first.reference_unit} RMS), "
-            f"{first.n_blocks} blocks"
+            f"{first.n_blocks} blocks" + ("; bands: 95 %" if banded else "")
         )
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
@@ -93,7 +109,9 @@ class FrfTab(Tab):
             for row, name in enumerate(r.channels):
                 text = (
                     f"{r.magnitude[row, line]:.5g} {r.units[row]} ({r.level_db[row, line]:.2f} dB), "
-                    f"{r.phase_deg[row, line]:.2f} degrees, coherence {r.coherence[row, line]:.4f}"
+                    f"{r.phase_deg[row, line]:.2f} degrees, coherence {r.coherence[row, line]:.4f}, "
+                    f"u {np.hypot(r.u_magnitude_percent, r.u_common_percent)[row, line]:.2g} % and "
+                    f"{np.hypot(r.u_phase_deg, r.u_common_phase_deg)[row, line]:.2g} degrees"
                 )
                 rows.append((self.opened.text(number, name), f"{r.frequency_hz[line]:.6g}", text))
         return rows

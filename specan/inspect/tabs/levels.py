@@ -16,6 +16,7 @@ from specan.inspect.sheets import sheet
 from specan.inspect.superseded import Superseded
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, run
 from specan.inspect.view import View
+from specan.report.figures_levels import figure_levels
 from specan.schema import parse
 from specan.units import level_reference
 
@@ -94,6 +95,10 @@ class LevelsTab(Tab):
             f"<p>Section {first.start_s:g} s to {first.start_s + first.duration_s:g} s; max, min and percentiles of "
             f"the level with {first.averaging} time weighting.</p>"
         )
+
+    def picture(self, result: Any) -> Any:
+        """As the command draws it."""
+        return figure_levels(result)
 
 
 def _decibels(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Spectrum against time of the first channel on screen."""
+"""Spectrum against time of one channel."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ import numpy as np
 from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper, Range1d
 from bokeh.plotting import figure
 
+from specan.analysis.section import section
 from specan.analysis.spectrogram import SpectrogramSettings
 from specan.data.recording import Recording
 from specan.data.spectrum import Spectrogram
+from specan.dsp.windows import WINDOWS
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import hertz_axis, plain
+from specan.inspect.superseded import heard
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell
 from specan.inspect.view import View
 from specan.report.figures_spectra import figure_spectrogram
@@ -29,7 +32,11 @@ class SpectrogramTab(Tab):
 
     def __init__(self, opened: Opened, view: View, change: Change) -> None:
         super().__init__(opened, view, change)
+        keys = [(key, plain(opened.text(n, c.name))) for key, (n, c) in opened.keys.items()]
+        self.choice(view, "of", "Channel", [("", "the first on screen"), *keys], 220)
         self.number(view, "lines", "Lines", mode="int")
+        self.choice(view, "window", "Window", WINDOWS, 130)
+        self.number(view, "overlap", "Overlap", 70)
         self._colours = LinearColorMapper(palette="Cividis256", low=0, high=1)
         self._source = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []})
         self.sheet = figure(
@@ -48,20 +55,24 @@ class SpectrogramTab(Tab):
         self.body = [self.sheet]
 
     def compute(self, view: View, tell: Tell) -> Found:
-        """Of the first channel only."""
+        """Of one channel only."""
 
         def analyse(chosen: Chosen, recording: Recording) -> Spectrogram:
             content = {
-                "channels": chosen.patterns[:1],
+                "channels": chosen.patterns,
                 "lines": view.lines if view.lines != View().lines else None,
                 "window": view.window,
+                "overlap": view.overlap,
                 "start_s": view.start,
                 "stop_s": view.stop,
                 "columns": _COLUMNS,
             }
-            return parse(SpectrogramSettings, content, "spectrogram")(recording)
+            settings = parse(SpectrogramSettings, content, "spectrogram")
+            start, stop = section(recording, chosen.channels, settings.start_s, settings.stop_s)
+            return settings(heard(recording, stop - start, tell))
 
-        return self.of_each(view.but(channel=view.channel[:1]), analyse)
+        wanted = (view.of,) if view.of in self.opened.keys else view.channel[:1]
+        return self.of_each(view.but(channel=wanted), analyse)
 
     def draw(self, found: Found, view: View) -> None:
         """The picture, its rows at even ratios of frequency."""

@@ -47,6 +47,7 @@ class Tab:
         self.controls: list[Any] = []
         self.body: list[Any] = []
         self.figures: list[Lines] = []
+        self._widgets: dict[str, Select | NumericInput] = {}
 
     def compute(self, view: View, tell: Tell) -> Found:
         """The result; runs beside the page and may take a while."""
@@ -77,6 +78,7 @@ class Tab:
 
         widget.on_change("value", changed)
         self.controls.append(widget)
+        self._widgets[field] = widget
         return widget
 
     def number(
@@ -86,7 +88,14 @@ class Tab:
         widget = NumericInput(title=title, value=getattr(view, field), mode=mode, width=width, name=field)
         widget.on_change("value", lambda attribute, old, new: self.change(**{field: new}))
         self.controls.append(widget)
+        self._widgets[field] = widget
         return widget
+
+    def settings_of(self, view: View) -> None:
+        """Show settings that another tab has changed."""
+        for field, widget in self._widgets.items():
+            value = getattr(view, field)
+            widget.value = value if isinstance(widget, NumericInput) else str(value)
 
     def of_each(
         self, view: View, analyse: Callable[[Chosen, Recording], Any], least: str = "a channel"
