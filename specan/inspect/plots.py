@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from bokeh.models import (
+    AdaptiveTicker,
     BoxZoomTool,
     ColumnDataSource,
     CrosshairTool,
@@ -31,6 +32,7 @@ from specan.report.figure_style import COLOURS, octave_ticks
 _DASHES = ("solid", "dashed", "dotted", "dotdash")
 _HARMONICS = 10
 _DYNAMICS_DB = 100.0
+WRAPPED = (-190.0, 190.0)  # limits of a wrapped phase
 _LEGEND_MOST = 12  # names that stand in a legend; the channel list tells the others
 
 
@@ -155,6 +157,9 @@ class Lines:
             PanTool(), BoxZoomTool(), wheel, hover, CrosshairTool(line_alpha=0.4), ResetTool(), SaveTool()
         )
         self.sheet.toolbar.active_scroll = wheel
+        if tip[1] == "degrees":  # ticks at quarters and eighths of a turn
+            self.sheet.yaxis[0].ticker = AdaptiveTicker(base=10, mantissas=[1, 2, 4.5, 9], min_interval=1)
+            self.sheet.ygrid.ticker = self.sheet.yaxis[0].ticker
         self.sheet.toolbar.logo = None
         self._spans = [
             Span(dimension="height", line_color="#555555", line_dash="dashed", line_width=1, visible=False)
@@ -216,6 +221,10 @@ class Lines:
     def span(self, low: float, high: float) -> None:
         """Show this part of the horizontal axis, and come back to it on a reset."""
         self.sheet.x_range.update(start=low, end=high, reset_start=low, reset_end=high)
+
+    def limit(self, low: float, high: float) -> None:
+        """Show this part of the vertical axis, and come back to it on a reset."""
+        self.sheet.y_range.update(start=low, end=high, reset_start=low, reset_end=high)
 
     def label(self, text: str) -> None:
         """Name of the vertical axis."""

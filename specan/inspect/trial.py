@@ -16,7 +16,6 @@ from specan.study.candidates import Candidate, candidates
 from specan.study.error import ObservableError, observable_errors
 from specan.study.fit import Fit, fit
 from specan.study.problem import Problem
-from specan.study.refit import DEAR
 from specan.study.study import STARTS, Study
 
 
@@ -61,7 +60,7 @@ class Trial:
 def as_it_is(study: Study) -> Trial:
     """The study's model, fitted; of many rows from where its last step left it, unless somebody changed it since."""
     last = study.history.last
-    if study.problem.n_data > DEAR and last is not None and not study.edited and "best" not in vars(study):
+    if study.problem.dear and last is not None and not study.edited and "best" not in vars(study):
         return _trial(
             (), study.problem, fit(study.problem, start=_kept_values(study.problem, last.parameters))
         )
@@ -97,8 +96,7 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
             why = not_testable.get(name.partition("@")[0], "it is in the model or unknown")
             raise RequestError(f"{name} cannot be tried: {why}")
     problem = study.problem.with_uses([known[name].use for name in uses])
-    starts = STARTS if problem.n_data <= DEAR else 1
-    return _trial(tuple(uses), problem, fit(problem, start=now.values, starts=starts))
+    return _trial(tuple(uses), problem, fit(problem, start=now.values, starts=STARTS))
 
 
 def _kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

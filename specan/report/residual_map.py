@@ -78,8 +78,9 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
             if found:
                 z[i, j] = max((b.z for b in found), key=abs)
                 significant[i, j] = any(b.significant for b in found)
-    texts = [tuple(_text(v) for v in levels) for levels in (columns, rows)]
-    return ResidualMap(across, up, texts[0], texts[1] if up else ("",), z, count, significant)
+    names_across = tuple(_text(level) for level in columns)
+    names_up = tuple(_text(level) for level in rows) if up else ("",)
+    return ResidualMap(across, up, names_across, names_up, z, count, significant)
 
 
 def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:

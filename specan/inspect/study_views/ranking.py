@@ -18,6 +18,7 @@ from specan.study.study import Study
 
 MOST_ROWS = 24  # candidates with a line of their own; the others stand in a list to choose from
 _WIDTH = 330
+_WRAPPED = ".bk-btn { white-space: normal; text-align: left; padding: 4px; }"
 Uses = tuple[str, ...]
 
 
@@ -124,7 +125,7 @@ class Ranking:
         if ranked is None:
             numbers = ""
         else:
-            numbers = f"<small>p {ranked.p_value:.1g}<br>ΔBIC {ranked.delta_bic:.0f}</small>"
+            numbers = f"<small>{_probability(ranked.p_value)}<br>ΔBIC {ranked.delta_bic:.3g}</small>"
         line.children[-1].text = numbers
         line.styles = {"opacity": "0.55"} if ranked is not None and not ranked.plausible else {}
         return line
@@ -133,9 +134,11 @@ class Ranking:
         name = " with ".join(uses)
         button = Button(label="Try", width=50, name=f"try-{name}")
         button.on_click(partial(self._pressed, uses))
-        about = Button(label=name, button_type="light", width=175, name=f"about-{name}")
+        about = Button(
+            label=name, button_type="light", width=165, name=f"about-{name}", stylesheets=[_WRAPPED]
+        )
         about.on_click(partial(self.explain, uses))
-        return row(button, about, Div(text="", width=75, name=f"rank-{name}"))
+        return row(button, about, Div(text="", width=85, name=f"rank-{name}"))
 
     def _pressed(self, uses: Uses) -> None:
         self.explain(uses)
@@ -145,6 +148,10 @@ class Ranking:
 def uses_of(ranked: Ranked) -> Uses:
     """Written forms of the effects of a row, places and copies included: those that its parameters carry."""
     return tuple(dict.fromkeys(name.rpartition(".")[0] for name in ranked.parameters)) or ranked.effects
+
+
+def _probability(p: float) -> str:
+    return "p &lt; 1e-12" if p < 1e-12 else f"p {p:.1g}"
 
 
 def _heading(text: str) -> Div:

@@ -8,13 +8,14 @@ import numpy as np
 from bokeh.layouts import column, row
 from bokeh.models import MultiSelect
 
-from specan.inspect.plots import Band, Curve, Lines, plain
+from specan.inspect.plots import WRAPPED, Band, Curve, Lines, plain
 from specan.inspect.trial import Trial
 from specan.report.figure_style import with_gaps
 from specan.report.measured_transfer import MeasuredTransfer, level_db, measured_transfer, phase_deg
 from specan.study.observation.frf import FrfObservation
 from specan.study.study import Study
 
+_ALONE = (6, 1, 4)  # colours of measured, model and model before where one microphone is shown
 _SHOWN = 1  # microphones at first: the one that the model misses most
 
 
@@ -42,11 +43,11 @@ class TransferAgreement:
         self.microphones.on_change("value", lambda a, old, new: self._draw())
         self.magnitude = Lines("", "Magnitude / dB", hertz=True, tip=("Hz", "dB"), dynamics=80.0, height=270)
         self.phase = Lines(
-            "", "Phase / degrees", hertz=True, like=self.magnitude, limits=(-190, 190), height=180,
+            "", "Phase / degrees", hertz=True, like=self.magnitude, limits=WRAPPED, height=180,
             tip=("Hz", "degrees"),
         )  # fmt: skip
         self.error = Lines(
-            "Frequency / Hz", "model - measured / dB", hertz=True, like=self.magnitude, height=170,
+            "Frequency / Hz", "Model error / dB", hertz=True, like=self.magnitude, height=170,
             tip=("Hz", "dB"), dynamics=40.0,
         )  # fmt: skip
         sheets = column(self.magnitude.sheet, self.phase.sheet, self.error.sheet, sizing_mode="stretch_width")
@@ -82,21 +83,24 @@ class TransferAgreement:
         errors: list[Curve] = []
         bands: list[tuple[Band, Band, Band]] = []
         shown = [(key, text) for key, text in self._keys if key in self.microphones.value]
-        for hue, (key, text) in enumerate(shown):
+        for place, (key, text) in enumerate(shown):
             number, _, name = key.partition("/")
             one = self._found[int(number)]
             k = one.channels.index(name)
-            bands.append(_bands(one, k, hue))
+            hues = _ALONE if len(shown) == 1 else (place,) * 3
+            bands.append(_bands(one, k, hues[0]))
             models = [("model", one, 1)]
             if self._before is not None:
                 models.append(("model before", self._before[int(number)], 2))
             responses = [("measured", one.measured[k], 0), *((what, o.model[k], d) for what, o, d in models)]
             for what, response, dash in responses:
                 label = f"{text} {what}"
-                levels.append(Curve(label, one.frequency_hz, level_db(response), hue, dash))
-                phases.append(Curve(label, one.frequency_hz, with_gaps(phase_deg(response)), hue, dash))
+                levels.append(Curve(label, one.frequency_hz, level_db(response), hues[dash], dash))
+                phases.append(
+                    Curve(label, one.frequency_hz, with_gaps(phase_deg(response)), hues[dash], dash)
+                )
             errors += [
-                Curve(f"{text} {what}", o.frequency_hz, o.error_db[k], hue, d) for what, o, d in models
+                Curve(f"{text} {what}", o.frequency_hz, o.error_db[k], hues[d], d) for what, o, d in models
             ]
         shades = list(zip(*bands)) or [(), (), ()]
         for figure, curves, shaded in zip(

@@ -11,7 +11,7 @@ from specan.data.recording import Recording
 from specan.data.spectrum import SCALINGS, Spectrum
 from specan.dsp.windows import WINDOWS
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Curve, Lines
+from specan.inspect.plots import WRAPPED, Curve, Lines
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
 from specan.inspect.view import View
 from specan.report.figure_style import with_gaps
@@ -46,7 +46,7 @@ class FftTab(Tab):
         )
         self.levels = Lines("", "Level / dB", hertz=True, tip=("Hz", "dB"), dynamics=100.0)
         self.phase = Lines(
-            "Frequency / Hz", "Phase / degrees", hertz=True, like=self.levels, limits=(-190, 190),
+            "Frequency / Hz", "Phase / degrees", hertz=True, like=self.levels, limits=WRAPPED,
             height=220, tip=("Hz", "degrees"),
         )  # fmt: skip
         self.figures = [self.levels, self.phase]
@@ -97,7 +97,7 @@ class FftTab(Tab):
                 text = f"{r.values[row, line]:.5g} {r.value_units[row]}, {r.level_db[row, line]:.2f} "
                 text += r.scale.level_text(r.units[row])
                 if r.phase_deg is not None:
-                    text += f", {r.phase_deg[row, line]:.2f} degrees"
+                    text += f", {round(r.phase_deg[row, line], 2) + 0.0:.2f} degrees"
                 rows.append((self.opened.text(number, name), f"{r.frequency_hz[line]:.6g}", text))
         return rows
 

@@ -11,7 +11,7 @@ from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
 from specan.errors import InputError
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Band, Curve, Lines
+from specan.inspect.plots import WRAPPED, Band, Curve, Lines
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
 from specan.inspect.view import View
 from specan.report.figure_style import band_about, with_gaps
@@ -37,8 +37,14 @@ class FrfTab(Tab):
         self.number(view, "overlap", "Overlap", 70)
         self.magnitude = Lines("", "Magnitude / dB", hertz=True, tip=("Hz", "dB"), dynamics=100.0, height=260)
         self.phase = Lines(
-            "", "Phase / degrees", hertz=True, like=self.magnitude, height=190, tip=("Hz", "degrees")
-        )
+            "",
+            "Phase / degrees",
+            hertz=True,
+            like=self.magnitude,
+            height=190,
+            tip=("Hz", "degrees"),
+            limits=WRAPPED,
+        )  # fmt: skip
         self.coherence = Lines(
             "Frequency / Hz", "Coherence", hertz=True, like=self.magnitude, limits=(0, 1.05), height=130,
             tip=("Hz", "coherence"),
@@ -91,6 +97,7 @@ class FrfTab(Tab):
                 coherence.append(Curve(text, r.frequency_hz, r.coherence[row]))
         self.magnitude.draw(magnitude, levels)
         self.phase.draw(phase, turns)
+        self.phase.limit(*_ends(phase) if view.unwrapped else WRAPPED)
         self.coherence.draw(coherence)
         self.magnitude.span(min(c.x[0] for c in magnitude), max(c.x[-1] for c in magnitude))
         units = dict.fromkeys(unit for _, r in found for unit in r.units)
@@ -109,7 +116,7 @@ class FrfTab(Tab):
             for row, name in enumerate(r.channels):
                 text = (
                     f"{r.magnitude[row, line]:.5g} {r.units[row]} ({r.level_db[row, line]:.2f} dB), "
-                    f"{r.phase_deg[row, line]:.2f} degrees, coherence {r.coherence[row, line]:.4f}, "
+                    f"{round(r.phase_deg[row, line], 2) + 0.0:.2f} degrees, coherence {r.coherence[row, line]:.4f}, "
                     f"u {np.hypot(r.u_magnitude_percent, r.u_common_percent)[row, line]:.2g} % and "
                     f"{np.hypot(r.u_phase_deg, r.u_common_phase_deg)[row, line]:.2g} degrees"
                 )
@@ -119,6 +126,15 @@ class FrfTab(Tab):
     def picture(self, result: Any) -> Any:
         """As the command draws it."""
         return figure_frequency_response(result)
+
+
+def _ends(curves: list[Curve]) -> tuple[float, float]:
+    """Of all curves, with a margin."""
+    values = np.concatenate([c.y[np.isfinite(c.y)] for c in curves])
+    if not values.size:
+        return WRAPPED
+    margin = 10.0 + 0.03 * float(np.ptp(values))
+    return float(values.min()) - margin, float(values.max()) + margin
 
 
 def _lines(view: View, chosen: Chosen) -> int:

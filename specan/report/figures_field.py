@@ -1,0 +1,78 @@
+"""Level and phase of a room's sound field on a plane, with the microphones on top."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from specan.models.room.field_map import FieldMap
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NEAR_M = 0.05  # microphones nearer to the plane than this are drawn filled
+_DEPTH_DB = 50.0  # below the loudest point the colours end
+
+
+def field_figure(found: FieldMap) -> Figure:
+    """Two maps side by side.
+
+    Colours run from dark to light with the level (cividis, the same for every kind of colour vision) and round a circle
+    of lightness and hue with the phase (twilight).
+    """
+    from matplotlib.figure import Figure
+
+    first, second = found.first_m[-1], found.second_m[-1]
+    height = float(np.clip(5.2 * second / first, 2.2, 7.0)) + 1.5
+    sheet = Figure(figsize=(12.4, height), layout="constrained")
+    axes = sheet.subplots(1, 2, sharey=True)
+    level, phase = found.level_dB(), found.phase_deg
+    top = float(np.max(level))
+    maps = (
+        (
+            level,
+            "cividis",
+            max(top - _DEPTH_DB, float(np.min(level))),
+            top,
+            "level at 1 mm/s RMS, dB re 20 µPa",
+        ),
+        (phase, "twilight", -180.0, 180.0, "phase against the velocity, degrees"),
+    )
+    for place, (values, colours, low, high, text) in zip(axes, maps, strict=True):
+        drawn = place.pcolormesh(
+            found.first_m,
+            found.second_m,
+            values.T,
+            cmap=colours,
+            vmin=low,
+            vmax=high,
+            shading="gouraud" if colours == "cividis" else "nearest",
+            rasterized=True,
+        )
+        bar = sheet.colorbar(drawn, ax=place, label=text)
+        if colours == "twilight":
+            bar.set_ticks([-180, -90, 0, 90, 180])
+        _microphones(place, found)
+        place.set(xlabel=f"{found.along[0]}, m", aspect="equal", xlim=(0.0, first), ylim=(0.0, second))
+    axes[0].set_ylabel(f"{found.along[1]}, m")
+    sheet.suptitle(
+        f"Sound pressure over the diaphragm's velocity at {found.frequency_hz:g} Hz, {found.axis} = {found.at_m:g} m"
+    )
+    return sheet
+
+
+def _microphones(place: Axes, found: FieldMap) -> None:
+    """Filled where a microphone is near the plane, hollow where it is elsewhere."""
+    columns = ["xyz".index(name) for name in found.along]
+    away = np.abs(found.microphone_m[:, "xyz".index(found.axis)] - found.at_m)
+    for name, point, far in zip(found.names, found.microphone_m[:, columns], away, strict=True):
+        place.plot(
+            *point, "o", markersize=7, markeredgecolor="black", markerfacecolor="white" if far <= NEAR_M else "none",
+            markeredgewidth=1.2, clip_on=False,
+        )  # fmt: skip
+        place.annotate(
+            name.removeprefix("Mic "), point, xytext=(5, 5), textcoords="offset points", fontsize=8, color="black",
+            bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
+        )  # fmt: skip

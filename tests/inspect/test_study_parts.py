@@ -1,0 +1,214 @@
+"""Parts of the page of a study that need no browser."""
+
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("bokeh")
+
+from specan.errors import InputError, RequestError
+from specan.inspect import kept_study
+from specan.inspect.kept_study import KeptStudy
+from specan.inspect.plots import Band
+from specan.inspect.study_views.ranking import Ranking, uses_of
+from specan.inspect.superseded import Superseded, heard
+from specan.inspect.trial import as_it_is, candidates_of, try_effects
+from specan.study.change import add_effect
+from specan.study.diagnosis import Diagnosis, Ranked
+from specan.study.study import Study
+from specan_cli.study_new import command as study_new
+
+GEAR = Path(__file__).parents[2] / "sample_data" / "worm_gear"
+
+
+def go_on(part: float) -> bool:
+    return True
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory) -> Path:
+    place = tmp_path_factory.mktemp("studies")
+    for name in ("rig.toml", "table_8_loaded.csv"):
+        shutil.copy(GEAR / name, place)
+    arguments = ["--model", "worm-gear", "--rig", str(place / "rig.toml")]
+    arguments += ["--measurement", str(place / "table_8_loaded.csv")]
+    result = CliRunner().invoke(study_new, [str(place / "s"), *arguments], catch_exceptions=False)
+    assert result.exit_code == 0
+    return place
+
+
+@pytest.fixture
+def directory(begun, tmp_path) -> Path:
+    shutil.copytree(begun, tmp_path / "own")
+    return tmp_path / "own" / "s"
+
+
+# --- trying ---------------------------------------------------------------------------------------
+
+
+def test_trying_is_what_adding_finds_and_writes_nothing(directory):
+    study = Study(directory)
+    before = {p.name: p.read_bytes() for p in directory.iterdir()}
+    now = as_it_is(study)
+    trial = try_effects(study, now.fit, ["load-dependent-friction"])
+    assert trial.fit.chi2 < now.fit.chi2
+    assert [row[0] for row in trial.parameters] == [
+        n for n in trial.fit.names if n.startswith("load-dependent-friction.")
+    ]
+    assert {p.name: p.read_bytes() for p in directory.iterdir()} == before
+    added = add_effect(study, "load-dependent-friction")
+    assert trial.errors[0].rms == pytest.approx(added.after.fit_error["value"], rel=1e-3)
+
+
+def test_several_effects_are_tried_together_and_unknown_ones_refused(directory):
+    study = Study(directory)
+    now = as_it_is(study)
+    assert try_effects(study, now.fit, ["seal-drag", "windage"]).name == "seal-drag with windage"
+    with pytest.raises(RequestError, match="nonsense"):
+        try_effects(study, now.fit, ["nonsense"])
+    _, not_testable = candidates_of(study)
+    name, why = next(iter(not_testable.items()))
+    with pytest.raises(RequestError, match=why):
+        try_effects(study, now.fit, [name])
+
+
+# --- one study for all windows --------------------------------------------------------------------
+
+
+def test_a_study_is_opened_again_only_when_somebody_changed_it(directory):
+    kept = KeptStudy(Study(directory))
+    first, now = kept.current(), kept.now()
+    assert kept.current() is first
+    assert kept.now() is now
+    add_effect(Study(directory), "seal-drag", "by the command")
+    assert "seal-drag" in kept.current().model_effects
+    assert kept.now() is not now
+    assert len(kept.current().history.steps) == 2
+
+
+def test_a_study_whose_data_change_or_vanish_says_so(directory):
+    kept = KeptStudy(Study(directory))
+    table = directory.parent / "table_8_loaded.csv"
+    table.write_text(table.read_text() + "\n")
+    with pytest.raises(RequestError, match="changed"):
+        kept.current()
+    table.unlink()
+    with pytest.raises(InputError, match="cannot be reached"):
+        kept.current()
+
+
+def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypatch):
+    kept = KeptStudy(Study(directory))
+    heard_of = []
+    with pytest.raises(Superseded):
+        kept.diagnosis(lambda part: False, heard_of.append)
+    assert heard_of == []
+    found = kept.diagnosis(go_on, heard_of.append)
+    assert found.alternatives
+    assert any("scoring" in text for text in heard_of)
+    monkeypatch.setattr(kept_study, "diagnose", None)
+    assert kept.diagnosis(go_on, heard_of.append) is found
+
+
+# --- candidates -----------------------------------------------------------------------------------
+
+
+def ranked(*names: str, plausible: bool = True) -> Ranked:
+    parameters = {f"{n}.size": {"value": 1.0, "low": 0.5, "high": 1.5, "unit": "m"} for n in names}
+    bare = tuple(n.partition("@")[0] for n in names)
+    return Ranked(bare, {}, 12.0, 1e-4, 3.0, 0.1, parameters, plausible, False)
+
+
+@dataclass
+class Known:
+    """A model whose effects can be looked up."""
+
+    explanation: str = "It <b>rubs</b>."
+    separate_by: str = "more speeds"
+    reference: str = "a book"
+    model: object = None
+    effects: dict = field(default_factory=dict)
+
+
+def known(*names: str) -> Known:
+    study = Known()
+    study.model = study
+    study.effects = {n: Known() for n in names}
+    return study
+
+
+def test_places_and_copies_of_a_candidate_are_those_of_its_parameters():
+    assert uses_of(ranked("wall-impedance@z1", "microphone-gain@Mic 2")) == (
+        "wall-impedance@z1",
+        "microphone-gain@Mic 2",
+    )
+
+
+def test_candidates_stand_in_the_order_of_the_diagnosis():
+    pressed = []
+    one = Ranking(pressed.append)
+    study = known("a", "b", "c", "d")
+    one.show(study, ["a", "b", "c", "d"], {"e": "needs a load"}, None)
+    first = [row.children[0].name for row in one.list.children[:4]]
+    assert first == ["try-a", "try-b", "try-c", "try-d"]
+    rows = [ranked("c"), ranked("b"), ranked("a", plausible=False)]
+    found = Diagnosis("group", "", alternatives=(("c",), ("b",)), ranking=tuple(rows))
+    line = one.list.children[2]
+    one.show(study, ["a", "b", "c", "d"], {"e": "needs a load"}, found)
+    shown = [getattr(c, "children", [c])[0] for c in one.list.children]
+    assert [getattr(w, "name", None) or w.text for w in shown] == [
+        "<b><small>The data ask for one of these, and cannot tell which</small></b>",
+        "try-c", "try-b",
+        "<b><small>Not plausible</small></b>",
+        "try-a",
+        "<b><small>The data do not ask for</small></b>",
+        "try-d",
+        shown[-1].text,
+    ]  # fmt: skip
+    assert one.list.children[1] is line  # the same widgets: those of before would stay in the browser
+    assert "opacity" in one.list.children[4].styles
+    assert "opacity" not in one.list.children[1].styles
+    assert "needs a load" in shown[-1].text
+    one.explain(("c",))
+    assert "It &lt;b&gt;rubs&lt;/b&gt;." in one.explanation.text
+    assert "0.5 to 1.5" in one.explanation.text
+
+
+def test_many_candidates_stand_in_a_list_to_choose_from():
+    names = [f"effect-{k}" for k in range(60)]
+    one = Ranking(lambda uses: None)
+    one.show(known(*names), names, {}, None)
+    assert len(one.list.children) == 1
+    choice = one.list.children[0].children[1]
+    assert len(choice.options) == 61
+    choice.value = "effect-7"
+    assert "effect-7" in one.explanation.text
+
+
+# --- small parts ----------------------------------------------------------------------------------
+
+
+def test_a_band_has_a_gap_where_an_end_is_missing():
+    low = np.array([0.0, 0.0, np.nan, 0.0, -np.inf])
+    x, y = Band(np.arange(5.0), low, np.ones(5), 0).outline
+    assert np.array_equal(x, [0, 1, 1, 0, np.nan, 3, 3], equal_nan=True)
+    assert np.array_equal(y, [0, 0, 1, 1, np.nan, 0, 1], equal_nan=True)
+    assert Band(np.arange(2.0), np.full(2, np.nan), np.ones(2), 0).outline[0].size == 0
+
+
+def test_reading_is_told_and_can_be_ended():
+    from specan.data.recording import ArraySource, Channel, Recording
+
+    channel = Channel("Mic", "G", unit="Pa", sampling_rate=1000.0, n_samples=1000)
+    one = Recording("a.tdms", (channel,), ArraySource([np.arange(1000.0)]))
+    parts = []
+    telling = heard(one, 1000, lambda part: parts.append(part) or True)
+    for _ in telling.blocks((channel,), 250):
+        pass
+    assert parts == [0.25, 0.5, 0.75, 1.0]
+    with pytest.raises(Superseded):
+        heard(one, 1000, lambda part: False).read((channel,), 0, 10)
