@@ -14,6 +14,7 @@ STEPS = {
     "drop": ("study_drop", "Take an effect out again."),
     "history": ("study_history", "The error of every step, on fitted and on held-out data."),
     "next": ("study_next", "Which measurement would decide."),
+    "impedance": ("study_impedance", "Room: surface impedance and absorption per wall and third octave."),
     "report": ("study_report", "One self-contained page with figures."),
 }
 

@@ -52,10 +52,9 @@ def figure_impedance(found: Impedance) -> Figure:
 def _absorption(axes: Axes, rows: list[WallBand]) -> None:
     for row in rows:
         alpha = row.absorption_normal
-        pale = {} if row.determined else {"alpha": 0.3}
-        axes.plot(
-            [row.mid_hz] * 2, [alpha.low, alpha.high], color=COLOURS[0], lw=3, solid_capstyle="butt", **pale
-        )
+        strength = 1.0 if row.determined else 0.3
+        ends = [alpha.low, alpha.high]
+        axes.plot([row.mid_hz] * 2, ends, color=COLOURS[0], lw=3, solid_capstyle="butt", alpha=strength)
         if row.determined:
             axes.plot(row.mid_hz, alpha.value, "o", ms=4, color=COLOURS[0])
 

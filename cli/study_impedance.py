@@ -1,0 +1,128 @@
+"""``specan study impedance``: what the walls of a room are made of, as sound sees them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from specan_cli.study_output import study_options
+
+if TYPE_CHECKING:
+    from specan.study.impedance import Impedance, Interval
+    from specan.study.impedance_advice import Advice
+
+
+@click.command("impedance")
+@study_options
+@click.option("--wall", metavar="NAME", help="Show this wall only: x0, x1, y0 ...")
+@click.option("--accuracy", default=0.1, show_default=True, metavar="ALPHA",
+              help="What counts as determined: half-width of the absorption coefficient's 95 % interval.")  # fmt: skip
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw impedance and absorption into this file.")
+def command(
+    directory: Path,
+    effects: tuple[Path, ...],
+    as_json: bool,
+    wall: str | None,
+    accuracy: float,
+    plot: Path | None,
+) -> None:
+    """Surface impedance and absorption of every wall of a room, per third octave, with 95 % intervals.
+
+    All walls are estimated at once, free in every third octave, beside the errors of the instruments; what
+    the study's model says of the walls plays no part. Where the microphones do not tell, that is said,
+    with the positions or the covered wall that would.
+
+    \b
+    specan study impedance my_room --plot walls.png
+    """
+    from specan.study.impedance import study_impedance
+    from specan.study.impedance_advice import advise
+    from specan_cli.output import emit_json, say
+    from specan_cli.study_output import open_study
+
+    if plot is not None:
+        from specan.report.figure_style import figure_format
+
+        figure_format(plot)
+    progress = say if sys.stderr.isatty() else None
+    study = open_study(directory, effects)
+    whole = study_impedance(study, accuracy, progress)
+    shown = whole if wall is None else whole.only(wall)
+    if progress:
+        progress("what would determine the rest")
+    advice = advise(shown)
+    if as_json:
+        emit_json(_content(shown, advice))
+    else:
+        _print(shown, advice)
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_room import figure_impedance
+
+        save_figure(figure_impedance(shown), plot)
+
+
+def _content(found: Impedance, advice: tuple[Advice, ...]) -> dict[str, Any]:
+    return {
+        "rows": [row.as_dict() for row in found.rows],
+        "criterion": found.criterion,
+        "reduced_chi2": found.fit.reduced_chi2,
+        "sentences": found.sentences(),
+        "advice": [a.as_dict() for a in advice],
+    }
+
+
+def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
+    from specan_cli.output import table
+
+    for wall in dict.fromkeys(row.wall for row in found.rows):
+        title = "Mean over all walls, by area" if wall == "all" else f"Wall {wall}"
+        table(
+            title,
+            ["Hz", "Re Z/(rho c)", "Im Z/(rho c)", "alpha, normal", "alpha, diffuse"],
+            _rows(found, wall),
+        )
+        click.echo("")
+    for text in found.sentences():
+        click.echo(text[0].upper() + text[1:] + ".")
+    click.echo(
+        f"({found.criterion}; intervals: profile likelihood, 95 %; chi2/n {found.fit.reduced_chi2:.2f})"
+    )
+    if advice:
+        click.echo("\nWhat would tell more:")
+        for one in advice:
+            click.echo(f"  {one.text}")
+
+
+def _rows(found: Impedance, wall: str) -> list[list[str]]:
+    rows: list[list[str]] = []
+    for row in found.of(wall):
+        band = f"{row.third_octave_hz:g}"
+        if row.determined:
+            z, alpha = (row.resistance, row.reactance), row.absorption_normal
+            rows.append(
+                [
+                    band,
+                    *(_span(i, ".3g") for i in z),
+                    _span(alpha, ".3f"),
+                    _span(row.absorption_diffuse, ".2f"),
+                ]
+            )
+        else:
+            rows.append(
+                [
+                    band,
+                    "not determined",
+                    "by these positions",
+                    f"at most {row.absorption_normal.high:.2f}",
+                    "",
+                ]
+            )
+    return rows
+
+
+def _span(found: Interval, digits: str) -> str:
+    return f"{found.value:{digits}} {found.low:{digits}}..{found.high:{digits}}"
