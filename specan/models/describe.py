@@ -17,6 +17,7 @@ def describe_model(model: Model) -> dict[str, Any]:
     return {
         "name": model.name,
         "title": model.title,
+        "notes": list(model.notes),
         "conditions": {
             c.name: {
                 "column": c.column, "column_unit": c.column_unit, "default": c.default, "doc": c.doc,
@@ -30,6 +31,7 @@ def describe_model(model: Model) -> dict[str, Any]:
         "effects": {e.name: describe_effect(model, e) for e in model.effects.values()},
         "quantities": {q.name: describe_quantity(model, q) for q in model.quantities.values()},
         "axes": {name: list(elements) for name, elements in model.axes.items()},
+        "unsuited": dict(model.unsuited),
     }  # fmt: skip
 
 
@@ -71,6 +73,8 @@ def describe_quantity(model: Model, quantity: Quantity) -> dict[str, Any]:
 def find_part(model: Model, name: str) -> Effect | Quantity:
     """The effect or quantity of a name; the nearest is offered where there is none."""
     part = model.effects.get(name) or model.quantities.get(name)
+    if name in model.unsuited:
+        raise RequestError(f"{name} is no effect of this rig: {model.unsuited[name]}")
     if part is None:
         known = [*model.effects, *model.quantities]
         raise RequestError(f"{model.name} has no effect or quantity {name!r}", remedy=nearest(name, known))

@@ -69,6 +69,10 @@ class Model:
         What the rig file says and a study needs (limits, uncertainties), untouched.
     law : LawSpace, optional
         Where a law is looked for when something unknown is missing.
+    unsuited : mapping
+        Effects that such models know and this rig rules out: ``{name: reason}``.
+    notes : tuple of str
+        What a user should know before a study starts: size, cost.
     """
 
     name: str
@@ -82,6 +86,8 @@ class Model:
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     law: LawSpace | None = None
+    unsuited: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         known = {*self.quantities, *self.conditions}
@@ -112,6 +118,8 @@ class Model:
         parsed = {Use.parse(u) if isinstance(u, str) else u for u in uses}
         for use in parsed:
             effect = self.effects.get(use.name)
+            if use.name in self.unsuited:
+                raise RequestError(f"{use.name} is no effect of this rig: {self.unsuited[use.name]}")
             if effect is None:
                 raise RequestError(
                     f"{self.name} knows no effect {use.name!r}", remedy=nearest(use.name, self.effects)

@@ -85,6 +85,22 @@ class BoxField:
     k2_max: float
     _done: dict[object, Complex] = field(default_factory=dict, repr=False)
 
+    def prepare(self, ports: Sequence[Port]) -> None:
+        """Get ready for sources; here each is as cheap alone."""
+
+    def patch(self, wall: str, position: Sequence[float] | Real, radius: float) -> Port:
+        """A round patch at a position in a wall."""
+        return Port(point(position), "xyz".index(wall[0]), radius)
+
+    def place(self, wall: str, across: float, along: float, radius: float) -> Port:
+        """A round patch in parts of a wall's edges."""
+        axis = "xyz".index(wall[0])
+        position = [0.0, 0.0, 0.0]
+        position[axis] = self.lengths[axis] if wall[1] == "1" else 0.0
+        for other, part in zip((i for i in range(3) if i != axis), (across, along), strict=True):
+            position[other] = part * self.lengths[other]
+        return self.patch(wall, position, radius)
+
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
         new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]

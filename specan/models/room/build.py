@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,16 @@ from specan.models.catalogue import effects_in
 from specan.models.model import Model, Nuisance, Observable
 from specan.models.quantity import Condition, Quantity, constant
 from specan.models.room import air, field, instruments
+from specan.models.room.mesh_shape import mesh_shape
 from specan.models.room.rig import WALLS, Rig, read_rig
+from specan.models.room.shape import RoomShape
 
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
 MOST_MODES = 60_000  # about 60 MB a block of lines
 
 
 def build(rig: Mapping[str, Any]) -> Model:
-    """Build the model of a rectangular room.
+    """Build the model of a rectangular room, or of one of any shape from a mesh.
 
     Raises
     ------
@@ -27,17 +30,22 @@ def build(rig: Mapping[str, Any]) -> Model:
         The rig file has an unknown key, lacks one, says something impossible, or needs too many modes.
     """
     settings = read_rig(rig)
-    if settings.room.dims_m is None:
-        raise RequestError(
-            "[room] mesh names a mesh, which needs a finite-element solution", expected="dims_m"
-        )
-    _check_size(settings)
+    shape = _box(settings) if settings.room.mesh is None else mesh_shape(settings)
     microphones = tuple(f"Mic {i}" for i in range(1, len(settings.mics.position_m) + 1))
     cards = settings.mics.cards or ((1, len(microphones)),)
-    quantities = [*_constants(settings, cards), *air.QUANTITIES, *field.QUANTITIES, *instruments.QUANTITIES]
+    quantities = [
+        *shape.quantities,
+        *_constants(settings, cards, shape.walls),
+        *air.QUANTITIES,
+        *field.QUANTITIES,
+        *instruments.QUANTITIES,
+    ]
+    effects = effects_in("specan.models.room.effects")
+    unsuited = {name for name, effect in effects.items() if effect.at in shape.lacks}
     return Model(
         name="room",
-        title="Sound field of a rectangular room with a piston in one wall",
+        title=shape.title,
+        notes=shape.notes,
         conditions={
             "frequency": Condition("frequency", "Hz", "Frequency of each line.", "frequency_hz", "Hz"),
             "velocity_psd": Condition(
@@ -49,51 +57,61 @@ def build(rig: Mapping[str, Any]) -> Model:
             ),
         },
         quantities={q.name: q for q in quantities},
-        effects=effects_in("specan.models.room.effects"),
+        effects={name: effect for name, effect in effects.items() if name not in unsuited},
+        unsuited={name: shape.lacks[effects[name].at] for name in sorted(unsuited)},
         observables={
             "frf": Observable("frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity."),
         },
-        nuisances=_nuisances(settings),
+        nuisances=tuple(n for n in _nuisances(settings) if n.effect.partition("@")[0] not in unsuited),
         axes={
-            "wall": WALLS,
+            "wall": shape.walls,
             "microphone": microphones,
             "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
-            "dimension": ("x", "y", "z"),
+            **shape.axes,
         },
         settings={"rig": settings.model_dump(), "uncertainty": settings.uncertainty.model_dump()},
     )
 
 
-def _check_size(rig: Rig) -> None:
+def _box(rig: Rig) -> RoomShape:
     assert rig.room.dims_m is not None
+    _check_size(rig, rig.room.dims_m)
+    dims = np.array(rig.room.dims_m)
+    reach = "Reach of the truncated modal sum over the band's wave number."
+    return RoomShape(
+        title="Sound field of a rectangular room with a piston in one wall",
+        walls=WALLS,
+        quantities=(
+            constant("room_origin", np.zeros(3), "m", "Corner from which the room's edges start."),
+            constant("room_dimensions", dims, "m", "Edges of the room.", ("dimension",)),
+            constant("drawn_dimensions", dims, "m", "Edges of the room as drawn."),
+            constant("mode_margin", MODE_MARGIN, "1", reach),
+            field.room_modes,
+        ),
+        axes={"dimension": ("x", "y", "z")},
+    )
+
+
+def _check_size(rig: Rig, dims: tuple[float, ...]) -> None:
     k_max = 2 * np.pi * rig.band.f_max_hz / field.COLD
-    counts = field.mode_counts(rig.room.dims_m, k_max, MODE_MARGIN)
+    counts = field.mode_counts(dims, k_max, MODE_MARGIN)
     modes = int(np.prod(counts))
     if modes > MOST_MODES:
         # 16 bytes a mode and line, 64 lines at once
         raise RequestError(
-            f"the room of {list(rig.room.dims_m)} m has {modes} modes up to {MODE_MARGIN} times "
+            f"the room of {list(dims)} m has {modes} modes up to {MODE_MARGIN} times "
             f"{rig.band.f_max_hz:.0f} Hz, which would take {modes * 64 * 16 * 4 / 1e9:.1f} GB",
             expected=f"at most {MOST_MODES} modes",
             remedy="lower [band] f_max_hz",
         )
 
 
-def _constants(rig: Rig, cards: tuple[tuple[int, int], ...]) -> list[Quantity]:
+def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, ...]) -> list[Quantity]:
     positions = np.array(rig.mics.position_m, dtype=float)
     card_of = np.zeros(len(positions), dtype=int)
     for number, (low, high) in enumerate(cards):
         card_of[low - 1 : high] = number
     listed = [
-        ("room_dimensions", np.array(rig.room.dims_m), "m", "Edges of the room.", ("dimension",)),
-        ("drawn_dimensions", np.array(rig.room.dims_m), "m", "Edges of the room as drawn.", ()),
-        (
-            "mode_margin",
-            MODE_MARGIN,
-            "1",
-            "Reach of the truncated modal sum over the band's wave number.",
-            (),
-        ),
         (
             "air_temperature",
             rig.air.nominal_temperature_C + air.ZERO_CELSIUS,
@@ -108,10 +126,11 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...]) -> list[Quantity]:
         ("card_nominal_delay", np.zeros(len(cards)), "s", "Delay of each card as it should be.", ("card",)),
         ("card_of_microphone", card_of, "1", "Number of the card of each microphone.", ("microphone",)),
         ("source_position", np.array(rig.piston.centre_m), "m", "Centre of the piston.", ()),
-        ("piston_wall", WALLS.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
+        ("piston_wall", walls.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
         ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
     ]
-    return [constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed]
+    names = replace(constant("wall_names", walls, "1", "Names of the walls."), opaque=True)
+    return [names, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
 
 
 def _nuisances(rig: Rig) -> tuple[Nuisance, ...]:

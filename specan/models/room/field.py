@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,28 +14,37 @@ from specan.models.parameter import Parameter
 from specan.models.quantity import quantity
 from specan.models.room.axis_modes import axis_modes
 from specan.models.room.box_field import BoxField, Port, point
-from specan.models.room.rig import WALLS
 
 Complex = NDArray[np.complex128]
 COLD = 325.0  # m/s, at -11 degC
 
 
+class RoomModes(Protocol):
+    """What the field needs of a room of any shape: ports, and couplings between them."""
+
+    def patch(self, wall: str, position: Sequence[float], radius: float) -> Port:
+        """A round patch at a position in a wall."""
+
+    def place(self, wall: str, across: float, along: float, radius: float) -> Port:
+        """A round patch in parts of a wall's edges."""
+
+    def prepare(self, ports: Sequence[Port]) -> None:
+        """Get ready for several sources at once."""
+
+    def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
+        """Mean of Green's function over both ports, array (lines, receivers), 1/m."""
+
+
 @dataclass(frozen=True)
 class WallPlace:
-    """A round patch of the wall at which an effect acts, in parts of the wall's edges."""
+    """A round patch of the wall at which an effect acts, in parts of the wall's edges.
+
+    Of a wall that is no rectangle: of the edges of the one around it.
+    """
 
     across: float
     along: float
     radius: float
-
-    def port(self, wall: str, lengths: tuple[float, ...]) -> Port:
-        """The patch in a wall of a box with these edges."""
-        axis = "xyz".index(wall[0])
-        position = [0.0, 0.0, 0.0]
-        position[axis] = lengths[axis] if wall[1] == "1" else 0.0
-        for other, part in zip((i for i in range(3) if i != axis), (self.across, self.along), strict=True):
-            position[other] = part * lengths[other]
-        return Port((position[0], position[1], position[2]), axis, self.radius)
 
 
 @dataclass(frozen=True)
@@ -64,14 +74,14 @@ def opening(area: float, impedance: Complex, mass_factor: Complex, radius: float
 
 @quantity(unit="1", axes=("wall",))
 def wall_admittance(
-    frequency, *, common=Parameter(0.005, "1", min=0.0, max=0.03, doc="the same on all walls")
+    frequency, wall_names, *, common=Parameter(0.005, "1", min=0.0, max=0.03, doc="the same on all walls")
 ):
     """Specific admittance rho c / Z of each wall, array (walls, lines)."""
-    return np.full((len(WALLS), len(frequency)), common, dtype=complex)
+    return np.full((len(wall_names), len(frequency)), common, dtype=complex)
 
 
 @quantity(unit="1", opaque=True)
-def box(
+def room_modes(
     frequency,
     sound_speed,
     air_attenuation,
@@ -143,10 +153,11 @@ def _make_box(
 @quantity(unit="Pa*s/m", axes=("microphone",))
 def field(
     frequency,
-    box,
+    room_modes,
     density,
     sound_speed,
     wall_admittance,
+    wall_names,
     receiver_position,
     source_position,
     piston_wall,
@@ -162,35 +173,38 @@ def field(
     does: it is a load with the negative admittance of its area.
     """
     omega = 2 * np.pi * frequency
-    axis = WALLS[int(piston_wall)]
-    piston = Port(point(source_position), "xyz".index(axis[0]), float(piston_radius))
+    piston = room_modes.patch(wall_names[piston_wall], source_position, float(piston_radius))
     area = np.pi * piston.radius**2
     microphones = [Port(point(p), piston.axis) for p in receiver_position]
     given = [(piston, area * piston_velocity_profile)]
-    given += [(port, item.strength) for port, item in _placed(sources, box.lengths)]
-    rigid = -area * wall_admittance[int(piston_wall)] / (density * sound_speed)
-    loads = [(piston, rigid)] + [(port, item.admittance) for port, item in _placed(local_loads, box.lengths)]
+    given += [(port, item.strength) for port, item in _placed(sources, room_modes)]
+    rigid = -area * wall_admittance[piston_wall] / (density * sound_speed)
+    loads = [(piston, rigid)] + [(port, item.admittance) for port, item in _placed(local_loads, room_modes)]
     factor = 1j * omega * density
-    strengths = _load_strengths(box, factor, given, loads)
+    room_modes.prepare([port for port, _ in (*given, *loads)])
+    strengths = _load_strengths(room_modes, factor, given, loads)
     total = np.zeros((len(frequency), len(microphones)), dtype=complex)
     for port, strength in [*given, *zip((port for port, _ in loads), strengths, strict=True)]:
         if np.any(strength):
-            total += strength[:, None] * box.coupling(port, microphones)
+            total += strength[:, None] * room_modes.coupling(port, microphones)
     return (factor[:, None] * total).T
 
 
-def _placed(collection: Any, lengths: tuple[float, ...]) -> list[tuple[Port, Any]]:
+def _placed(collection: Any, modes: RoomModes) -> list[tuple[Port, Any]]:
     """Ports of what joined a collection; an effect at one wall comes as ``(wall, thing)``."""
     found = []
     for item in collection:
         wall, thing = item if isinstance(item, tuple) and isinstance(item[0], str) else ("", item)
         for one in thing if isinstance(thing, tuple) else (thing,):
-            found.append((one.port.port(wall, lengths) if isinstance(one.port, WallPlace) else one.port, one))
+            port = one.port
+            if isinstance(port, WallPlace):
+                port = modes.place(wall, port.across, port.along, port.radius)
+            found.append((port, one))
     return found
 
 
 def _load_strengths(
-    box: BoxField, factor: Complex, sources: list[tuple[Port, Complex]], loads: list[tuple[Port, Complex]]
+    modes: RoomModes, factor: Complex, sources: list[tuple[Port, Complex]], loads: list[tuple[Port, Complex]]
 ) -> list[Complex]:
     """Volume velocity that each load returns: ``(1 + F G Y) p = F G q`` at the loads, ``q = -Y p``."""
     ports = [port for port, _ in loads]
@@ -199,8 +213,8 @@ def _load_strengths(
         return [np.zeros(lines, dtype=complex)] * count
     driven = np.zeros((lines, count), dtype=complex)
     for port, strength in sources:
-        driven += strength[:, None] * box.coupling(port, ports)
-    between = np.stack([box.coupling(port, ports) for port in ports], axis=2)  # (lines, at, from)
+        driven += strength[:, None] * modes.coupling(port, ports)
+    between = np.stack([modes.coupling(port, ports) for port in ports], axis=2)  # (lines, at, from)
     admittance = np.stack([y * np.ones(lines) for _, y in loads], axis=1)
     matrix = np.eye(count) + factor[:, None, None] * between * admittance[:, None, :]
     pressure = np.linalg.solve(matrix, (factor[:, None] * driven)[..., None])[..., 0]
@@ -225,4 +239,4 @@ def piston_velocity_profile(frequency):
     return np.ones(len(frequency), dtype=complex)
 
 
-QUANTITIES = (wall_admittance, box, field, sources, local_loads, piston_velocity_profile)
+QUANTITIES = (wall_admittance, field, sources, local_loads, piston_velocity_profile)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -27,7 +27,7 @@ class Room(Settings):
 class Piston(Settings):
     """The loudspeaker's diaphragm."""
 
-    wall: Literal["x0", "x1", "y0", "y1", "z0", "z1"]
+    wall: str
     centre_m: Point
     radius_m: Positive
 
@@ -102,7 +102,7 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
     Raises
     ------
     RequestError
-        Unknown or missing key, a microphone outside the room or two in one place, a piston off its wall.
+        Unknown or missing key, a microphone outside the box or two in one place, a piston off its wall.
     """
     rig = parse(Rig, content, "the rig file")
     if (rig.room.dims_m is None) == (rig.room.mesh is None):
@@ -113,20 +113,22 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
             expected="f_max_hz above f_min_hz",
         )
     if rig.room.dims_m is not None:
-        _check_places(rig, np.array(rig.room.dims_m))
+        _check_box(rig, np.array(rig.room.dims_m))
+    _check_apart(np.array(rig.mics.position_m))
     _check_cards(rig)
     return rig
 
 
-def _check_places(rig: Rig, dims: np.ndarray) -> None:
-    points = np.array(rig.mics.position_m)
-    for number, point in enumerate(points, 1):
-        if np.any(point < 0) or np.any(point > dims):
-            raise RequestError(
-                f"microphone {number} stands at {point.tolist()} m, outside the room",
-                expected=f"coordinates between 0 and {dims.tolist()} m",
-                remedy="correct [mics] position_m or [room] dims_m",
-            )
+def microphone_outside(number: int, place: Sequence[float], expected: str) -> RequestError:
+    """What to say of a microphone that does not stand in the room."""
+    return RequestError(
+        f"microphone {number} stands at {list(place)} m, outside the room",
+        expected=expected,
+        remedy="correct [mics] position_m or the room",
+    )
+
+
+def _check_apart(points: np.ndarray) -> None:
     for first in range(len(points)):
         near = np.flatnonzero(np.linalg.norm(points[first + 1 :] - points[first], axis=1) < 1e-3)
         if near.size:
@@ -135,6 +137,18 @@ def _check_places(rig: Rig, dims: np.ndarray) -> None:
                 expected="places at least 1 mm apart",
                 remedy="correct [mics] position_m",
             )
+
+
+def _check_box(rig: Rig, dims: np.ndarray) -> None:
+    for number, point in enumerate(np.array(rig.mics.position_m), 1):
+        if np.any(point < 0) or np.any(point > dims):
+            raise microphone_outside(number, point, f"coordinates between 0 and {dims.tolist()} m")
+    if rig.piston.wall not in WALLS:
+        raise RequestError(
+            f"[piston] wall is {rig.piston.wall!r}",
+            expected="one of " + ", ".join(WALLS),
+            remedy="correct it",
+        )
     axis, far = "xyz".index(rig.piston.wall[0]), rig.piston.wall[1] == "1"
     centre = np.array(rig.piston.centre_m)
     if abs(centre[axis] - (dims[axis] if far else 0.0)) > 1e-6:

@@ -19,6 +19,7 @@ def scatterer(
     frequency,
     density,
     sound_speed,
+    room_origin,
     room_dimensions,
     *,
     volume=Parameter(1e-3, "m^3", min=1e-4, max=1e-2, lower=0.0, upper=2e-2, doc="of the object"),
@@ -30,7 +31,7 @@ def scatterer(
 
     A mode falls where the object stands in a pressure node, and rises where it stands in an antinode.
     """
-    place = point(np.array([x, y, z]) * room_dimensions)
+    place = point(room_origin + np.array([x, y, z]) * room_dimensions)
     radius = float((3 * volume / (4 * np.pi)) ** (1 / 3)) or 1e-6
     omega = 2 * np.pi * frequency
     monopole = -1j * omega * volume / (density * sound_speed**2)

@@ -1,0 +1,133 @@
+"""Finite elements on tetrahedra with flat faces: Lagrange polynomials of any degree, integrated exactly."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.room.mesh_file import RoomMesh, triangle_areas
+
+Real = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+
+class Lagrange:
+    """Lagrange polynomials on evenly spaced nodes of a simplex.
+
+    Attributes
+    ----------
+    shares : array (nodes, corners)
+        Barycentric coordinates of the nodes times the degree.
+    """
+
+    def __init__(self, degree: int, dimension: int) -> None:
+        self.degree, self.dimension = degree, dimension
+        powers = [p for p in product(range(degree + 1), repeat=dimension) if sum(p) <= degree]
+        self.powers = np.array(powers)
+        self.shares = np.column_stack([degree - self.powers.sum(axis=1), self.powers])
+        self.coefficients = np.linalg.inv(_monomials(self.powers, self.powers / degree))
+
+    def at(self, local: Real) -> Real:
+        """Polynomials (points, nodes) at local coordinates (points, dimension)."""
+        return _monomials(self.powers, local) @ self.coefficients
+
+    def slopes_at(self, local: Real) -> Real:
+        """Their slopes along each local coordinate, array (dimension, points, nodes)."""
+        found = []
+        for axis in range(self.dimension):
+            lower = self.powers.copy()
+            lower[:, axis] = np.maximum(lower[:, axis] - 1, 0)
+            found.append(self.powers[:, axis] * _monomials(lower, local) @ self.coefficients)
+        return np.array(found)
+
+    def integrals(self) -> tuple[Real, Real]:
+        """``int u v`` (nodes, nodes) and ``int du/da dv/db`` (dimension, dimension, nodes, nodes)."""
+        points, weights = _quadrature(self.degree + 1, self.dimension)
+        value, slope = self.at(points), self.slopes_at(points)
+        mass = np.einsum("p,pm,pn->mn", weights, value, value)
+        return mass, np.einsum("p,apm,bpn->abmn", weights, slope, slope)
+
+
+def _monomials(powers: Numbers, local: Real) -> Real:
+    found: Real = np.prod(local[:, None, :] ** powers[None], axis=2)
+    return found
+
+
+def _quadrature(count: int, dimension: int) -> tuple[Real, Real]:
+    """Gauss points of a cube drawn together to a simplex: exact to degree ``2 count - dimension``."""
+    x, w = np.polynomial.legendre.leggauss(count + 1)
+    grid = np.stack(np.meshgrid(*[(x + 1) / 2] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    weights = np.prod(np.stack(np.meshgrid(*[w / 2] * dimension, indexing="ij")), axis=0).ravel()
+    points, left = np.empty_like(grid), np.ones(len(grid))
+    for axis in range(dimension):
+        points[:, axis] = grid[:, axis] * left
+        weights = weights * left
+        left = left * (1 - grid[:, axis])
+    return points, weights
+
+
+class Elements:
+    """A room's mesh with elements of one degree: its matrices, and its functions at any point.
+
+    Attributes
+    ----------
+    stiffness, mass : sparse arrays
+        ``int grad u . grad v`` and ``int u v`` over the room.
+    walls : list of sparse arrays
+        ``int u v`` over each wall.
+    """
+
+    def __init__(self, mesh: RoomMesh, degree: int) -> None:
+        self.inside, on_wall = Lagrange(degree, 3), Lagrange(degree, 2)
+        corners = mesh.points[mesh.tetrahedra]
+        self.origin, self.edges = corners[:, 0], corners[:, 1:] - corners[:, :1]
+        cells = [mesh.tetrahedra, *mesh.walls.values()]
+        self.size, (self.numbers, *walls) = _number(cells, [self.inside, *[on_wall] * len(mesh.walls)])
+        mass, slopes = self.inside.integrals()
+        volume = np.abs(np.linalg.det(self.edges))
+        back = np.linalg.inv(self.edges)  # (elements, axis, local): d(local)/d(axis)
+        metric = np.einsum("e,exa,exb->eab", volume, back, back)
+        self.stiffness = self._matrix(self.numbers, np.einsum("eab,abmn->emn", metric, slopes))
+        self.mass = self._matrix(self.numbers, volume[:, None, None] * mass)
+        flat, _ = on_wall.integrals()
+        self.walls = [
+            self._matrix(numbers, 2 * triangle_areas(mesh.points, triangles)[:, None, None] * flat)
+            for numbers, triangles in zip(walls, mesh.walls.values(), strict=True)
+        ]
+
+    def _matrix(self, numbers: Numbers, blocks: Real) -> Any:
+        """Sum of the elements' matrices (elements, nodes, nodes)."""
+        from scipy.sparse import coo_array
+
+        rows = np.broadcast_to(numbers[:, :, None], blocks.shape)
+        columns = np.broadcast_to(numbers[:, None, :], blocks.shape)
+        where = (rows.ravel(), columns.ravel())
+        return coo_array((blocks.ravel(), where), shape=(self.size, self.size)).tocsc()
+
+    def functions_at(self, elements: Numbers, points: Real, slope: int | None = None) -> tuple[Numbers, Real]:
+        """Numbers and values (points, nodes) of the functions, or of their slopes along one axis."""
+        edges = self.edges[elements]
+        away = (points - self.origin[elements])[..., None]
+        local = np.linalg.solve(edges.transpose(0, 2, 1), away)[..., 0]
+        if slope is None:
+            return self.numbers[elements], self.inside.at(local)
+        back = np.linalg.inv(edges)[:, slope, :]
+        return self.numbers[elements], np.einsum("pa,apn->pn", back, self.inside.slopes_at(local))
+
+
+def _number(cells: list[Numbers], shapes: list[Lagrange]) -> tuple[int, list[Numbers]]:
+    """One number for each node, shared by all cells that touch it; a node is known by its corners' shares."""
+    keys = []
+    for corners, shape in zip(cells, shapes, strict=True):
+        code = corners[:, None, :] * (shape.degree + 1) + shape.shares
+        code = np.where(shape.shares > 0, code, -1)
+        wide = np.full((*code.shape[:2], 4), -1)
+        wide[..., : code.shape[2]] = code
+        keys.append(np.sort(wide, axis=2).reshape(-1, 4))
+    unique, flat = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
+    ends = np.cumsum([len(key) for key in keys])[:-1]
+    parts = np.split(flat.ravel(), ends)
+    return len(unique), [part.reshape(len(c), -1) for part, c in zip(parts, cells, strict=True)]
