@@ -58,7 +58,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
     for count in range(MOST_JACOBIANS):
         history.append(descent.chi2)
         guessed = slopes is not None and count == 0
-        jacobian = slopes if guessed else problem.jacobian(descent.theta)
+        jacobian = slopes if slopes is not None and count == 0 else problem.jacobian(descent.theta)
         if not np.all(np.isfinite(jacobian)):
             raise ComputationError("the model gives derivatives that are not finite")
         stalled = len(history) > 5 and history[-6] - history[-1] < STALLED * descent.unit

@@ -14,7 +14,7 @@ from specan.study.diagnosis import Diagnosis, LackOfFit, Ranked
 from specan.study.error import observable_errors
 from specan.study.fit import Fit, fit
 from specan.study.gate import FORM
-from specan.study.localise import Block, localise
+from specan.study.localise import MOST_ROWS, Block, localise
 from specan.study.next_measurement import Proposal, explore, propose
 from specan.study.power import by_effect, smallest_visible
 from specan.study.problem import Problem
@@ -147,7 +147,7 @@ def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
         return "unknown-effect", True, "three effects or more would be needed; one unknown is likelier"
     if best.lack_beyond(FORM**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
         return "unknown-effect", True, f"{names} explains a part, and much is left"
-    left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions)
+    left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions) or _fails_somewhere(best)
     doubt = left or len(best.uses) > 1
     kind = "effect" if len(sets) == 1 else "group"
     reason = f"the data ask for {names}"
@@ -156,6 +156,13 @@ def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
     elif doubt:
         reason += ", or for one unknown effect"
     return kind, doubt, reason
+
+
+def _fails_somewhere(best: Refit) -> bool:
+    """Whether blocks of conditions stand out of what a set leaves: asked of tables, whose rows are independent."""
+    problem = best.problem
+    looked_into = problem.n_data <= MOST_ROWS and problem.n_effective >= problem.n_data
+    return looked_into and bool(localise(problem, best.fit).fails_at)
 
 
 def _implausible(search: Search) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from specan.study.gate import FORM
 from specan.study.refit import Refit
 
 WIDTHS = 2.0  # standard errors by which a range may be missed
@@ -14,11 +15,15 @@ def plausible(refit: Refit, base: Refit) -> bool:
     """Own parameters in their plausible range, base parameters not pushed out of what was known of them.
 
     A base parameter that lies outside already in the base fit is no fault of the added effects, unless
-    they push it further out.
+    they push it further out. Nor is one that the form of their equations may have pushed: what an equation
+    trusted to `FORM` of its trace leaves out has at most the length FORM sqrt(explained chi-square), and
+    moves no parameter of a least-squares fit by more standard errors than that.
     """
     before = {name: _excess(base, name) for name in base.fit.names}
+    by_form = FORM * float(np.sqrt(max(base.chi2 - refit.chi2, 0.0) / refit.scale))
     for name in refit.fit.names:
-        excess = _excess(refit, name)
+        known = name in before and name.split("[")[0] not in refit.problem.priors
+        excess = _excess(refit, name) - (by_form if known else 0.0)
         if excess > 0 and excess > before.get(name, 0.0) + 0.5:
             return False
     return True

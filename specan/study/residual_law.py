@@ -29,9 +29,10 @@ LOW, HIGH = -1.0, 4.0
 COARSE = (0.0, 1.0, 2.0, 3.0)  # exponents of the grid on which the starts are chosen
 STARTS = 4
 VARIES = 1.05  # ratio of largest to smallest value below which a variable says nothing
-FLOOR = 0.01  # of the mean: a power of zero load is not asked for
+FLOOR = 0.01  # of the largest value or of the mean: a power of zero load is not asked for
 NAME = "unknown-law"
 WIDTH = 1.96
+STEP = 0.01  # of the quantity's mean: amplitude of the law whose trace is worked out
 
 
 @dataclass(frozen=True)
@@ -68,19 +69,19 @@ def residual_law(start: Refit) -> ResidualLaw | None:
     law = _effect(start.problem, space, means)
     model = start.problem.assembly.model.with_effect(law)
     problem = _with_model(start.problem, model, start.fit.values)
-    size = 0.01 * _typical(start, space)
+    size = STEP * _typical(start, space)
     fitted = _fit(start, problem, list(means), size)
     return None if fitted is None else _describe(space, start, means, fitted, size)
 
 
 def _means(start: Refit, space: LawSpace) -> dict[str, float]:
-    """Geometric mean of each variable that varies and is positive somewhere."""
+    """Geometric mean of each variable that varies and is positive somewhere; idle runs are not the middle."""
     found = {}
     for symbol, name in space.variables.items():
         values = np.concatenate([np.atleast_1d(v) for v in _evaluated(start, name)])
-        positive = values[values > 0]
-        if positive.size and positive.max() > VARIES * positive.min():
-            found[symbol] = float(np.exp(np.mean(np.log(positive))))
+        loaded = values[values > FLOOR * max(values.max(), 0.0)]
+        if loaded.size and loaded.max() > VARIES * loaded.min():
+            found[symbol] = float(np.exp(np.mean(np.log(loaded))))
     return found
 
 
@@ -162,19 +163,22 @@ def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fi
         columns[:n] = residuals(problem, sets) - start.fit.residual[:n, None]
         return linear.clean(columns * weights[:, None])
 
-    def multiple(column: Array) -> float:
-        return float(-(column @ linear.residual) / (column @ column))
+    def multiple(columns: Array) -> Array:
+        """Best amplitudes, none larger than the whole quantity: a law next to one that the model has already
+        would otherwise trade hundreds of times the loss against it."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            free = -(columns.T @ linear.residual) / np.sum(columns**2, axis=0)
+        return np.asarray(np.clip(np.nan_to_num(free), -1 / STEP, 1 / STEP))
 
     def left(x: Array) -> Array:
-        column = traces([x])[:, 0]
-        return linear.residual + multiple(column) * column
+        column = traces([x])
+        return linear.residual + column @ multiple(column)
 
     coarse = [np.array(x) for x in product(COARSE, repeat=len(symbols))]
     columns = traces(coarse)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        gains = np.nan_to_num((columns.T @ linear.residual) ** 2 / np.sum(columns**2, axis=0))
+    rest = np.sum((linear.residual[:, None] + columns * multiple(columns)) ** 2, axis=0)
     best = None
-    for k in np.argsort(-gains)[:STARTS]:
+    for k in np.argsort(rest)[:STARTS]:
         try:
             found = least_squares(left, coarse[k], bounds=(LOW - 1e-9, HIGH + 1e-9), diff_step=1e-3)
         except (ComputationError, ValueError):  # a start from which the model has no finite value
@@ -185,7 +189,7 @@ def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fi
         return None
     x, step = best.x, 1e-3
     near = traces([x, *(x + step * row for row in np.eye(x.size))])
-    c = multiple(near[:, 0])
+    c = float(multiple(near[:, :1])[0])
     jacobian = np.column_stack([near[:, 0], c * (near[:, 1:] - near[:, :1]) / step])
     scale = max(2 * best.cost / max(start.dof - 1 - x.size, 1.0), 1.0)
     return _Fitted(x, c, scale * np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10), scale)

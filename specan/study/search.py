@@ -203,11 +203,15 @@ class Search:
             best[pair.uses] = (self.base.chi2 - pair.gain + cost, base.seen, members)
         if single is not None:  # scored at the fit of one of them: better than at the base
             singles = sorted(self.refits.of_size(1), key=lambda r: r.bic(single.scale))
-            for start in reversed(singles[:3]):
+            nearer: dict[EffectSet, tuple[float, Refit, list[Scored]]] = {}
+            for start in singles[:3]:
                 step = self.step(start)
                 for use, items in step.by_use.items():
                     value = start.chi2 - items[0].gain + price * (start.count + _count(items[0]))
-                    best[start.uses | {use}] = (value, step.seen, [items[0]])
+                    uses = start.uses | {use}
+                    if uses not in nearer or value < nearer[uses][0]:  # a refit from there falls deepest
+                        nearer[uses] = (value, step.seen, [items[0]])
+            best |= nearer
         return sorted(best.values(), key=lambda item: item[0])
 
     def _hopeless(self, reference: Refit, promised_bic: float) -> bool:

@@ -279,6 +279,60 @@ def test_a_certificate_that_would_have_to_be_wrong_is_not_plausible(toy):
     assert not plausible(replace(square, fit=replace(square.fit, theta=theta)), refits.base)
 
 
+@pytest.mark.parametrize(
+    ("size", "pushed", "believed"),
+    [
+        (
+            10.0,
+            "line.slope",
+            True,
+        ),  # a chi-square of some 1000 explained: its form may push by 6 standard errors
+        (1.3, "line.slope", False),  # some 20: by not even one
+        (10.0, "square.c", False),  # of the effect itself nothing is excused
+    ],
+)
+def test_a_base_parameter_may_be_pushed_as_far_as_the_form_of_an_effect_can(
+    toy, monkeypatch, size, pushed, believed
+):
+    problem = toy.problem(lambda x, z: size * x**2, ["square"], seed=26)
+    refits = Refits(Refit(frozenset(), problem, fit(problem)))
+    square = refits.fit(refits.base, [[Search(refits).step(refits.base).by_use[Use("square")][0]]])
+    beyond = lambda refit, name: 1.5 if refit is square and name == pushed else -2.0  # noqa: E731
+    monkeypatch.setattr("specan.study.plausibility._excess", beyond)
+    assert plausible(square, refits.base) == believed
+
+
+def test_blocks_that_stand_out_of_what_is_left_are_a_doubt(toy):
+    # One row of the grid is off up and down: too little for the whole, too much for the row.
+    def truth(x, z):
+        return 6 * x**2 + np.where(np.isclose(z, 0.0), 2.0 * (-1) ** np.round(x / 0.2714), 0.0)
+
+    problem = toy.problem(truth, ["square", "cross"], seed=6)
+    found = diagnose(problem)
+    assert found.alternatives == (("square",),)
+    assert searched(problem).best.lack_of_fit > 1e-3
+    assert found.unknown_possible
+    assert not diagnose(toy.problem(lambda x, z: 6 * x**2, ["square", "cross"], seed=6)).unknown_possible
+
+
+def test_a_pair_is_refitted_from_the_single_that_promises_most(toy):
+    search = searched(toy.problem(lambda x, z: 6 * x**2 + 5 * x * z, ["square", "cross", "wave"], seed=24))
+    single = min(search.refits.of_size(1), key=lambda r: r.chi2)
+    offered = {frozenset(s.uses | {m.use for m in members}): value
+               for value, s, members in search._promising_pairs(single)}  # fmt: skip
+    price = np.log(48)
+    promised = [
+        (
+            start.uses | {use},
+            start.chi2 - items[0].gain + price * (start.count + 1 + len(items[0].trace.shapes)),
+        )
+        for start in search.refits.of_size(1)
+        for use, items in search.step(start).by_use.items()
+    ]
+    assert len(promised) > len({pair for pair, _ in promised})
+    assert all(offered[pair] <= value + 1e-9 for pair, value in promised)
+
+
 def test_a_noise_that_was_declared_too_small_blames_nobody(toy):
     found = [diagnose(toy.problem(nothing, CATALOGUE, seed=s, noise=2.5)) for s in range(8)]
     assert all(d.alternatives == () for d in found)
@@ -382,6 +436,22 @@ def test_law_of_a_power(toy):
     assert law.low["x"] < 2.5 < law.high["x"]
     assert law.unit == "W"
     assert law.amplitude == pytest.approx(9 * law.reference["x"] ** 2.5, rel=0.8)
+
+
+def test_a_law_next_to_one_that_the_model_has_is_no_larger_than_all_that_is_lost(toy):
+    # x log x is the difference of two nearly equal powers of x, each as large as one likes.
+    problem = toy.problem(lambda x, z: 8 * x * np.log(x), ["square"], seed=15, noise=0.05)
+    law = residual_law(Refit(frozenset(), problem, fit(problem)))
+    assert 0.6 < law.exponents["x"] < 2.0
+    assert 0.0 < law.amplitude <= 1.2 * np.mean(np.abs(problem.observations[0].measured))
+
+
+def test_idle_runs_are_not_the_middle_of_the_data(toy):
+    toy.x = np.where(toy.x < 0.4, 1e-6 * toy.x, toy.x)
+    problem = toy.problem(lambda x, z: 9 * x**2.5, ["square"], seed=15)
+    law = residual_law(Refit(frozenset(), problem, fit(problem)))
+    assert law.reference["x"] == pytest.approx(np.exp(np.mean(np.log(toy.x[toy.x > 0.1]))))
+    assert law.low["x"] < 2.5 < law.high["x"]
 
 
 @pytest.mark.parametrize(
