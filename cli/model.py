@@ -80,6 +80,8 @@ def check(name: str, file: Path, rig: Path | None, as_json: bool) -> None:
     model = _model(name, rig)
     conditions = conditions_over_limits(model)
     effects = effects_from_file(file)
+    for note in model.notes:
+        click.echo(note, err=True)
     for effect in effects:
         check_effect(effect, model, conditions)
     if as_json:
@@ -91,13 +93,16 @@ def check(name: str, file: Path, rig: Path | None, as_json: bool) -> None:
 
 def _model(name: str, rig: Path | None) -> Model:
     from specan.models.catalogue import example_model, load_model
-    from specan.schema import read_toml
+    from specan.models.rig_file import read_rig_file
 
-    return load_model(name, read_toml(rig)) if rig else example_model(name)
+    return load_model(name, read_rig_file(rig)) if rig else example_model(name)
 
 
 def _print_model(model: Mapping[str, Any]) -> None:
-    click.echo(f"{model['name']}: {model['title']}\n")
+    click.echo(f"{model['name']}: {model['title']}")
+    for note in model["notes"]:
+        click.echo(f"  {note}")
+    click.echo()
     table(
         "Conditions",
         ["column", "default", "what it is"],
@@ -121,6 +126,8 @@ def _print_model(model: Mapping[str, Any]) -> None:
         ["name", "unit", "what it is"],
         [[n, q["unit"], q["doc"]] for n, q in model["quantities"].items()],
     )
+    for name, reason in model["unsuited"].items():
+        click.echo(f"\nNot for this rig: {name}: {reason}")
     click.echo(f"\nMore about one of them: specan model show {model['name']} NAME")
 
 

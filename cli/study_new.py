@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from specan_cli.figure_output import plot_option
+
 FILE = click.Path(path_type=Path)
 
 
@@ -22,6 +24,7 @@ FILE = click.Path(path_type=Path)
 @click.option("--calibration", type=FILE, help="A calibration.toml for recordings.")
 @click.option("--effects", metavar="NAME,NAME...|none",
               help="Effects to begin with [default: those of the model's base; none: the ideal machine].")  # fmt: skip
+@plot_option("measured and model")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def command(
     directory: Path,
@@ -32,6 +35,7 @@ def command(
     hold_out: tuple[str, ...],
     calibration: Path | None,
     effects: str | None,
+    plot: Path | None,
     as_json: bool,
 ) -> None:
     """Begin a study in DIR and say what was assumed.
@@ -57,6 +61,11 @@ def command(
         effects=chosen,
     )
     _show(begun, as_json)
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_study import figure_compare
+
+        save_figure(figure_compare(begun.study), plot)
 
 
 def _show(begun: object, as_json: bool) -> None:
@@ -76,6 +85,7 @@ def _show(begun: object, as_json: bool) -> None:
             {
                 "directory": str(study.directory),
                 "model_effects": list(study.model_effects),
+                "notes": list(study.model.notes),
                 "fitted_values": fitted,
                 "held_out_values": aside,
                 "uncertainty_known": study.data.known,
@@ -92,6 +102,8 @@ def _show(begun: object, as_json: bool) -> None:
         )
         return
     click.echo(f"{study.directory}: {study.model.title}, {fitted} values to fit, {aside} put aside")
+    for note in study.model.notes:
+        click.echo(f"  {note}")
     click.echo("Effects: " + (", ".join(study.model_effects) or "none, the ideal machine"))
     click.echo("\nWhat was found and assumed about the measurement:")
     for text in study.data.statements:

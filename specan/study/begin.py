@@ -10,7 +10,7 @@ from typing import Any
 from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import load_model
-from specan.schema import read_toml
+from specan.models.rig_file import read_rig_file
 from specan.study.assemble import undetermined
 from specan.study.history import NAME as HISTORY
 from specan.study.history import Step
@@ -72,7 +72,7 @@ def begin(
         raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
     if not measurements:
         raise RequestError("a study needs a measurement", remedy="give one with --measurement FILE")
-    model = load_model(model_name, read_toml(rig))
+    model = load_model(model_name, read_rig_file(rig))
     content: dict[str, Any] = {"schema": 1, "model": model_name, "rig": relative_to(directory, rig)}
     if calibration is not None:
         content["calibration"] = relative_to(directory, calibration)

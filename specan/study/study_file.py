@@ -13,6 +13,7 @@ from pydantic import Field
 
 from specan.errors import RequestError
 from specan.models import Use
+from specan.models.rig_file import rig_files
 from specan.schema import Settings, parse, read_toml
 
 NAME = "study.toml"
@@ -131,6 +132,18 @@ def file_hash(path: Path) -> str:
             remedy="put it back, or correct its place in study.toml",
         ) from None
     return digest.hexdigest()
+
+
+def rig_hash(path: Path) -> str:
+    """Hash of a rig file; together with that of the files that it names, if it names some.
+
+    Raises
+    ------
+    RequestError
+        One of them cannot be read.
+    """
+    hashes = [file_hash(file) for file in rig_files(path)]
+    return hashes[0] if len(hashes) == 1 else hashlib.sha256(" ".join(hashes).encode()).hexdigest()
 
 
 class StudyText:

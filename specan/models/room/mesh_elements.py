@@ -111,10 +111,10 @@ class Elements:
         """Numbers and values (points, nodes) of the functions, or of their slopes along one axis."""
         edges = self.edges[elements]
         away = (points - self.origin[elements])[..., None]
-        local = np.linalg.solve(edges.transpose(0, 2, 1), away)[..., 0]
+        local = np.linalg.solve(edges.transpose(0, 2, 1), away)[..., 0].astype(float)
         if slope is None:
             return self.numbers[elements], self.inside.at(local)
-        back = np.linalg.inv(edges)[:, slope, :]
+        back = np.linalg.inv(edges)[:, slope, :].astype(float)
         return self.numbers[elements], np.einsum("pa,apn->pn", back, self.inside.slopes_at(local))
 
 

@@ -163,7 +163,8 @@ class MeshModes:
 
     def _load(self, port: Port) -> Real:
         numbers, weights = self._weights(port)
-        return np.bincount(numbers, weights, minlength=self._elements.size)
+        found: Real = np.bincount(numbers, weights, minlength=self._elements.size).astype(float)
+        return found
 
     def _weights(self, port: Port) -> tuple[NDArray[np.int64], Real]:
         """Unknowns and weights that average over a port."""
