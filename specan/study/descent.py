@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 SETTLED = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
 STALLED = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
+COARSE = 20.0  # times of that where an evaluation is dear
 MOST_JACOBIANS = 25
 MOST_SECANTS = 12
 MOST_DOUBLINGS = 8
@@ -86,8 +87,8 @@ class _Descent:
 
     @property
     def unit(self) -> float:
-        """Chi-square of a degree of freedom, at least one."""
-        return max(self.chi2 / self.residual.size, 1.0)
+        """Chi-square of a degree of freedom, at least one; where an evaluation is dear, coarser."""
+        return max(self.chi2 / self.residual.size, 1.0) * (COARSE if self.problem.dear else 1.0)
 
     def minimum(self, jacobian: Array) -> Minimum:
         return Minimum(self.theta, self.residual, jacobian, self.chi2)

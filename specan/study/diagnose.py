@@ -10,6 +10,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.alternatives import alternatives
+from specan.study.approach import approached
 from specan.study.diagnosis import Diagnosis, LackOfFit, Ranked
 from specan.study.error import observable_errors
 from specan.study.fit import Fit, fit
@@ -18,7 +19,7 @@ from specan.study.localise import MOST_ROWS, Block, localise
 from specan.study.next_measurement import Proposal, explore, propose
 from specan.study.power import by_effect, smallest_visible
 from specan.study.problem import Problem
-from specan.study.refit import DEAR, Refit, Refits
+from specan.study.refit import Refit, Refits
 from specan.study.residual_law import residual_law
 from specan.study.search import Search
 from specan.study.significance import LACK_OF_FIT
@@ -59,11 +60,12 @@ def diagnose(
     ComputationError
         A fit that a verdict would rest on did not converge or is not finite.
     """
-    start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS if problem.n_data <= DEAR else 1))
+    start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
     why = _untestable(start)
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
-    search = Search(Refits(start), bootstrap, progress or (lambda text: None))
+    progress = progress or (lambda text: None)
+    search = Search(Refits(approached(start, progress)), bootstrap, progress)
     search.run()
     sets = alternatives(search)
     _check_failures(search)

@@ -75,7 +75,7 @@ def fit(
         Theta, or SI values by name, to start from; the problem's own start by default.
     starts : int
         Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
-        so that the same problem always gives the same answer.
+        so that the same problem always gives the same answer. Only the first where an evaluation is dear.
     max_evaluations : int
         Trust-region steps that one start may take before another method is tried.
 
@@ -94,7 +94,7 @@ def fit(
         )
     best: tuple[float, Array] | None = None
     reason = "no start gave finite values"
-    for theta0 in [first, *_other_starts(problem, starts - 1)]:
+    for theta0 in [first, *_other_starts(problem, 0 if problem.dear else starts - 1)]:
         try:
             cost, theta = _descend(problem, theta0, max_evaluations)
         except ComputationError as fault:
@@ -114,6 +114,9 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[flo
     """Trust-region steps; in a valley that bends too much for them, those of `descent` from where they got."""
     if theta0.size == 0:
         return float(np.sum(_finite(problem.residual(theta0)) ** 2)), theta0
+    if problem.dear:
+        minimum = descend(problem, theta0)
+        return minimum.chi2, minimum.theta
     from scipy.optimize import least_squares
 
     low, high = problem.bounds()

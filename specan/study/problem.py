@@ -114,6 +114,11 @@ class Problem:
         return sum(o.n for o in self.observations)
 
     @property
+    def about_model(self) -> bool:
+        """Whether covariances depend on where the model is (see `specan.study.linearised`)."""
+        return any(o.about_model for o in self.observations)
+
+    @property
     def dear(self) -> bool:
         """Whether an evaluation is worth saving."""
         return self.n_data > DEAR

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,15 +11,13 @@ import numpy as np
 from specan.data.recording import Channel, Recording
 from specan.errors import InputError
 from specan.models import Model
-from specan.study.fit import fit
 from specan.study.local_polynomial import noise_density
-from specan.study.observation.folding import Folding, fold
+from specan.study.observation.common_errors import CommonErrors
+from specan.study.observation.folding import fold
 from specan.study.observation.frf import FrfObservation
-from specan.study.problem import base_problem
 
 BLOCK_S = 1.0  # lines 1 Hz apart
 SETTLE_S = 0.5  # what the room heard before the record began has died out after this
-DISCREPANCY_BANDS = 3  # an octave: how quickly the model's own error may turn with frequency
 
 Complex = Any
 
@@ -93,27 +91,29 @@ def observe_recording(
         channels=model.axes["microphone"],
         response=found.response,
         noise=noise,
+        random=noise,
         folding=folding,
         conditions_at_nodes=conditions,
         shared=np.empty((*found.response.shape, 0), dtype=complex),
         kept=np.repeat(wanted[:, None], len(lines), axis=1),
     )
-    # What is relative goes by a smooth, fitted response: by the measured one, a line that noise has made
-    # small would seem to be known better, and pull the fit down.
-    values = _fitted(model, plain)
-    return replace(plain, shared=_shared(model, plain, values))
+    return replace(plain, **_before_a_fit(model, plain))
 
 
-def _fitted(model: Model, plain: FrfObservation) -> Mapping[str, Any]:
-    """Parameters of the base model, fitted with the declared percents as one independent error a line."""
-    size = np.abs(plain.response)
+def _before_a_fit(model: Model, plain: FrfObservation) -> dict[str, Any]:
+    """The declared errors, and a stand-in for them until a fit tells where they act: one error a line."""
     given = model.settings["uncertainty"]
     percent = max(given["model_discrepancy_percent"], 100 * (10 ** (given["calibration_dB"] / 20) - 1), 1.0)
-    crude = replace(
-        plain, noise=np.hypot(plain.noise, percent / 100 * np.median(size, axis=1, keepdims=True))
+    typical = np.median(np.abs(plain.response), axis=1, keepdims=True)
+    declared = CommonErrors(
+        position_m=given["position_m"],
+        calibration_dB=given["calibration_dB"],
+        calibration_phase_deg=given["calibration_phase_deg"],
+        discrepancy=given["model_discrepancy_percent"] / 100,
+        detuning=given["natural_frequency_percent"] / 100,
+        nominal_K=model.settings["rig"]["air"]["nominal_temperature_C"] + 273.15,
     )
-    problem = base_problem(model, [crude])
-    return problem.values_at(fit(problem, starts=1).theta)
+    return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": declared}
 
 
 def _noise(
@@ -179,54 +179,3 @@ def _density_at(signal: Any, rate: float, block: int, vibrometer: Channel, nodes
     f, density = welch(signal, rate, "hann", block)
     per_velocity = np.abs(vibrometer.correction(np.maximum(f, f[1]))) ** 2
     return np.interp(nodes, f, density * per_velocity)
-
-
-def _shared(model: Model, plain: FrfObservation, values: Mapping[str, Any]) -> Complex:
-    """What is uncertain in common over the lines of a microphone: place, calibration, and the model's own error.
-
-    The model's error is a part of the response, and a part of its natural frequencies and bandwidths; both are
-    smooth in frequency.
-    """
-    given = model.settings["uncertainty"]
-    response, moved, detuned = _with_slopes(model, plain, values)
-    columns = [
-        response * (np.log(10) / 20 * given["calibration_dB"]),
-        1j * response * np.radians(given["calibration_phase_deg"]),
-        *(given["position_m"] * slope for slope in moved),
-    ]
-    for percent, of in (("model_discrepancy_percent", response), ("natural_frequency_percent", detuned)):
-        if given[percent]:
-            for hat in _hats(plain.frequency_hz):
-                columns += [given[percent] / 100 * hat * of * turn for turn in (1, 1j)]
-    return np.stack(columns, axis=-1)
-
-
-def _with_slopes(
-    model: Model, plain: FrfObservation, values: Mapping[str, Any]
-) -> tuple[Complex, list[Complex], Complex]:
-    """Response; its change a metre along x, y and z (all microphones move at once); its change with ln k."""
-    places = [f"microphone-position@{name}" for name in model.axes["microphone"]]
-    owners = {name.rpartition(".")[0] for name in values} - {""}
-    uses = {*places, *(u for u in owners if u.partition("@")[0] in model.effects), "temperature"}
-    assembly = model.assemble(uses)
-    axes = ("dx", "dy", "dz")
-    nowhere = {f"{use}.{axis}": 0.0 for use in places for axis in axes}
-    here = {**nowhere, "temperature.offset": 0.0, **values}
-    step, kelvin = 1e-3, 0.02
-    many = [here]
-    for axis in axes:
-        many += [{**here, **{f"{use}.{axis}": sign * step for use in places}} for sign in (1, -1)]
-    many += [{**here, "temperature.offset": here["temperature.offset"] + sign * kelvin} for sign in (1, -1)]
-    found = plain.responses(assembly, many)
-    slopes = [(found[k] - found[k + 1]) / (2 * h) for k, h in ((1, step), (3, step), (5, step), (7, kelvin))]
-    # k goes as T^(-1/2), and the response as the density besides
-    absolute = model.settings["rig"]["air"]["nominal_temperature_C"] + 273.15
-    return found[0], slopes[:3], -2 * (absolute * slopes[3] + found[0])
-
-
-def _hats(frequency: Any) -> Any:
-    """Hat functions a third of an octave apart: a smooth error is a mixture of them."""
-    place = DISCREPANCY_BANDS * np.log2(frequency)
-    centres = np.arange(np.floor(place[0]), np.ceil(place[-1]) + 1)
-    hats = np.clip(1 - np.abs(place - centres[:, None]), 0, None)
-    return hats[hats.any(axis=1)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,6 @@ Array = NDArray[np.float64]
 
 EffectSet = frozenset[Use]
 
-DEAR = 2000  # rows from which an evaluation is dear: Jacobians are guessed first, traces carried over
 SLOPE_STEP = 1e-3  # of a parameter's typical size
 
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
@@ -161,7 +161,7 @@ class Refits:
             return self.done.get(uses)
         problem = self.base.problem.with_uses(sorted(uses))
         starts = [start_from(start, members, problem) for members in traces]
-        best, reason = self._lowest(problem, starts)
+        best, reason = self._lowest(problem, self._nearer(problem, start, starts))
         nested = self._best_within(uses)
         if best is None or best.chi2 > nested.fit.chi2 + STALLED * max(best.chi2 / best.residual.size, 1.0):
             best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)])
@@ -171,6 +171,22 @@ class Refits:
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
         self.done[uses] = self._describe(uses, problem, fitted)
         return self.done[uses]
+
+    def _nearer(
+        self, problem: Problem, start: Refit, starts: list[dict[str, float | Array]]
+    ) -> list[dict[str, Any]]:
+        """Starts that were brought near their minimum on the sketch that the traces were scored on, if it is one."""
+        if start.problem.n_data == problem.n_data:
+            return starts
+        seen = problem.over(start.problem.observations)
+        reached: list[tuple[float, dict[str, Any]]] = []
+        for values in starts:
+            try:
+                there = descend(seen, problem.start(values))
+            except ComputationError:  # the whole data may do better
+                continue
+            reached.append((there.chi2, problem.values_at(there.theta)))
+        return [min(reached, key=lambda r: r[0])[1]] if reached else starts
 
     def _lowest(
         self, problem: Problem, starts: Sequence[Mapping[str, float | Array]]
@@ -196,7 +212,7 @@ class Refits:
     def _slopes(self, problem: Problem, theta: Array) -> Array | None:
         """Jacobian to begin with where an exact one is dear: the base's, and slopes of what is new."""
         base = self.base
-        if problem.n_data <= DEAR:
+        if not problem.dear:
             return None
         known = {name: base.fit.jacobian[:, k] for k, name in enumerate(base.fit.names)}
         rows = [*range(problem.n_data), *self._prior_rows(problem)]

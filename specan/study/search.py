@@ -12,7 +12,7 @@ from specan.study.candidates import Candidate, candidates
 from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
 from specan.study.plan import plan
 from specan.study.plausibility import plausible
-from specan.study.refit import DEAR, EffectSet, Refit, Refits
+from specan.study.refit import EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, family, score, score_pairs
 from specan.study.thinning import thinned
 from specan.study.traces import Known, Point, Trace, carried, changes, default_value, traces
@@ -132,7 +132,7 @@ class Search:
 
     def tried_at(self, seen: Refit, found: Sequence[Candidate], known: Known | None = None) -> list[Trace]:
         """Traces of candidates at a set; those of the base again where an evaluation is dear."""
-        if seen.problem.n_data > DEAR and self.tried:
+        if seen.problem.dear and self.tried:
             return carried(
                 self.tried, self.step(self.base).seen.problem, seen.problem, {c.use for c in found}
             )
@@ -251,7 +251,9 @@ def _worth_refitting(step: Step) -> list[Use]:
     scale = step.start.scale
     bic = {use: -items[0].gain / scale + price * _count(items[0]) for use, items in step.by_use.items()}
     order = sorted(bic, key=lambda use: bic[use])
-    return [use for k, use in enumerate(order) if k < REFITTED or bic[use] < bic[order[0]] + WINDOW]
+    # Where an evaluation is dear, what promises nothing is not refitted only because nothing else promises more.
+    limit = min(bic[order[0]] + WINDOW, 0.0 if step.start.problem.dear else np.inf)
+    return [use for k, use in enumerate(order) if k < REFITTED or bic[use] < limit]
 
 
 def _count(item: Scored) -> int:

@@ -13,15 +13,17 @@ from specan import __version__
 from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import load_model
-from specan.schema import read_toml
+from specan.models.rig_file import read_rig_file
 from specan.study.assemble import assemble, parameter_table
 from specan.study.diagnosis import Diagnosis
 from specan.study.error import HeldOut, ObservableError, held_out_error, observable_errors
 from specan.study.fit import Fit, fit
 from specan.study.history import History, Step
 from specan.study.kinds import DataFile, DataRequest, open_data
+from specan.study.linearised import linearised, observations_about
 from specan.study.localise import Localisation, localise
 from specan.study.own_effects import load_own_effects, take_in
+from specan.study.problem import Problem
 from specan.study.study_file import (
     NAME,
     DataEntry,
@@ -29,6 +31,7 @@ from specan.study.study_file import (
     content_hash,
     file_hash,
     read_study_file,
+    rig_hash,
 )
 
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
@@ -61,8 +64,6 @@ class Study:
     model : Model
         With the study's own effects.
     data : OpenedData
-    problem : Problem
-        The model as the study has it, over the fitted data.
     history : History
     """
 
@@ -75,17 +76,16 @@ class Study:
             self._take_in(path)
         self.model = self._load_model()
         self.data = open_data(self.model, self._requests())
-        self.problem = assemble(self.model, self.content, self.data.fitted)
 
     # --- files ------------------------------------------------------------------------------------
 
     def _load_model(self) -> Model:
-        model = load_model(self.content.model, read_toml(self.directory / self.content.rig))
+        model = load_model(self.content.model, read_rig_file(self.directory / self.content.rig))
         return model.with_effect(*load_own_effects(self.directory, self.content.effect_file))
 
     def _take_in(self, path: Path) -> None:
         """Make an own effect file part of the study, or trust the one that is."""
-        model = load_model(self.content.model, read_toml(self.directory / self.content.rig))
+        model = load_model(self.content.model, read_rig_file(self.directory / self.content.rig))
         entry = take_in(self.directory, path, model)
         if entry not in self.content.effect_file:
             text = StudyText(self.directory / NAME)
@@ -145,7 +145,7 @@ class Study:
         everything = (*self.content.measurement, *self.content.validation)
         return {
             "study": content_hash(self.content),
-            "rig": file_hash(self.directory / self.content.rig),
+            "rig": rig_hash(self.directory / self.content.rig),
             "files": {e.file: e.sha256 for e in everything},
             "effect_files": {e.file: e.sha256 for e in self.content.effect_file},
         }
@@ -160,6 +160,11 @@ class Study:
         return any(last.hashes[k] != now[k] for k in ("study", "rig", "files")) or any(
             own.get(name, sha256) != sha256 for name, sha256 in now["effect_files"].items()
         )
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The model as the study has it, over the fitted data."""
+        return linearised(assemble(self.model, self.content, self.data.fitted))
 
     # --- numbers ----------------------------------------------------------------------------------
 
@@ -182,7 +187,11 @@ class Study:
     @cached_property
     def held_out(self) -> HeldOut | None:
         """Errors on the data that were put aside; None without such."""
-        return held_out_error(self.problem, self.best, self.data.held_out) if self.data.held_out else None
+        if not self.data.held_out:
+            return None
+        values = self.problem.values_at(self.best.theta)
+        seen = observations_about(self.data.held_out, self.problem.assembly, values)
+        return held_out_error(self.problem, self.best, seen)
 
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""

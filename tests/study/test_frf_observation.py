@@ -62,10 +62,11 @@ def observation(rng, shared=2):
     shape = (mics, lines)
     kept = np.ones(shape, dtype=bool)
     kept[1, 5:9] = False
+    noise = rng.uniform(0.5, 2.0, shape)
     mixed = rng.standard_normal((*shape, shared)) + 1j * rng.standard_normal((*shape, shared))
     return FrfObservation(
         "a", "a", "indicated_frf", np.arange(100.0, 140.0), 1.0, ("Mic 1", "Mic 2", "Mic 3"),
-        rng.standard_normal(shape) + 1j, rng.uniform(0.5, 2.0, shape), None, {}, mixed, kept,
+        rng.standard_normal(shape) + 1j, noise, noise, None, {}, mixed, kept,
     )  # fmt: skip
 
 

@@ -87,3 +87,10 @@ class Observation(Protocol):
 
     def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Observation:
         """About so many rows, cheaper to predict, with the residual that the whole has at these values."""
+
+    @property
+    def about_model(self) -> bool:
+        """Whether the covariance depends on where the model is."""
+
+    def about(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
+        """The same with a covariance that is linearised about the model at these values; itself where it is not."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
+from specan.study.observation.common_errors import CommonErrors
 from specan.study.observation.folding import Folding
 
 Array = NDArray[np.float64]
@@ -40,7 +41,9 @@ class FrfObservation:
         Names of the microphones, in the model's order.
     response : complex array (microphones, lines)
     noise : array (microphones, lines)
-        Random standard uncertainty of the real and of the imaginary part.
+        Standard uncertainty of the real and of the imaginary part that lines do not share.
+    random : array (microphones, lines)
+        The part of it that the measurement shows.
     folding : Folding
         How the analysis sees a transfer function.
     conditions_at_nodes : mapping
@@ -50,6 +53,8 @@ class FrfObservation:
         its calibration, the model's declared discrepancy.
     kept : bool array (microphones, lines)
         Rows in use; the real and the imaginary part of a line go together.
+    declared : CommonErrors, optional
+        What `about` makes `shared` of.
     """
 
     name: str
@@ -60,10 +65,12 @@ class FrfObservation:
     channels: tuple[str, ...]
     response: Complex
     noise: Array
+    random: Array
     folding: Folding
     conditions_at_nodes: Mapping[str, Array]
     shared: Complex
     kept: NDArray[np.bool_] = field(repr=False)
+    declared: CommonErrors | None = None
 
     @property
     def n(self) -> int:
@@ -170,6 +177,18 @@ class FrfObservation:
         kept[self.kept] = wanted
         return replace(self, kept=kept)
 
+    @property
+    def about_model(self) -> bool:
+        """Whether errors are declared that act through the field."""
+        return self.declared is not None
+
+    def about(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:
+        """The same with the declared errors where the model at these values says that they act."""
+        if self.declared is None:
+            return self
+        shared = self.declared.columns(self.responses, assembly, values, self.frequency_hz)
+        return replace(self, noise=self.random, shared=shared)
+
     def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> FrfObservation:
         """About `rows` of the rows, predicted without windows; the residual at `values` stays what it is.
 
@@ -185,6 +204,7 @@ class FrfObservation:
             frequency_hz=frequency,
             response=self.response[:, lines],
             noise=self.noise[:, lines],
+            random=self.random[:, lines],
             shared=self.shared[:, lines],
             kept=self.kept[:, lines],
             folding=Folding.none(frequency),

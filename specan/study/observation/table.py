@@ -99,6 +99,15 @@ class TableObservation:
             return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
         return self._root @ array
 
+    @property
+    def about_model(self) -> bool:
+        """No: the covariance was found without the model."""
+        return False
+
+    def about(self, assembly: Assembly, values: Mapping[str, Any]) -> TableObservation:
+        """Itself."""
+        return self
+
     def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> TableObservation:
         """All of it: a table's rows are cheap."""
         return self
