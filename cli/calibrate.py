@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     help="How the phase goes on to other frequencies.",
 )
 @click.option("--channel-table", type=click.Path(path_type=Path), help="A channel table for all files.")
+@plot_option("sensitivities and phases")
 @click.option("--json", "as_json", is_flag=True, help="Print the calibration as JSON.")
 def command(
     files: tuple[Path, ...],
@@ -50,6 +52,7 @@ def command(
     channels: tuple[str, ...],
     phase_model: str,
     channel_table: Path | None,
+    plot: Path | None,
     as_json: bool,
 ) -> int:
     """Find sensitivity and phase of every microphone from recordings of a calibrator.
@@ -99,6 +102,11 @@ def command(
         raise RequestError(
             f"{output} cannot be written ({fault.strerror})", remedy="choose another with -o"
         ) from None
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_calibration import figure_calibration
+
+        save_figure(figure_calibration(calibration), plot)
     if as_json:
         emit_json({**_content(calibration), "failures": failures, "output": str(output)})
     else:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json
 from specan_cli.recording_input import opening_options, say_notes, section_options
 
@@ -30,6 +31,7 @@ SUFFIXES = {"csv": ".csv", "uff": ".uff", "wav": ".wav", "parquet": ".parquet"}
 )
 @section_options
 @opening_options
+@plot_option("what was written")
 @click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
 def command(
     file: Path,
@@ -42,6 +44,7 @@ def command(
     channel_table: Path | None,
     calibration: Path | None,
     sampling_rate: float | None,
+    plot: Path | None,
     as_json: bool,
 ) -> int:
     """Write the samples of a recording, in SI units, for other programs.
@@ -72,6 +75,11 @@ def command(
         write_csv(excerpt, target, decimal)
     else:
         {"uff": write_uff, "wav": write_wav, "parquet": write_parquet}[form](excerpt, target)
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_waveforms import figure_waveforms
+
+        save_figure(figure_waveforms(recording, chosen, start_s, stop_s), plot)
     late = tuple(
         f"{c.name} carries a phase or delay correction, which samples in time do not show"
         for c in chosen

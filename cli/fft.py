@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
 
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 )
 @click.option("--spectrogram", is_flag=True, help="Spectra against time.")
 @click.option("--columns", type=int, help="Most columns of a spectrogram.  [default: 1000]")
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw to a .png, .svg or .pdf.")
+@plot_option()
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all lines as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
 @opening_options
@@ -67,10 +68,7 @@ def command(
     with time zero at its first sample; an average has phases only over a --reference.
     """
     from specan.io.open import open_recording
-    from specan.report.figure_style import figure_format
 
-    if plot is not None:
-        figure_format(plot)
     recording = open_recording(
         file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 @click.option("--fmin", type=float, default=0.0, metavar="HZ", help="Lowest line shown.")
 @click.option("--fmax", type=float, metavar="HZ", help="Highest line shown.")
 @click.option("--at", "at_hz", type=float, multiple=True, metavar="HZ", help="Print this line; repeatable.")
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw to a .png, .svg or .pdf.")
+@plot_option()
 @click.option("--unwrap", is_flag=True, help="Draw the phase without jumps.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all lines as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
@@ -66,7 +67,6 @@ def command(
     """
     from specan.analysis.transfer_function import TransferFunction
     from specan.io.open import open_recording
-    from specan.report.figure_style import figure_format
     from specan.schema import parse
 
     settings = parse(
@@ -85,8 +85,6 @@ def command(
         ),
         "frf",
     )
-    if plot is not None:
-        figure_format(plot)
     recording = open_recording(
         file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
 from specan_cli.recording_input import opening_options
 
@@ -28,6 +29,7 @@ _LINES = 30  # of properties; the others are told with --all
 @opening_options
 @click.option("--levels", is_flag=True, help="Read all samples: RMS, peak, clipped, dead, NaN.")
 @click.option("--all", "show_all", is_flag=True, help="Every channel and the whole of every property.")
+@plot_option("the waveforms of one recording")
 @click.option("--json", "as_json", is_flag=True, help="Everything, as JSON.")
 def command(
     files: tuple[Path, ...],
@@ -36,6 +38,7 @@ def command(
     sampling_rate: float | None,
     levels: bool,
     show_all: bool,
+    plot: Path | None,
     as_json: bool,
 ) -> int:
     """Show groups, channels, roles, rates, units, excitation, notes and integrity of recordings.
@@ -44,12 +47,14 @@ def command(
     for all recordings in it.
     """
     from specan.analysis.excitation import recognise
-    from specan.errors import InputError
+    from specan.errors import InputError, RequestError
     from specan.io.open import open_recording
 
     seen: list[dict[str, Any]] = []
     failures: list[dict[str, str]] = []
     found = _expand(files)
+    if plot is not None and len(found) > 1:
+        raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
     for item in found:
         try:
             recording = open_recording(
@@ -72,6 +77,11 @@ def command(
         else:
             _show(recording, item.path, excitation, quality, show_all)
             seen.append({})
+        if plot is not None:
+            from specan.report.figure_style import save_figure
+            from specan.report.figures_waveforms import figure_waveforms
+
+            save_figure(figure_waveforms(recording), plot)
     if not seen:
         raise InputError("no file could be read", remedy="see the reasons above")
     if as_json:

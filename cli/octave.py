@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
 
@@ -63,7 +64,7 @@ class _Averaging(click.ParamType):
     type=click.Choice(["1 nm/s", "50 nm/s"]),
     help="0 dB of velocity.  [default: 1 nm/s]",
 )
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw to a .png, .svg or .pdf.")
+@plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all levels as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all levels as JSON.")
@@ -88,7 +89,6 @@ def command(
     from specan.analysis.quality import Watched
     from specan.errors import RequestError
     from specan.io.open import open_recording
-    from specan.report.figure_style import figure_format
     from specan.schema import parse
 
     settings = parse(
@@ -100,8 +100,6 @@ def command(
         ),
         "octave",
     )
-    if plot is not None:
-        figure_format(plot)
     if history and (plot is None or settings.averaging == "linear"):
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"

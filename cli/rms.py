@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
 
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     type=click.Choice(["1 nm/s", "50 nm/s"]),
     help="0 dB of velocity.  [default: 1 nm/s]",
 )
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw to a .png, .svg or .pdf.")
+@plot_option()
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write everything as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @opening_options
@@ -57,11 +58,8 @@ def command(
     """
     from specan.analysis.levels import Levels
     from specan.io.open import open_recording
-    from specan.report.figure_style import figure_format
     from specan.schema import parse
 
-    if plot is not None:
-        figure_format(plot)
     settings = parse(
         Levels, given(weighting=None if weighting is None else weighting.upper(), **options), "rms"
     )

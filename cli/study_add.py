@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.study_output import study_options
 
 
@@ -13,8 +14,14 @@ from specan_cli.study_output import study_options
 @study_options
 @click.argument("effect_name", metavar="EFFECT")
 @click.option("--because", default="", metavar="TEXT", help="Why, for the history.")
+@plot_option("measured and model as it is then")
 def command(
-    directory: Path, effect_name: str, effects: tuple[Path, ...], as_json: bool, because: str
+    directory: Path,
+    effect_name: str,
+    effects: tuple[Path, ...],
+    as_json: bool,
+    because: str,
+    plot: Path | None,
 ) -> None:
     """Add EFFECT to the model of DIR and refit: errors before and after, on fitted and on held-out data.
 
@@ -28,4 +35,4 @@ def command(
     from specan_cli.study_change_output import show_change
     from specan_cli.study_output import open_study
 
-    show_change(add_effect(open_study(directory, effects), effect_name, because), as_json)
+    show_change(add_effect(open_study(directory, effects), effect_name, because), as_json, plot)

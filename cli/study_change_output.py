@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,8 +14,13 @@ if TYPE_CHECKING:
     from specan.study.change import Change
 
 
-def show_change(change: Change, as_json: bool) -> None:
-    """Errors before and after, parameters, remarks."""
+def show_change(change: Change, as_json: bool, plot: Path | None = None) -> None:
+    """Errors before and after, parameters, remarks; a figure where one was asked for."""
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_study import figure_compare
+
+        save_figure(figure_compare(change.study), plot)
     before, after = change.before, change.after
     parameters = {name: dict(row) for name, row in after.parameters.items()}
     for name, (low, high) in change.intervals.items():

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.study_output import study_options
 
 
 @click.command("compare")
 @study_options
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw measured and model into this file.")
+@plot_option("measured and model")
 @click.option("--accept-changes", is_flag=True, help="Go on although measured files have changed.")
 def command(
     directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None, accept_changes: bool
@@ -26,10 +27,6 @@ def command(
     from specan_cli.output import emit_json, say
     from specan_cli.study_output import open_study
 
-    if plot is not None:
-        from specan.report.figure_style import figure_format
-
-        figure_format(plot)
     study = open_study(directory, effects, accept_changes)
     found = study.compare()
     kept = study.record_changes()

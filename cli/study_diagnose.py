@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
 from specan_cli.study_output import open_study, probability, study_options
 
@@ -29,12 +30,15 @@ VERDICTS = {
 
 @click.command("diagnose")
 @study_options
+@plot_option("the candidates in their order")
 @click.option("--bootstrap", is_flag=True, help="Family-wise probabilities by simulation (slower).")
-def command(directory: Path, effects: tuple[Path, ...], as_json: bool, bootstrap: bool) -> None:
+def command(
+    directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None, bootstrap: bool
+) -> None:
     """Find out which effect the model of DIR is missing. Held-out data are not looked at.
 
     \b
-    specan study diagnose my_study
+    specan study diagnose my_study --plot ranking.png
     """
     study = open_study(directory, effects)
     progress = say if sys.stderr.isatty() else None
@@ -43,6 +47,11 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, bootstrap
         emit_json(found.to_json())
     else:
         _print(found, directory)
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_diagnosis import figure_diagnosis
+
+        save_figure(figure_diagnosis(found), plot)
 
 
 def _print(found: Diagnosis, directory: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.study_output import study_options
 
 
@@ -13,8 +14,14 @@ from specan_cli.study_output import study_options
 @study_options
 @click.argument("effect_name", metavar="EFFECT")
 @click.option("--because", default="", metavar="TEXT", help="Why, for the history.")
+@plot_option("measured and model as it is then")
 def command(
-    directory: Path, effect_name: str, effects: tuple[Path, ...], as_json: bool, because: str
+    directory: Path,
+    effect_name: str,
+    effects: tuple[Path, ...],
+    as_json: bool,
+    because: str,
+    plot: Path | None,
 ) -> None:
     """Take EFFECT out of the model of DIR and refit. The steps before stay in the history.
 
@@ -25,4 +32,4 @@ def command(
     from specan_cli.study_change_output import show_change
     from specan_cli.study_output import open_study
 
-    show_change(drop_effect(open_study(directory, effects), effect_name, because), as_json)
+    show_change(drop_effect(open_study(directory, effects), effect_name, because), as_json, plot)

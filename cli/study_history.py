@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
+from specan_cli.figure_output import plot_option
+
 
 @click.command("history")
 @click.argument("directory", type=click.Path(path_type=Path), metavar="DIR")
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw the staircase of errors into this file.")
+@plot_option("the staircase of errors")
 @click.option("--json", "as_json", is_flag=True, help="Print the steps as JSON.")
 def command(directory: Path, plot: Path | None, as_json: bool) -> None:
     """Show every step of DIR with its error on fitted and on held-out data.

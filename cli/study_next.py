@@ -7,13 +7,15 @@ from pathlib import Path
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say
 from specan_cli.study_output import open_study, study_options
 
 
 @click.command("next")
 @study_options
-def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
+@plot_option("what the rivals expect of each reading")
+def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None) -> None:
     """Propose the measurements, within the rig's limits, that best separate what could be missing.
 
     \b
@@ -25,9 +27,13 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
     rows = found.to_json()["next_measurement"]
     if as_json:
         emit_json({"verdict": found.verdict, "next_measurement": rows})
-        return
-    if not rows:
+    elif not rows:
         click.echo("Nothing is left to decide: no two explanations compete for these data.")
-        return
-    for number, row in enumerate(rows, 1):
-        click.echo(f"{number}. {row['text']}")
+    else:
+        for number, row in enumerate(rows, 1):
+            click.echo(f"{number}. {row['text']}")
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_diagnosis import figure_next
+
+        save_figure(figure_next(rows), plot)

@@ -10,25 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.recording import Channel, Recording
+from specan.dsp.extremes import low_and_high
 
 STEP = 1024  # samples behind one pair of the overview
 PIECE = STEP * 512
 DIRECT = 2_000_000  # samples that are read for a view; above that the overview serves
-
-
-def low_and_high(
-    samples: NDArray[np.float64], columns: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest finite sample of each of `columns` equal parts; NaN for a part without any.
-
-    Examples
-    --------
-    >>> low, high = low_and_high(np.array([0.0, 3.0, -1.0, 2.0]), 2)
-    >>> low.tolist(), high.tolist()
-    ([0.0, -1.0], [3.0, 2.0])
-    """
-    edges = np.linspace(0, samples.size, columns + 1).astype(int)[:-1]
-    return np.fmin.reduceat(samples, edges), np.fmax.reduceat(samples, edges)
 
 
 @dataclass

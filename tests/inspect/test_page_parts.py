@@ -18,7 +18,8 @@ pytest.importorskip("bokeh")
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError, RequestError
-from specan.inspect.envelope import DIRECT, STEP, Waveform, low_and_high, read_overviews
+from specan.dsp.extremes import low_and_high
+from specan.inspect.envelope import DIRECT, STEP, Waveform, read_overviews
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.level_history import LevelCurves
 from specan.inspect.opened import Opened, watched
