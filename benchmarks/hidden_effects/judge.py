@@ -138,6 +138,11 @@ ROWS = (
         unknown_recognised,
     ),
     Row(
+        "  a candidate does at implausible values (D < 10)",
+        lambda r: r["kind"] == "unknown" and r["lambda"] >= 300 and (r["d"] or 0.0) < 10,
+        unknown_recognised,
+    ),
+    Row(
         "unknown, lambda 100-300: recognised",
         lambda r: r["kind"] == "unknown" and 100 <= r["lambda"] < 300,
         unknown_recognised,

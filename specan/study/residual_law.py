@@ -207,9 +207,12 @@ def _describe(
     amplitude = fitted.multiple * size
     simple = {s: simplest(low[s], high[s]) for s in symbols}
     text = "~ " + " ".join(f"{s}^{_short(exponents[s])}" for s in symbols)
-    if all(value is not None for value in simple.values()):
+    as_large_as_all = abs(fitted.multiple) > 0.999 / STEP
+    if not as_large_as_all and all(value is not None for value in simple.values()):
         text += " (near " + " ".join(f"{s}^{simple[s]}" for s in symbols) + ")"
     text += f", {amplitude:.3g} {unit} in the middle of the data"
+    if as_large_as_all:
+        text += ": next to a term that the model has, and only as sure as that one's form"
     return ResidualLaw(text, exponents, low, high, amplitude, unit, dict(means))
 
 
