@@ -135,10 +135,10 @@ def _load(path: Path) -> Any:
 
 
 def missing_extra() -> RequestError:
-    """What to say where the libraries for meshes are not installed."""
+    """What to say where the library for meshes is not installed."""
     return RequestError(
-        "[room] mesh needs scikit-fem and meshio, which are not installed",
-        remedy="install them with pip install 'specan[mesh]', or give [room] dims_m",
+        "[room] mesh needs meshio, which is not installed",
+        remedy="install it with pip install 'specan[mesh]', or give [room] dims_m",
     )
 
 
