@@ -40,19 +40,26 @@ class _Panel:
     title: str
 
 
-def figure_compare(study: Study) -> Figure:
+def figure_compare(study: Study, channel: str | None = None) -> Figure:
     """Measured values with two standard uncertainties beside the fitted model, and what is between them.
 
     Of recordings, transfer functions (see `figure_compare_frf`). Of tables, one pair of panels for every
     observable and, with three operating variables, for every level of the third. The curves run at the
     levels of the other variables; where readings lie beside their level (a brake that misses its set
     value), they are brought to it by the model, so that the gap between point and curve is the residual.
+
+    Raises
+    ------
+    RequestError
+        A `channel` that there is not, or one of a table.
     """
     from matplotlib.figure import Figure
 
     observation = study.problem.observations[0]
     if not isinstance(observation, TableObservation):
-        return figure_compare_frf(study)
+        return figure_compare_frf(study, channel)
+    if channel is not None:
+        raise RequestError("a table has no channels", remedy="leave out --channel")
     predicted = study.problem.predictions(study.best.theta)[0]
     panels = _panels(observation)
     figure = Figure(figsize=(1.0 + 3.8 * len(panels), 5.6), layout="constrained")
