@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from specan.errors import RequestError, nearest
 from specan.report.figure_style import COLOURS, octave_axis, with_gaps
 from specan.report.measured_transfer import MeasuredTransfer, level_db, measured_transfer, phase_deg
 from specan.study.observation.frf import FrfObservation
@@ -19,8 +20,8 @@ MOST_CHANNELS = 3  # columns of the figure: those that the model misses most
 _DYNAMICS_DB = 70.0
 
 
-def figure_compare_frf(study: Study) -> Figure:
-    """Magnitude and phase of the microphones that the model misses most, and the difference of the levels.
+def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
+    """Magnitude and phase of one microphone, or of those that the model misses most, and the difference of the levels.
 
     The grey band is two standard uncertainties of the measurement to either side; what is common to all lines of a
     microphone (its place, its calibration) and the declared discrepancy of the model are in it.
@@ -30,7 +31,7 @@ def figure_compare_frf(study: Study) -> Figure:
     observation = study.problem.observations[0]
     assert isinstance(observation, FrfObservation)
     found = measured_transfer(observation, study.problem.predictions(study.best.theta)[0])
-    chosen = found.by_misfit()[:MOST_CHANNELS]
+    chosen = found.by_misfit()[:MOST_CHANNELS] if channel is None else [_number(found, channel)]
     unit = study.model.observables[observation.observable].unit
     figure = Figure(figsize=(1.0 + 4.2 * len(chosen), 7.0), layout="constrained")
     grid = figure.subplots(
@@ -51,10 +52,17 @@ def figure_compare_frf(study: Study) -> Figure:
     grid[2, 0].set_ylim(-reach, reach)
     grid[0, 0].legend(fontsize="small")
     figure.suptitle(
-        f"{found.name}: {len(chosen)} of {len(found.channels)} microphones, the worst first",
+        f"{found.name}: {len(chosen)} of {len(found.channels)} microphones"
+        + ("" if channel else ", the worst first"),
         fontsize="medium",
     )
     return figure
+
+
+def _number(found: MeasuredTransfer, channel: str) -> int:
+    if channel not in found.channels:
+        raise RequestError(f"there is no microphone {channel!r}", remedy=nearest(channel, found.channels))
+    return found.channels.index(channel)
 
 
 def _draw(found: MeasuredTransfer, row: int, axes: Any) -> None:
