@@ -69,6 +69,11 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
     raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
 
 
+def unit(problem: Problem, chi2: float) -> float:
+    """Chi-square of a degree of freedom, at least one; where an evaluation is dear, what no verdict would notice."""
+    return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * (COARSE if problem.dear else 1.0)
+
+
 class _Descent:
     """Where a descent stands: theta, the residual there, and the damping of the next step."""
 
@@ -87,8 +92,7 @@ class _Descent:
 
     @property
     def unit(self) -> float:
-        """Chi-square of a degree of freedom, at least one; where an evaluation is dear, coarser."""
-        return max(self.chi2 / self.residual.size, 1.0) * (COARSE if self.problem.dear else 1.0)
+        return unit(self.problem, self.chi2)
 
     def minimum(self, jacobian: Array) -> Minimum:
         return Minimum(self.theta, self.residual, jacobian, self.chi2)

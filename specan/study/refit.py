@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.descent import STALLED, Minimum, descend
+from specan.study.descent import STALLED, Minimum, descend, unit
 from specan.study.fit import Fit, describe
 from specan.study.problem import Problem
 from specan.study.projection import Projection
@@ -163,7 +163,7 @@ class Refits:
         starts = [start_from(start, members, problem) for members in traces]
         best, reason = self._lowest(problem, self._nearer(problem, start, starts))
         nested = self._best_within(uses)
-        if best is None or best.chi2 > nested.fit.chi2 + STALLED * max(best.chi2 / best.residual.size, 1.0):
+        if best is None or best.chi2 > nested.fit.chi2 + STALLED * unit(problem, best.chi2):
             best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)])
         if best is None:
             self.failed[uses] = reason
