@@ -13,9 +13,15 @@ from specan_cli.study_output import study_options
 @click.command("compare")
 @study_options
 @plot_option("measured and model")
+@click.option("--channel", metavar="NAME", help="Recordings: the microphone whose curves --plot shows.")
 @click.option("--accept-changes", is_flag=True, help="Go on although measured files have changed.")
 def command(
-    directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None, accept_changes: bool
+    directory: Path,
+    effects: tuple[Path, ...],
+    as_json: bool,
+    plot: Path | None,
+    channel: str | None,
+    accept_changes: bool,
 ) -> None:
     """Fit the parameters that the model of DIR has and show where it fails.
 
@@ -23,7 +29,9 @@ def command(
 
     \b
     specan study compare my_study --plot compare.png
+    specan study compare my_room --plot mic_7.png --channel "Mic 7"
     """
+    from specan.study.room_errors import study_errors
     from specan_cli.output import emit_json, say
     from specan_cli.study_output import open_study
 
@@ -32,15 +40,20 @@ def command(
     kept = study.record_changes()
     if kept is not None:
         say(f"The study was changed since its last step: kept as step {kept.step}.")
+    rooms = study_errors(study)
+    shown = rooms[0].number(channel) if rooms else None
     if as_json:
-        emit_json(_content(study, found))
+        recordings = {"recordings": [one.as_dict() for one in rooms]} if rooms else {}
+        emit_json(_content(study, found) | recordings)
     else:
         _print(study, found)
+        _print_recordings(rooms)
     if plot is not None:
         from specan.report.figure_style import save_figure
+        from specan.report.figures_room import figure_errors
         from specan.report.figures_study import figure_compare
 
-        save_figure(figure_compare(study), plot)
+        save_figure(figure_compare(study) if shown is None else figure_errors(study, rooms[0], shown), plot)
 
 
 def _content(study, found) -> dict:  # type: ignore[no-untyped-def, type-arg]
@@ -80,7 +93,7 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
     click.echo(
         f"\nReduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
         f"{best.dof - study.problem.pure_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
-        f"model discrepancy of {study.data.discrepancy_percent:g} % of the losses allowed for"
+        f"model discrepancy of {study.data.discrepancy_percent:g} % of the {_of_what(study)} allowed for"
     )
     verdict = "The model fits." if best.p_value > 1e-3 else "The model does not fit."
     if best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
@@ -98,3 +111,24 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
         )
     if best.p_value <= 1e-3:
         click.echo(f"\nAsk what is missing: specan study diagnose {study.directory}")
+
+
+def _of_what(study) -> str:  # type: ignore[no-untyped-def]
+    return "response" if "frf" in study.model.observables else "losses"
+
+
+def _print_recordings(rooms) -> None:  # type: ignore[no-untyped-def]
+    from specan.study.room_errors import summary
+    from specan_cli.output import table
+
+    for one in rooms:
+        click.echo("")
+        table(
+            f"{one.recording}: model over measured, all microphones",
+            ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "the clearest, dB (95 %)"],
+            summary([one]),
+        )
+        frac = ", ".join(f"{c} {f:.4f}" for c, f in zip(one.channels, one.frac, strict=True) if f == f)
+        click.echo(f"FRAC: {frac}")
+    if rooms:
+        click.echo("(FRAC and CSAC see less than chi-square: they are shown, and decide nothing.)")

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from specan.report.figure_style import COLOURS, octave_axis
+from specan.report.figure_style import COLOURS, octave_axis, with_gaps
+from specan.report.measured_transfer import level_db, measured_transfer, phase_deg
 from specan.study.impedance import ALL, Impedance, WallBand
+from specan.study.room_errors import RoomErrors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from specan.study.study import Study
+
+_LEAST_SCALE_DB = 1.0
 
 
 def figure_impedance(found: Impedance) -> Figure:
@@ -67,3 +73,87 @@ def _part(axes: Axes, rows: list[WallBand], name: str) -> None:
                 [row.mid_hz] * 2, [interval.low, interval.high], color=COLOURS[1], lw=3, solid_capstyle="butt"
             )
             axes.plot(row.mid_hz, interval.value, "o", ms=4, color=COLOURS[1])
+
+
+def figure_errors(study: Study, errors: RoomErrors, shown: int) -> Figure:
+    """Level error by third octave and microphone, on a plan of the microphones, and one microphone's curves.
+
+    A dot marks an error of more than two standard uncertainties. On the plan a microphone's colour is its
+    level error in the third octave that is furthest off over all microphones.
+
+    Parameters
+    ----------
+    shown : int
+        Number of the microphone whose magnitude and phase are drawn.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 8.0), layout="constrained")
+    panels = figure.subplot_mosaic([["map", "plan", "side"], ["level", "level", "level"], ["phase", "phase", "phase"]],
+                                   width_ratios=[1.6, 1, 1], height_ratios=[2, 1.2, 1])  # fmt: skip
+    clear = np.abs(errors.level_dB) > 2 * errors.u_level_dB
+    reach = max(_LEAST_SCALE_DB, float(np.nanquantile(np.abs(errors.level_dB), 0.98)))
+    image = _error_map(panels["map"], errors, clear, reach)
+    figure.colorbar(image, ax=panels["map"], label="model over measured / dB")
+    band = int(np.nanargmax(np.nanmean((errors.level_dB / errors.u_level_dB) ** 2, axis=0)))
+    dims = study.model.settings["rig"]["room"]["dims_m"] or errors.position_m.max(axis=0)
+    for name, axes in (("plan", (0, 1)), ("side", (0, 2))):
+        _on_a_plan(panels[name], errors, band, reach, axes, dims, shown)
+    _curves(panels["level"], panels["phase"], study, errors, shown)
+    return figure
+
+
+def _error_map(axes: Axes, errors: RoomErrors, clear: np.ndarray, reach: float) -> Any:
+    image = axes.imshow(errors.level_dB, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
+    mic, band = np.nonzero(clear)
+    axes.plot(band, mic, ".", color="k", ms=3)
+    axes.set_yticks(range(len(errors.channels)), errors.channels, fontsize="small")
+    axes.set_xticks(range(len(errors.bands)), [f"{b:g}" for b in errors.bands], rotation=60, fontsize="small")
+    axes.set(xlabel="third octave / Hz")
+    return image
+
+
+def _on_a_plan(
+    axes: Axes,
+    errors: RoomErrors,
+    band: int,
+    reach: float,
+    which: tuple[int, int],
+    dims: np.ndarray,
+    shown: int,
+) -> None:
+    """Microphones in their places, seen along one axis."""
+    a, b = which
+    place, colour = errors.position_m, errors.level_dB[:, band]
+    style: dict[str, Any] = {"cmap": "PuOr_r", "vmin": -reach, "vmax": reach, "edgecolors": "0.3"}
+    axes.scatter(place[:, a], place[:, b], c=colour, s=60, **style)
+    axes.plot(place[shown, a], place[shown, b], "s", ms=13, mfc="none", color="k")
+    axes.set(xlim=(0, dims[a]), ylim=(0, dims[b]), aspect="equal")
+    axes.set(xlabel=f"{'xyz'[a]} / m", ylabel=f"{'xyz'[b]} / m")
+    axes.set_title(f"{errors.bands[band]:g} Hz", fontsize="medium")
+
+
+def _curves(level: Axes, phase: Axes, study: Study, errors: RoomErrors, shown: int) -> None:
+    """Magnitude and phase of one microphone, measured with its 95 % band and the model's."""
+    number = [o.name for o in study.problem.observations].index(errors.recording)
+    observation = study.problem.observations[number]
+    predicted = study.problem.predictions(study.best.theta)[number]
+    found = measured_transfer(observation, predicted)  # type: ignore[arg-type]
+    f, (low, high) = found.frequency_hz, found.band_db()
+    level.fill_between(f, low[shown], high[shown], color="0.6", alpha=0.6, lw=0, label="measured, 95 %")
+    for text, response, colour, dash in (
+        ("measured", found.measured, "0.15", "-"),
+        ("model", found.model, COLOURS[1], "--"),
+    ):
+        level.plot(f, level_db(response[shown]), color=colour, linestyle=dash, lw=1, label=text)
+        phase.plot(f, with_gaps(phase_deg(response[shown])), color=colour, linestyle=dash, lw=1)
+    unit = study.model.observables["frf"].unit
+    level.set_ylabel(f"|H| / dB re 1 {unit}")
+    level.set_title(errors.channels[shown], fontsize="medium")
+    level.legend(fontsize="small")
+    phase.set(
+        ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90), xlabel="Frequency / Hz"
+    )
+    for axes in (level, phase):
+        octave_axis(axes, float(f.min()), float(f.max()))
+        axes.grid(alpha=0.3)

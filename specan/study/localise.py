@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from specan.study.fit import Fit, misfit_p_value
 from specan.study.observation import Array
+from specan.study.observation.frf import FrfObservation
 from specan.study.problem import Problem
 from specan.study.projection import orthonormal
 
@@ -47,6 +48,8 @@ class Block:
         That mean relative error of the prediction, and what it is in the observable's unit.
     significant : bool
         Passed by Benjamini and Yekutieli's rule (blocks overlap) at a false discovery rate of 5 %.
+    level_dB, phase_deg, z_phase : float or None
+        Of transfer functions: model over measurement, and the z of the phase (`z` is that of the level).
     """
 
     where: Mapping[str, Any]
@@ -59,10 +62,17 @@ class Block:
     error: float
     unit: str
     significant: bool = False
+    level_dB: float | None = None
+    phase_deg: float | None = None
+    z_phase: float | None = None
 
     @property
     def text(self) -> str:
-        """What the model does there: ``model 4.2 % (0.11 N*m) high``."""
+        """What the model does there: ``model 4.2 % (0.11 N*m) high``, ``model 4 dB high``."""
+        if self.level_dB is not None:
+            from specan.study.localise_frf import failure_text
+
+            return failure_text(self)
         if abs(self.z) < CLEAR:
             return "model off in both directions"
         size = f" ({abs(self.error):.2g} {self.unit})" if self.unit not in ("", "1") else ""
@@ -80,10 +90,13 @@ class Block:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {
+        found = {
             "where": dict(self.where), "observable": self.observable, "z": self.z, "p_value": self.p_value,
             "error_percent": self.error_percent, "error": self.error, "unit": self.unit, "n": self.n, "text": self.text,
         }  # fmt: skip
+        if self.level_dB is not None:
+            found |= {"level_dB": self.level_dB, "phase_deg": self.phase_deg, "z_phase": self.z_phase}
+        return found
 
 
 @dataclass(frozen=True)
@@ -106,10 +119,17 @@ class Trend:
 
 @dataclass(frozen=True)
 class Localisation:
-    """Blocks and trends of one fit, the most improbable first."""
+    """Blocks and trends of one fit, the most improbable first.
+
+    Attributes
+    ----------
+    notes : tuple of str
+        Sentences on where it fails, where they say more than those of the trends.
+    """
 
     blocks: tuple[Block, ...]
     trends: tuple[Trend, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def fails_at(self) -> tuple[Block, ...]:
@@ -118,7 +138,9 @@ class Localisation:
 
     def sentences(self) -> list[str]:
         """Where the model fails and where not, in words."""
-        failing = list(dict.fromkeys(t.sentence for t in self.trends if t.significant and t.sentence))
+        failing = list(self.notes) or list(
+            dict.fromkeys(t.sentence for t in self.trends if t.significant and t.sentence)
+        )
         calm = [
             f"{variable_name(t.variable)} (p = {t.p_value:.2g})" for t in self.trends if not t.significant
         ]
@@ -194,6 +216,10 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     best : Fit
         Its minimum.
     """
+    if all(isinstance(o, FrfObservation) for o in problem.observations):
+        from specan.study.localise_frf import localise_frf
+
+        return localise_frf(problem, best)
     algebra = LeftOut(problem, best)
     labels = _labels(problem)
     blocks = [
@@ -328,8 +354,11 @@ def spoken(column: str, level: Any) -> str:
 
     Examples
     --------
-    >>> spoken("speed_rpm", 2000.0), spoken("measurement", "table_7.csv")
-    ('2000 rpm (speed)', 'table_7.csv (measurement)')
+    >>> spoken("speed_rpm", 2000.0), spoken("measurement", "table_7.csv"), spoken("near_wall", "y1")
+    ('2000 rpm (speed)', 'table_7.csv (measurement)', 'microphones near wall y1')
     """
-    value = level if isinstance(level, str) else f"{level:g} {column.rpartition('_')[2]}"
+    if column == "near_wall":
+        return f"microphones near wall {level}"
+    unit = column.rpartition("_")[2]
+    value = level if isinstance(level, str) else f"{level:g} {'Hz' if unit == 'hz' else unit}"
     return f"{value} ({variable_name(column)})"

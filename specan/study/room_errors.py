@@ -1,0 +1,217 @@
+"""How far a model of transfer functions is off, as acousticians say it: dB and degrees, FRAC and CSAC.
+
+Level and phase error of a third octave at a microphone,
+
+    dL = 10 lg (sum |H_a|^2 / sum |H_x|^2),    dphi = arg sum H_a conj(H_x),
+
+with H_a the model's and H_x the measured transfer function, carry the uncertainty of the measurement and of what
+is declared about it and the model. FRAC (over the lines of a microphone; Heylen and Lammens 1996) and CSAC (over the
+microphones of a line; Zang, Grafe and Imregun 2001) have none, and hardly move where chi-square sees an
+effect: they are shown and decide nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError, nearest
+from specan.study.observation import Array
+from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
+
+if TYPE_CHECKING:
+    from specan.study.study import Study
+
+Complex = NDArray[np.complex128]
+DB = 20 / np.log(10)
+
+
+@dataclass(frozen=True, eq=False)
+class RoomErrors:
+    """Errors of one recording; NaN where a microphone is not in use.
+
+    Attributes
+    ----------
+    bands : array (bands,)
+        Nominal third octaves, Hz.
+    level_dB, u_level_dB, phase_deg, u_phase_deg : array (microphones, bands)
+        Model over measurement, and standard uncertainties; a positive phase is ahead.
+    frac : array (microphones,)
+    csac : array (bands,)
+        Mean over the lines of the band.
+    common : complex array (microphones, bands, errors)
+        One standard deviation each of what the bands of a microphone share; relative, the real part to the
+        level, the imaginary part to the phase.
+    position_m : array (microphones, 3)
+    """
+
+    recording: str
+    channels: tuple[str, ...]
+    bands: Array
+    level_dB: Array
+    u_level_dB: Array
+    phase_deg: Array
+    u_phase_deg: Array
+    frac: Array
+    csac: Array
+    common: Complex
+    position_m: Array
+
+    def mean(self, rows: Sequence[int], bands: Sequence[int]) -> tuple[float, float, float, float]:
+        """Mean level error over some microphones and bands, dB, its uncertainty; the same of the phase, degrees."""
+        cells = np.ix_(rows, bands)
+        there = np.isfinite(self.level_dB[cells])
+        count = int(there.sum())
+        if not count:
+            return (float("nan"),) * 4
+        found: list[float] = []
+        for value, spread, part, unit in (
+            (self.level_dB, self.u_level_dB, self.common.real, DB),
+            (self.phase_deg, self.u_phase_deg, self.common.imag, 180 / np.pi),
+        ):
+            shared = np.where(there[..., None], unit * part[cells], 0.0)
+            own = np.where(there, spread[cells], 0.0) ** 2 - np.sum(shared**2, axis=-1)
+            variance = np.sum(np.maximum(own, 0.0)) + np.sum(shared.sum(axis=1) ** 2)
+            found += [float(np.nanmean(value[cells])), float(np.sqrt(variance)) / count]
+        return found[0], found[1], found[2], found[3]
+
+    def number(self, channel: str | None) -> int:
+        """Row of a microphone; of the one with the clearest level error if none is named.
+
+        Raises
+        ------
+        RequestError
+            No such microphone is in use.
+        """
+        used = [c for c, f in zip(self.channels, self.frac, strict=True) if np.isfinite(f)]
+        if channel is None:
+            clear = np.nan_to_num(np.abs(self.level_dB) / self.u_level_dB).max(axis=1)
+            return int(np.argmax(clear))
+        if channel not in used:
+            raise RequestError(f"{channel!r} is no microphone that is fitted", remedy=nearest(channel, used))
+        return self.channels.index(channel)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: one row a third octave and microphone, then FRAC and CSAC."""
+        rows = [
+            {
+                "third_octave_hz": float(band), "channel": channel,
+                "level_error_dB": self.level_dB[m, b], "u_level_dB": self.u_level_dB[m, b],
+                "phase_error_deg": self.phase_deg[m, b], "u_phase_deg": self.u_phase_deg[m, b],
+            }
+            for m, channel in enumerate(self.channels)
+            for b, band in enumerate(self.bands)
+            if np.isfinite(self.level_dB[m, b])
+        ]  # fmt: skip
+        return {
+            "recording": self.recording,
+            "errors": rows,
+            "frac": {c: f for c, f in zip(self.channels, self.frac.tolist(), strict=True) if np.isfinite(f)},
+            "csac": dict(zip([f"{b:g}" for b in self.bands], self.csac.tolist(), strict=True)),
+        }
+
+
+def study_errors(study: Study) -> list[RoomErrors]:
+    """Errors of every recording that a study fits; none if it fits none."""
+    predictions = study.problem.predictions(study.best.theta)
+    places = np.array(study.model.settings.get("rig", {}).get("mics", {}).get("position_m", np.empty((0, 3))))
+    return [
+        room_errors(o, predicted, places)
+        for o, predicted in zip(study.problem.observations, predictions, strict=True)
+        if isinstance(o, FrfObservation)
+    ]
+
+
+def room_errors(observation: FrfObservation, predicted: Array, position_m: Array) -> RoomErrors:
+    """Level, phase, FRAC and CSAC of one recording.
+
+    Parameters
+    ----------
+    observation : FrfObservation
+    predicted : array (observation.n,)
+        What the model expects in place of `observation.measured`.
+    position_m : array (microphones, 3)
+    """
+    kept = observation.kept
+    measured = np.where(kept, observation.response, 0.0)
+    model = np.zeros(kept.shape, dtype=complex)
+    model[kept] = predicted[: observation.n // 2] + 1j * predicted[observation.n // 2 :]
+    labels = np.zeros(kept.shape)
+    labels[kept] = observation.labels["third_octave_hz"][: observation.n // 2]
+    bands = np.unique(labels[kept])
+    parts = np.full((4, len(kept), len(bands)), np.nan)
+    common = np.zeros((len(kept), len(bands), observation.shared.shape[-1]), dtype=complex)
+    for m in np.flatnonzero(kept.any(axis=1)).tolist():
+        for b, band in enumerate(bands):
+            lines = np.flatnonzero(labels[m] == band)
+            if lines.size:
+                parts[:, m, b], common[m, b] = _cell(
+                    observation, m, lines, measured[m, lines], model[m, lines]
+                )
+    lines_of = [labels.max(axis=0) == band for band in bands]
+    by_line = likeness(measured, model, axis=0)
+    return RoomErrors(
+        observation.name, observation.channels, bands, parts[0], parts[1], parts[2], parts[3],
+        frac=likeness(measured, model, axis=1),
+        csac=np.array([np.nanmean(by_line[lines]) for lines in lines_of]),
+        common=common,
+        position_m=position_m,
+    )  # fmt: skip
+
+
+def _cell(
+    observation: FrfObservation, mic: int, lines: NDArray[np.intp], measured: Complex, model: Complex
+) -> tuple[tuple[float, ...], Complex]:
+    """Level, its uncertainty, phase, its uncertainty; and the part of both that bands share."""
+    energy = float(np.sum(np.abs(measured) ** 2))
+    level = 10 * np.log10(np.sum(np.abs(model) ** 2) / energy)
+    phase = np.degrees(np.angle(np.sum(model * np.conj(measured))))
+    # a small error d changes sum |H|^2 by 2 Re sum conj(H) d, and the phase by Im of the same
+    weight = np.conj(measured) / energy
+    number = np.round(observation.frequency_hz[lines] / observation.line_hz).astype(int)
+    apart = np.abs(number[:, None] - number)
+    correlation = np.where(
+        apart < len(LINE_CORRELATION), np.array(LINE_CORRELATION)[np.minimum(apart, 2)], 0.0
+    )
+    noisy = weight * observation.noise[mic, lines]
+    random = float(np.real(np.conj(noisy) @ correlation @ noisy))
+    common = weight @ observation.shared[mic, lines]
+    spread = [np.sqrt(random + np.sum(part**2)) for part in (common.real, common.imag)]
+    return (level, DB * spread[0], phase, np.degrees(spread[1])), common
+
+
+def likeness(measured: Complex, model: Complex, axis: int) -> Array:
+    """``|sum conj(H_x) H_a|^2 / (sum |H_x|^2 sum |H_a|^2)`` along an axis: FRAC over lines, CSAC over microphones.
+
+    Examples
+    --------
+    >>> h = np.array([[1.0 + 1j, 2.0, 0.5j]])
+    >>> likeness(h, 3 * h, axis=1).round(12).tolist()
+    [1.0]
+    """
+    both = np.abs(np.sum(np.conj(measured) * model, axis=axis)) ** 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found: Array = both / (
+            np.sum(np.abs(measured) ** 2, axis=axis) * np.sum(np.abs(model) ** 2, axis=axis)
+        )
+    return found
+
+
+def summary(found: Sequence[RoomErrors]) -> list[list[str]]:
+    """Rows of a table: third octave, mean and range of the level error, phase error, CSAC, the worst microphone."""
+    rows = []
+    for one in found:
+        for b, band in enumerate(one.bands):
+            level, phase = one.level_dB[:, b], one.phase_deg[:, b]
+            used = np.flatnonzero(np.isfinite(level))
+            worst = used[np.argmax(np.abs(level[used]) / one.u_level_dB[used, b])]
+            rows.append([
+                f"{band:g}", f"{level[used].mean():+.2f}", f"{level[used].min():+.2f}..{level[used].max():+.2f}",
+                f"{np.abs(phase[used]).mean():.1f}", f"{one.csac[b]:.4f}",
+                f"{one.channels[worst]}: {level[worst]:+.2f} +-{2 * one.u_level_dB[worst, b]:.2f}",
+            ])  # fmt: skip
+    return rows
