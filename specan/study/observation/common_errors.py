@@ -31,7 +31,8 @@ class CommonErrors:
     calibration_dB, calibration_phase_deg : float
         Of a microphone's calibration.
     discrepancy, detuning : float
-        Of the model: part of the response, part of its natural frequencies and bandwidths.
+        Of the model: part of the response, and half of that part of the third octave's RMS response over all
+        microphones (where modes cancel, their errors do not); part of its natural frequencies and bandwidths.
     nominal_K : float
         Temperature to which an offset is added.
     """
@@ -58,10 +59,10 @@ class CommonErrors:
             1j * response * np.radians(self.calibration_phase_deg),
             *(self.position_m * slope for slope in moved),
         ]
-        for part, of in ((self.discrepancy, response), (self.detuning, detuned)):
-            if part:
-                for hat in _hats(frequency_hz):
-                    found += [part * hat * of * turn for turn in (1, 1j)]
+        for hat in _hats(frequency_hz):
+            level = np.sqrt(np.mean(hat * np.abs(response) ** 2) / np.mean(hat))
+            of = [self.discrepancy * response, 0.5 * self.discrepancy * level + 0 * response]
+            found += [hat * size * turn for size in (*of, self.detuning * detuned) for turn in (1, 1j)]
         return np.stack([column for column in found if np.any(column)] or [0 * response], axis=-1)
 
 
