@@ -62,6 +62,9 @@ def command(
     Calibrations that lie in DIR are applied: a calibration.toml, or recordings of a calibrator.
 
     A batch that was interrupted goes on where it was when the same command is given again.
+
+    \b
+    specan batch sample_data/recordings/sine -o results --report
     """
     from specan.analysis.batch.run import run_batch
     from specan.analysis.batch.settings import read_settings

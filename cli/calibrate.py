@@ -58,6 +58,9 @@ def command(
     """Find sensitivity and phase of every microphone from recordings of a calibrator.
 
     Name all insertions of one calibration together: those that share a microphone are chained in phase.
+
+    \b
+    specan calibrate sample_data/recordings/calibration/insertion_1.tdms -o calibration.toml
     """
     from specan.analysis.calibration import join_insertions
     from specan.analysis.insertion import CalibrationSettings, evaluate_insertion

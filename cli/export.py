@@ -50,6 +50,9 @@ def command(
     """Write the samples of a recording, in SI units, for other programs.
 
     Sensitivities of a calibration are applied; phases and delays are not, since they belong to spectra.
+
+    \b
+    specan export sample_data/recordings/knock.tdms --to csv --channel "Mic 1" --decimal , -o knock.csv
     """
     from specan.analysis.section import of_one_rate, section
     from specan.errors import RequestError

@@ -66,6 +66,10 @@ def command(
 
     Phases are those of exp(+j w t). A single block (--whole, --averaging none) has phases of its own, of cosines
     with time zero at its first sample; an average has phases only over a --reference.
+
+    \b
+    specan fft sample_data/recordings/noise/noise_24_microphones.tdms --channel "Mic 1" --lines 800
+    specan fft sample_data/recordings/knock.tdms --spectrogram --lines 100 --plot knock.png
     """
     from specan.io.open import open_recording
 

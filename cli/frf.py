@@ -64,6 +64,9 @@ def command(
     """Find the transfer functions of the microphones over the vibrometer, or over --reference.
 
     Phases are those of exp(+j w t), response over reference: a delayed response has a falling phase.
+
+    \b
+    specan frf sample_data/recordings/noise/noise_24_microphones.tdms --at 250 --plot frf.png
     """
     from specan.analysis.transfer_function import TransferFunction
     from specan.io.open import open_recording

@@ -45,6 +45,9 @@ def command(
 
     Only headers are read, and a few seconds of one channel to tell sine from noise. A directory stands
     for all recordings in it.
+
+    \b
+    specan info sample_data/recordings/knock.tdms --plot waveforms.png
     """
     from specan.analysis.excitation import recognise
     from specan.errors import InputError, RequestError

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from specan import __version__
 from specan.errors import SpecanError
@@ -25,7 +28,10 @@ VERBS: dict[str, tuple[str, str]] = {
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "What a model predicts, as a table, a look-up map or a figure."),
     "study": ("study", "Model against measurement: where it fails, what is missing, what to add."),
+    "completion": ("completion", "Tab completion for bash, zsh, fish and PowerShell."),
 }
+
+COMPLETE = "_SPECAN_COMPLETE"  # environment variable under which a shell asks for completions
 
 
 class LazyGroup(click.Group):
@@ -51,6 +57,15 @@ class LazyGroup(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl([(verb, text) for verb, (_, text) in self.verbs.items()])
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Verbs that begin so, and options; no verb is imported."""
+        items = [
+            CompletionItem(verb, help=text)
+            for verb, (_, text) in self.verbs.items()
+            if verb.startswith(incomplete)
+        ]
+        return [*items, *click.Command.shell_complete(self, ctx, incomplete)]
+
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Name the nearest verb when one is mistyped."""
         from specan.errors import nearest
@@ -60,18 +75,27 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]}
+)
 @click.version_option(__version__, prog_name="specan")
 @click.option("--debug", is_flag=True, help="Show a traceback with an error.")
 @click.pass_context
 def main(ctx: click.Context, debug: bool) -> None:
     """Spectral analysis of TDMS recordings, and models held against them."""
     ctx.obj = {"debug": debug}
+    if ctx.invoked_subcommand is None:
+        from specan_cli.first_steps import first_steps
+
+        click.echo(ctx.get_help())
+        click.echo(first_steps(Path.cwd()))
 
 
 def run() -> None:
     """Run the suite and turn errors into messages and exit codes."""
     debug = "--debug" in sys.argv
+    if os.environ.get(COMPLETE, "").startswith("powershell"):
+        importlib.import_module("specan_cli.completion_powershell")
     try:
         sys.exit(main(standalone_mode=False) or 0)
     except click.exceptions.Exit as done:

@@ -17,13 +17,22 @@ if TYPE_CHECKING:
 
 @click.group("model")
 def command() -> None:
-    """Look at the models: their quantities, effects, parameters and sources."""
+    """Look at the models: their quantities, effects, parameters and sources.
+
+    \b
+    specan model list
+    specan model show worm-gear seal-drag
+    """
 
 
 @command.command("list")
 @click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
 def list_models(as_json: bool) -> None:
-    """List the models."""
+    """List the models.
+
+    \b
+    specan model list
+    """
     from specan.models.catalogue import MODELS, effects_in, model_names, model_summary
 
     rows = [
@@ -49,7 +58,12 @@ def list_models(as_json: bool) -> None:
 @click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
-    """Show a model, or one of its effects or quantities."""
+    """Show a model, or one of its effects or quantities.
+
+    \b
+    specan model show worm-gear --rig sample_data/worm_gear/rig.toml
+    specan model show room wall-impedance
+    """
     from specan.models.describe import describe_effect, describe_model, describe_quantity, find_part
     from specan.models.effect import Effect
 
@@ -73,7 +87,11 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
 @click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def check(name: str, file: Path, rig: Path | None, as_json: bool) -> None:
-    """Check the effects in a file of your own: neutral, commuting, finite, found again when planted."""
+    """Check the effects in a file of your own: neutral, commuting, finite, found again when planted.
+
+    \b
+    specan model check worm-gear belt_loss.py
+    """
     from specan.models import check_effect, conditions_over_limits
     from specan.models.catalogue import effects_from_file
 

@@ -83,7 +83,12 @@ def command(
     sampling_rate: float | None,
     **options: Any,
 ) -> int:
-    """Find levels in octave and fractional-octave bands (IEC 61260-1 class 1), and overall levels."""
+    """Find levels in octave and fractional-octave bands (IEC 61260-1 class 1), and overall levels.
+
+    \b
+    specan octave sample_data/recordings/knock.tdms --fraction 3 --weighting A --channel "Mic *"
+    specan octave sample_data/recordings/knock.tdms --averaging fast --plot history.png --history
+    """
     from specan.analysis.background import without_background
     from specan.analysis.octave import Octave
     from specan.analysis.quality import Watched

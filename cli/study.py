@@ -30,7 +30,8 @@ def command() -> None:
     """Hold a model against measurements, step by step.
 
     \b
-    specan study new my_study --model worm-gear --rig rig.toml --measurement table.csv --hold-out torque=60
+    specan study new my_study --model worm-gear --rig sample_data/worm_gear/rig.toml \\
+      --measurement sample_data/worm_gear/table_8_loaded.csv --hold-out torque=60
     specan study compare my_study
     specan study diagnose my_study
     specan study add my_study seal-drag --because "the idle runs ask for it"

@@ -43,7 +43,8 @@ def command(
     Measured files stay where they are; the study keeps their hash and notices when they change.
 
     \b
-    specan study new my_study --model worm-gear --rig rig.toml --measurement table.csv --hold-out torque=60
+    specan study new my_study --model worm-gear --rig sample_data/worm_gear/rig.toml \\
+      --measurement sample_data/worm_gear/table_8_loaded.csv --hold-out torque=60
     """
     from specan.study.begin import begin
 

@@ -17,8 +17,8 @@ pytest.importorskip("bokeh")
 
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
-from specan.errors import InputError, RequestError
 from specan.dsp.extremes import low_and_high
+from specan.errors import InputError, RequestError
 from specan.inspect.envelope import DIRECT, STEP, Waveform, read_overviews
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.level_history import LevelCurves
