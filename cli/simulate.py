@@ -1,4 +1,4 @@
-"""``specan simulate``: what a model predicts, as a table, a look-up map or a figure."""
+"""``specan simulate``: what a model predicts, as a table, a recording, a map or a figure."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from typing import Any
 import click
 
 # model -> module of this package with `run(model, options) -> None`
-SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear"}
+SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear", "room": "specan_cli.simulate_room"}
 
 
 @click.command("simulate")
 @click.argument("model_name", metavar="MODEL")
 @click.argument("rig", type=click.Path(path_type=Path), metavar="RIG.toml")
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="File to write (a table, or the figure)."
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="File to write: a table, a recording (.tdms), a figure.",
 )
 @click.option(
     "--effects",
@@ -52,7 +55,28 @@ SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear"}
     "--conditions", type=click.Path(path_type=Path), help="Take the conditions from a table's rows."
 )
 @click.option(
-    "--noise", type=float, default=0.0, metavar="SD", help="Standard deviation of one reading, N*m."
+    "--noise",
+    type=float,
+    default=0.0,
+    metavar="SD",
+    help="Standard deviation of one reading, N*m; of what a microphone adds, Pa.",
+)
+@click.option(
+    "--duration",
+    type=float,
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="Room: length of the recording.",
+)
+@click.option(
+    "--frequency", type=float, metavar="HZ", help="Room: a sine instead of noise; the frequency of --field."
+)
+@click.option(
+    "--field",
+    "plane",
+    metavar="AXIS=M",
+    help="Room: level and phase on a plane, z=0.35, as .csv or as a figure.",
 )
 @click.option("--repeats", type=click.IntRange(min=1), default=1, help="Readings of each condition.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
@@ -71,20 +95,26 @@ SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear"}
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
 def command(model_name: str, rig: Path, **options: Any) -> None:
-    """Predict what a test bench would measure if the rig were as MODEL says.
+    """Predict what would be measured if the rig were as MODEL says.
 
-    Without --grid or --conditions the conditions run over the limits of the rig file.
+    Worm gear: without --grid or --conditions the conditions run over the limits of the rig file.
+
+    Room: a recording of microphones, vibrometer and generator (-o recording.tdms), or with --field the sound field on a
+    plane.
+
+    \b
+    specan simulate worm-gear sample_data/worm_gear/rig.toml --effects seal-drag -o table.csv
     """
     from specan.errors import RequestError, nearest
     from specan.models.catalogue import effects_from_file, load_model, model_names
     from specan.models.request import override
-    from specan.schema import read_toml
+    from specan.models.rig_file import read_rig_file
 
     if model_name not in model_names():
         raise RequestError(f"there is no model {model_name!r}", remedy=nearest(model_name, model_names()))
     if model_name not in SIMULATORS:
         raise RequestError(f"the model {model_name!r} cannot be simulated from the command line")
-    model = load_model(model_name, override(read_toml(rig), options["settings"]))
+    model = load_model(model_name, override(read_rig_file(rig), options["settings"]))
     for file in options["effect_files"]:
         model = model.with_effect(*effects_from_file(file))
     importlib.import_module(SIMULATORS[model_name]).run(model, options)

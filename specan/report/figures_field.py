@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NEAR_M = 0.05  # microphones nearer to the plane than this are drawn filled
+_FINER = 4  # points of the picture for one of the map, along each axis
 _DEPTH_DB = 50.0  # below the loudest point the colours end
 
 
@@ -25,9 +27,10 @@ def field_figure(found: FieldMap) -> Figure:
     from matplotlib.figure import Figure
 
     first, second = found.first_m[-1], found.second_m[-1]
-    height = float(np.clip(5.2 * second / first, 2.2, 7.0)) + 1.5
+    height = float(np.clip(4.6 * second / first, 2.2, 7.0)) + 1.2
     sheet = Figure(figsize=(12.4, height), layout="constrained")
     axes = sheet.subplots(1, 2, sharey=True)
+    found = _finer(found)
     level, phase = found.level_dB(), found.phase_deg
     top = float(np.max(level))
     maps = (
@@ -48,7 +51,7 @@ def field_figure(found: FieldMap) -> Figure:
             cmap=colours,
             vmin=low,
             vmax=high,
-            shading="gouraud" if colours == "cividis" else "nearest",
+            shading="nearest",
             rasterized=True,
         )
         bar = sheet.colorbar(drawn, ax=place, label=text)
@@ -58,9 +61,23 @@ def field_figure(found: FieldMap) -> Figure:
         place.set(xlabel=f"{found.along[0]}, m", aspect="equal", xlim=(0.0, first), ylim=(0.0, second))
     axes[0].set_ylabel(f"{found.along[1]}, m")
     sheet.suptitle(
-        f"Sound pressure over the diaphragm's velocity at {found.frequency_hz:g} Hz, {found.axis} = {found.at_m:g} m"
+        f"Sound pressure over the diaphragm's velocity at {found.frequency_hz:g} Hz, {found.axis} = {found.at_m:g} m\n"
+        f"filled circles: microphones within {100 * NEAR_M:g} cm of the plane",
+        fontsize=11,
     )
     return sheet
+
+
+def _finer(found: FieldMap) -> FieldMap:
+    """The field between the points, by splines through real and imaginary part: phases have jumps, these have none."""
+    from scipy.interpolate import RectBivariateSpline
+
+    axes = [np.linspace(a[0], a[-1], _FINER * (len(a) - 1) + 1) for a in (found.first_m, found.second_m)]
+    parts = [
+        RectBivariateSpline(found.first_m, found.second_m, part)(*axes)
+        for part in (found.response.real, found.response.imag)
+    ]
+    return replace(found, first_m=axes[0], second_m=axes[1], response=parts[0] + 1j * parts[1])
 
 
 def _microphones(place: Axes, found: FieldMap) -> None:

@@ -1,0 +1,177 @@
+"""What ``specan simulate room`` does: a recording that the model predicts, or the sound field on a plane."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from specan.errors import RequestError
+from specan_cli.output import emit_json, say, table
+
+if TYPE_CHECKING:
+    from specan.models.model import Model
+    from specan.models.request import Request
+    from specan.models.room.field_map import FieldMap
+    from specan.models.room.simulated_recording import SimulatedRecording
+
+OF_GEARS = {
+    "grid": "--grid", "conditions": "--conditions", "lookup": "--table", "plot": "--plot", "number": "--figure",
+    "measurement": "--measurement",
+}  # fmt: skip
+
+
+def run(model: Model, options: Mapping[str, Any]) -> None:
+    """Carry out the request."""
+    from specan.models.request import read_request
+
+    for name, option in OF_GEARS.items():
+        if options[name] not in (None, ()):
+            raise RequestError(
+                f"{option} belongs to the worm gear, not to a room", remedy="see specan simulate --help"
+            )
+    if options["repeats"] != 1:
+        raise RequestError(
+            "--repeats belongs to the worm gear, not to a room", remedy="another --seed is another recording"
+        )
+    if not options["output"]:
+        raise RequestError(
+            "a simulated room has nowhere to go",
+            remedy="name a file with -o: recording.tdms, or field.csv or field.png with --field",
+        )
+    request = read_request(model, options["effects"], options["without"])
+    if options["plane"]:
+        _map(request, options)
+    else:
+        _record(request, options)
+
+
+# --- a recording -----------------------------------------------------------------------------------------
+
+
+def _record(request: Request, options: Mapping[str, Any]) -> None:
+    from specan.models.room.simulated_recording import simulated_recording
+
+    path = _checked(options["output"], (".tdms",))
+    made = simulated_recording(
+        request,
+        duration_s=options["duration"],
+        frequency_hz=options["frequency"],
+        noise=options["noise"],
+        seed=options["seed"],
+    )
+    _write_tdms(path, made, request.assembly.model.settings["rig"])
+    say(
+        f"{len(made.names)} channels of {made.quantities.shape[1] / made.sampling_rate:g} s at "
+        f"{made.sampling_rate:g} samples a second written to {path}"
+    )
+    rows = [
+        {"channel": name, "unit": unit, "rms": float((signal**2).mean() ** 0.5)}
+        for name, unit, signal in zip(made.names, _units(made), made.quantities, strict=True)
+    ]
+    if options["as_json"]:
+        effects = [str(use) for use in request.assembly.uses]
+        emit_json({"effects": effects, "sampling_rate_hz": made.sampling_rate, "channels": rows})
+    else:
+        table(
+            "", ["channel", "rms", "unit"], [[r["channel"], f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
+        )
+
+
+def _units(made: SimulatedRecording) -> list[str]:
+    return ["Pa"] * (len(made.names) - 2) + ["m/s", "V"]
+
+
+def _write_tdms(path: Path, made: SimulatedRecording, given: Mapping[str, Any]) -> None:
+    """As the laboratory's acquisition program would: volts of 24 bits, nominal sensitivities beside them."""
+    import numpy as np
+
+    from specan.testing.rig import Rig, Take
+    from specan.testing.rig_files import write_tdms
+
+    count = len(made.names) - 2
+    rig = Rig(
+        dims_m=given["room"]["dims_m"] or (0.0, 0.0, 0.0),
+        piston_centre_m=given["piston"]["centre_m"],
+        piston_radius_m=given["piston"]["radius_m"],
+        mic_position_m=np.array(given["mics"]["position_m"]),
+        sensitivity_dB=np.zeros(count),
+        phase_deg=np.zeros(count),
+        nominal_V_per_Pa=given["mics"]["nominal_sensitivity_mV_per_Pa"] / 1000.0,
+        vibrometer_m_s_per_V=given["vibrometer"]["sensitivity_mm_s_per_V"] / 1000.0,
+    )
+    gain = np.array([rig.nominal_V_per_Pa] * count + [1.0 / rig.vibrometer_m_s_per_V, 1.0])
+    excitation: dict[str, object] = {"Excitation": "gaussian noise"}
+    if made.frequency_hz is not None:
+        excitation = {"Excitation": "sine", "ExcitationFrequency_Hz": made.frequency_hz}
+    take = Take(made.names, made.sampling_rate, made.quantities, made.quantities * gain[:, None], excitation)
+    try:
+        write_tdms(path, rig, take, description="simulated")
+    except OSError as fault:
+        raise RequestError(
+            f"the recording {path} cannot be written ({fault.strerror})", remedy="name another place"
+        ) from None
+
+
+# --- the field on a plane ----------------------------------------------------------------------------------
+
+
+def _map(request: Request, options: Mapping[str, Any]) -> None:
+    from specan.models.room.field_map import field_map, read_plane
+
+    path = _checked(options["output"], (".csv", ".png", ".svg", ".pdf"))
+    if options["frequency"] is None:
+        raise RequestError("--field needs a frequency", remedy="give one with --frequency HZ")
+    left_out = [
+        str(use)
+        for use in request.assembly.uses
+        if request.assembly.model.effects[use.name].at in ("microphone", "card")
+    ]
+    if left_out:
+        say(f"Errors of microphones do not change the field: {', '.join(left_out)}.")
+    found = field_map(request, read_plane(options["plane"]), options["frequency"])
+    if path.suffix.lower() == ".csv":
+        _write_csv(path, found)
+    else:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_field import field_figure
+
+        save_figure(field_figure(found), path)
+    level = found.level_dB()
+    say(f"the field on {found.axis} = {found.at_m:g} m at {found.frequency_hz:g} Hz written to {path}")
+    if options["as_json"]:
+        emit_json(
+            {
+                "plane": {found.axis: found.at_m},
+                "frequency_hz": found.frequency_hz,
+                "points": int(level.size),
+                "level_dB": {"least": float(level.min()), "most": float(level.max())},
+                "reference": "20 uPa, diaphragm at 1 mm/s RMS",
+            }
+        )
+
+
+def _write_csv(path: Path, found: FieldMap) -> None:
+    from specan.models.room.field_map import COLUMNS
+
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            sheet = csv.writer(file, lineterminator="\n")
+            sheet.writerow(COLUMNS)
+            sheet.writerows([f"{value:.9g}" for value in row] for row in found.rows())
+    except OSError as fault:
+        raise RequestError(
+            f"the table {path} cannot be written ({fault.strerror})", remedy="name another place"
+        ) from None
+
+
+def _checked(path: Path, suffixes: tuple[str, ...]) -> Path:
+    """A path whose suffix says what is to be written, in a directory that exists."""
+    if path.suffix.lower() not in suffixes:
+        raise RequestError(
+            f"{path.name} cannot be written here", expected="a name that ends in " + " or ".join(suffixes)
+        )
+    if not path.absolute().parent.is_dir():
+        raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+    return path

@@ -1,0 +1,180 @@
+"""The sound field on a plane through the room at one frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError
+from specan.models.quantity import constant
+from specan.models.request import Request
+
+STEP_M = 0.03  # about, between points of the plane
+MOST_POINTS = 120  # along an edge
+_OF_MICROPHONES = ("microphone", "card")
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FieldMap:
+    """Sound pressure over the velocity of the diaphragm on a grid of a plane.
+
+    Attributes
+    ----------
+    axis : str
+        Axis that the plane is normal to, ``x``, ``y`` or ``z``.
+    at_m : float
+        Where it cuts that axis.
+    frequency_hz : float
+    first_m, second_m : array
+        Coordinates along the two other axes, in alphabetical order.
+    response : complex array (first, second)
+        Pa s/m.
+    microphone_m : array (microphones, 3)
+    names : tuple of str
+        Of the microphones.
+    dims_m : tuple of float
+    """
+
+    axis: str
+    at_m: float
+    frequency_hz: float
+    first_m: Array
+    second_m: Array
+    response: NDArray[np.complex128]
+    microphone_m: Array
+    names: tuple[str, ...]
+    dims_m: tuple[float, float, float]
+
+    @property
+    def along(self) -> tuple[str, str]:
+        """Names of the plane's own axes."""
+        first, second = (name for name in "xyz" if name != self.axis)
+        return first, second
+
+    def level_dB(self, velocity: float = 1e-3) -> Array:
+        """Level of the sound pressure in dB re 20 uPa while the diaphragm moves with `velocity` m/s RMS."""
+        return 20.0 * np.log10(np.maximum(np.abs(self.response) * velocity, 1e-12) / 20e-6)
+
+    @property
+    def phase_deg(self) -> Array:
+        """Phase of the pressure against the velocity, degrees."""
+        return np.degrees(np.angle(self.response))
+
+    def rows(self) -> list[tuple[float, ...]]:
+        """One row a point: x, y, z in m, level in dB at 1 mm/s, phase in degrees, real and imaginary part."""
+        level, phase = self.level_dB(), self.phase_deg
+        found = []
+        for i, a in enumerate(self.first_m):
+            for k, b in enumerate(self.second_m):
+                place = dict(zip(self.along, (a, b), strict=True)) | {self.axis: self.at_m}
+                value = self.response[i, k]
+                where = tuple(float(place[name]) for name in "xyz")
+                found.append((*where, float(level[i, k]), float(phase[i, k]), value.real, value.imag))
+        return found
+
+
+COLUMNS = (
+    "x_m",
+    "y_m",
+    "z_m",
+    "level_dB_re_20uPa_at_1mm_s",
+    "phase_deg",
+    "real_Pa_s_m",
+    "imaginary_Pa_s_m",
+)
+
+
+def read_plane(text: str) -> tuple[str, float]:
+    """Axis and place of ``z=0.35``.
+
+    >>> read_plane("z=0.35")
+    ('z', 0.35)
+    """
+    axis, equals, value = text.replace(" ", "").partition("=")
+    try:
+        if axis in ("x", "y", "z") and equals:
+            return axis, float(value)
+    except ValueError:
+        pass
+    raise RequestError(f"{text!r} is no plane", expected="x=METRES, y=METRES or z=METRES")
+
+
+def field_map(request: Request, plane: tuple[str, float], frequency_hz: float) -> FieldMap:
+    """Evaluate the field on a plane.
+
+    Errors of microphones and their cards, where the request has any, do not touch it.
+
+    Parameters
+    ----------
+    request : Request
+        Model of a room with effects and parameter values.
+    plane : tuple
+        Axis that the plane is normal to, and where it cuts it, m.
+    frequency_hz : float
+
+    Raises
+    ------
+    RequestError
+        The plane does not cut the room, or the frequency lies outside the band.
+    """
+    model = request.assembly.model
+    rig = model.settings["rig"]
+    axis, at = plane
+    dims = _edges(rig, axis, at)
+    highest = rig["band"]["f_max_hz"]
+    if not 0.0 < frequency_hz <= highest:
+        raise RequestError(
+            f"{frequency_hz:g} Hz is asked for",
+            expected=f"a frequency up to [band] f_max_hz, {highest:g} Hz",
+        )
+    across = [i for i in range(3) if "xyz"[i] != axis]
+    grids = [np.linspace(0.0, dims[i], int(np.clip(dims[i] / STEP_M, 10, MOST_POINTS)) + 1) for i in across]
+    points = np.empty((len(grids[0]), len(grids[1]), 3))
+    points[..., "xyz".index(axis)] = at
+    points[..., across[0]], points[..., across[1]] = np.meshgrid(*grids, indexing="ij")
+    found = _field(request, points.reshape(-1, 3), frequency_hz).reshape(points.shape[:2])
+    places = np.array(rig["mics"]["position_m"])
+    return FieldMap(
+        axis, at, frequency_hz, grids[0], grids[1], found, places, tuple(model.axes["microphone"]), dims
+    )
+
+
+def _edges(rig: Mapping[str, Any], axis: str, at: float) -> tuple[float, float, float]:
+    given = rig["room"]["dims_m"]
+    if given is None:
+        raise RequestError(
+            "the room is a mesh, and its field is drawn in rectangular rooms only", expected="[room] dims_m"
+        )
+    dims = (float(given[0]), float(given[1]), float(given[2]))
+    length = dims["xyz".index(axis)]
+    if not 0.0 <= at <= length:
+        raise RequestError(
+            f"the plane {axis} = {at:g} m lies outside the room",
+            expected=f"{axis} between 0 and {length:g} m",
+        )
+    return dims
+
+
+def _field(request: Request, points: Array, frequency_hz: float) -> NDArray[np.complex128]:
+    """The model's field with receivers at all points."""
+    model = request.assembly.model
+    uses = [u for u in request.assembly.uses if model.effects[u.name].at not in _OF_MICROPHONES]
+    receivers = constant("receiver_position", points, "m", "Points of the plane.", ("microphone",))
+    moved = replace(
+        model,
+        quantities={**model.quantities, "receiver_position": receivers},
+        axes={**model.axes, "microphone": tuple(f"point {k}" for k in range(len(points)))},
+        nuisances=(),
+    )
+    assembly = moved.assemble(uses)
+    known = assembly.parameters
+    values = {**assembly.defaults(), **{n: v for n, v in request.values.items() if n in known}}
+    conditions = {"frequency": np.array([frequency_hz]), "velocity_psd": np.ones(1)}
+    found: NDArray[np.complex128] = assembly.evaluate(conditions, values, wanted=["field"])["field"]
+    return found

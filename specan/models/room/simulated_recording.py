@@ -1,0 +1,149 @@
+"""What microphones, vibrometer and generator would record if the room were as the model says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError
+from specan.models.request import Request
+
+VELOCITY = 5e-3  # m/s RMS of the diaphragm
+LOUDSPEAKER = 0.1  # m/s per volt at the generator, at all frequencies
+OVERSAMPLED = 2.56  # sampling rate over the highest frequency of a transfer function, at least
+EDGE_HZ = 50.0  # noise reaches so far beyond the band: estimates at its ends need what lies around them
+LONGEST_S = 120.0
+_RATES = tuple(51200.0 / 2**k for k in range(7, -3, -1))
+_LINES_AT_ONCE = 2000
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SimulatedRecording:
+    """Channels in SI units.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Microphones in the order of the rig file, ``Vibrometer``, ``Generator``.
+    sampling_rate : float
+    quantities : array (channels, samples)
+        Pressures as indicated (Pa), velocity (m/s), voltage (V).
+    frequency_hz : float or None
+        Of the sine; noise where there is none.
+    """
+
+    names: tuple[str, ...]
+    sampling_rate: float
+    quantities: Array
+    frequency_hz: float | None
+
+
+def simulated_recording(
+    request: Request,
+    *,
+    duration_s: float = 10.0,
+    frequency_hz: float | None = None,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> SimulatedRecording:
+    """A recording under gaussian noise over the rig's band, or under a sine.
+
+    The noise repeats with the recording's length, and so does everything that it drives: what the room heard before
+    the recording began is in it.
+
+    Parameters
+    ----------
+    request : Request
+        Model of a room with effects and parameter values.
+    duration_s : float
+        Length.
+    frequency_hz : float, optional
+        A sine of this frequency instead of noise.
+    noise : float
+        Standard deviation of a noise that every microphone adds, white up to half the sampling rate, Pa.
+    seed : int
+        Of all that is random.
+
+    Raises
+    ------
+    RequestError
+        A length, frequency or noise that cannot be.
+    """
+    band = request.assembly.model.settings["rig"]["band"]
+    _check(duration_s, frequency_hz, noise, band["f_max_hz"])
+    rate = _sampling_rate(band["f_max_hz"])
+    n = round(duration_s * rate)
+    rng = np.random.default_rng(seed)
+    if frequency_hz is None:
+        frequency, velocity = _gaussian(rng, n, rate, band)
+        pressure = np.fft.irfft(_filtered(request, frequency, velocity, n, rate), n)
+        moving = np.fft.irfft(velocity, n)
+    else:
+        turning = np.sqrt(2) * VELOCITY * np.exp(2j * np.pi * frequency_hz * np.arange(n) / rate)
+        moving = turning.real
+        transfer = _transfer(request, np.array([frequency_hz]), np.array([VELOCITY**2 * duration_s]))
+        pressure = np.real(transfer * turning)
+    pressure = pressure + noise * rng.standard_normal(pressure.shape)
+    names = (*request.assembly.model.axes["microphone"], "Vibrometer", "Generator")
+    return SimulatedRecording(names, rate, np.vstack([pressure, moving, moving / LOUDSPEAKER]), frequency_hz)
+
+
+def _check(duration_s: float, frequency_hz: float | None, noise: float, highest: float) -> None:
+    if not 0.1 <= duration_s <= LONGEST_S:
+        raise RequestError(f"{duration_s:g} s are asked for", expected=f"0.1 to {LONGEST_S:g} s")
+    if frequency_hz is not None and not 0.0 < frequency_hz <= highest:
+        raise RequestError(
+            f"{frequency_hz:g} Hz is asked for", expected=f"a frequency up to [band] f_max_hz, {highest:g} Hz"
+        )
+    if not 0.0 <= noise < np.inf:
+        raise RequestError(f"the noise is {noise:g} Pa", expected="a standard deviation, not below zero")
+
+
+def _sampling_rate(highest: float) -> float:
+    """The lowest usual rate at which the band and its edge can be analysed."""
+    needed = OVERSAMPLED * (highest + EDGE_HZ)
+    found = [rate for rate in _RATES if rate >= needed]
+    if not found:
+        raise RequestError(f"a band up to {highest:g} Hz needs more than {_RATES[-1]:g} samples a second")
+    return found[0]
+
+
+def _gaussian(
+    rng: np.random.Generator, n: int, rate: float, band: Mapping[str, float]
+) -> tuple[Array, NDArray[np.complex128]]:
+    """Frequencies, and the spectrum of a velocity that is flat over the band and fades at its edges."""
+    frequency: Array = np.arange(n // 2 + 1) * (rate / n)
+    low, high = band["f_min_hz"], band["f_max_hz"]
+    up = np.clip(2.0 * frequency / low, 0.0, 1.0) if low else (frequency > 0).astype(float)
+    shape = up * np.clip((high + EDGE_HZ - frequency) / (0.5 * EDGE_HZ), 0.0, 1.0)
+    spectrum: NDArray[np.complex128] = np.fft.rfft(rng.standard_normal(n)) * shape
+    spectrum *= VELOCITY * n / np.sqrt(2.0 * np.sum(np.abs(spectrum) ** 2))
+    return frequency, spectrum
+
+
+def _filtered(
+    request: Request, frequency: Array, velocity: NDArray[np.complex128], n: int, rate: float
+) -> NDArray[np.complex128]:
+    """Spectra of the pressures."""
+    driven = np.flatnonzero(np.abs(velocity))
+    density = 2.0 * VELOCITY**2 / (2.0 * np.sum(frequency[driven] > 0) * rate / n)
+    found = np.zeros((len(request.assembly.model.axes["microphone"]), len(frequency)), complex)
+    for first in range(0, len(driven), _LINES_AT_ONCE):
+        lines = driven[first : first + _LINES_AT_ONCE]
+        transfer = _transfer(request, frequency[lines], np.full(len(lines), density))
+        found[:, lines] = transfer * velocity[lines]
+    return found
+
+
+def _transfer(request: Request, frequency: Array, velocity_psd: Array) -> NDArray[np.complex128]:
+    conditions = {"frequency": frequency, "velocity_psd": velocity_psd}
+    values = {**request.assembly.defaults(), **request.values}
+    found: NDArray[np.complex128] = request.assembly.evaluate(conditions, values, wanted=["indicated_frf"])[
+        "indicated_frf"
+    ]
+    return found
