@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Real = NDArray[np.float64]
 
 ORDER = 3
-HALF = 8  # lines of the whole record to either side; 17 equations for 8 unknowns
+HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
 
 
 def noise_density(reference: Real, responses: Any, rate: float, frequency_hz: Real) -> Real:
