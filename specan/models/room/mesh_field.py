@@ -14,11 +14,11 @@ from specan.errors import RequestError
 from specan.models.quantity import Quantity, constant, quantity
 from specan.models.room.box_field import Port, point
 from specan.models.room.mesh_file import RoomMesh
+from specan.models.room.mesh_lines import Lines
 from specan.models.room.mesh_modes import MeshModes, reduce
 
 Complex = NDArray[np.complex128]
 
-_LINES_AT_ONCE = 32  # matrices that are held together
 _KEPT = (
     3  # rooms, and fields of a room: a fit changes one parameter at a time, most of which leave them alone
 )
@@ -126,20 +126,7 @@ class MeshField:
 
     def _solve(self, loads: NDArray[np.float64]) -> Complex:
         """Answers of the vectors to loads (n, sources): array (sources, lines, n)."""
-        size, count = loads.shape
-        rows, walls = self._walls_alike()
-        flat = walls.reshape(len(walls), -1)
-        out = np.empty((count, len(self.k2), size), dtype=complex)
-        for first in range(0, len(self.k2), _LINES_AT_ONCE):
-            part = slice(first, first + _LINES_AT_ONCE)
-            soft = rows[:, part].T
-            matrix = (soft.real @ flat + 1j * (soft.imag @ flat)).reshape(-1, size, size)
-            matrix[:, np.arange(size), np.arange(size)] += self.modes.values - self.k2[part, None]
-            out[:, part] = np.linalg.solve(matrix, loads[None]).transpose(2, 0, 1)
-        return out
-
-    def _walls_alike(self) -> tuple[Complex, NDArray[np.float64]]:
-        """Admittances that differ, and the boundary masses of the walls that share each."""
+        # Walls of one admittance act as one.
         rows, which = np.unique(self.soft, axis=0, return_inverse=True)
-        walls = [self.modes.walls[which.ravel() == i].sum(axis=0) for i in range(len(rows))]
-        return rows, np.array(walls)
+        walls = np.array([self.modes.walls[which.ravel() == i].sum(axis=0) for i in range(len(rows))])
+        return Lines(self.modes.values, walls, self.k2, rows).solve(loads).transpose(2, 0, 1)

@@ -12,7 +12,7 @@ from specan.models.room.field import COLD
 from specan.models.room.mesh_field import MeshRoom, room_modes
 from specan.models.room.mesh_file import RoomMesh, read_room_mesh
 from specan.models.room.mesh_places import Simplices
-from specan.models.room.mesh_size import degree_for, expected_vectors, seconds_a_line, unknowns
+from specan.models.room.mesh_size import degree_for, expected_cost, unknowns
 from specan.models.room.rig import Rig, microphone_outside
 from specan.models.room.shape import RoomShape
 
@@ -52,19 +52,14 @@ def mesh_shape(rig: Rig) -> RoomShape:
 
 
 def _notes(mesh: RoomMesh, degree: int, k_max: float, f_max_hz: float, name: str) -> tuple[str, ...]:
-    count, vectors = unknowns(mesh, degree), expected_vectors(mesh, k_max)
+    cost = expected_cost(mesh, degree, k_max)
     large = " x ".join(f"{edge:.3g}" for edge in mesh.edges)
     return (
-        f"{name}: {len(mesh.tetrahedra)} tetrahedra of degree {degree}, {count} unknowns; {large} m large, "
-        f"{mesh.volume:.3g} m^3, {len(mesh.walls)} walls: {', '.join(mesh.walls)}",
-        f"up to {f_max_hz:.0f} Hz about {vectors} modes and answers of walls: an evaluation of 1000 lines takes about "
-        f"{1000 * seconds_a_line(vectors):.1g} s, the modes once about {preparation_seconds(count):.0f} s",
+        f"{name}: {len(mesh.tetrahedra)} tetrahedra of degree {degree}, {unknowns(mesh, degree)} unknowns; "
+        f"{large} m large, {mesh.volume:.3g} m^3, {len(mesh.walls)} walls: {', '.join(mesh.walls)}",
+        f"up to {f_max_hz:.0f} Hz about {cost.vectors} modes and answers of walls: found once in about "
+        f"{cost.preparation_s:.0f} s, then {1000 * cost.line_s:.1g} s for each evaluation of 1000 lines",
     )
-
-
-def preparation_seconds(count: int) -> float:
-    """Rough time in which the modes of so many unknowns are found on a laptop."""
-    return 1 + 12 * (count / 25_000) ** 1.7
 
 
 def _check_places(mesh: RoomMesh, rig: Rig) -> np.ndarray:

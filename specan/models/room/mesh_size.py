@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import factorial
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models.room.mesh_file import RoomMesh, triangle_areas
+from specan.models.room.mesh_lines import Lines
 from specan.models.room.mesh_modes import MARGIN, expected_modes
 from specan.models.room.mesh_places import Simplices
 
@@ -116,23 +119,46 @@ def _edge_under(mesh: RoomMesh, centre: Real, radius: float) -> float:
     return float(np.sqrt(2 * triangle_areas(mesh.points, chosen).max()))
 
 
-def expected_vectors(mesh: RoomMesh, k_max: float) -> int:
-    """About how many vectors the room is reduced to: modes, and each wall's answers (Weyl's law in a plane)."""
+@dataclass(frozen=True)
+class Cost:
+    """What a mesh will cost, before anything is solved.
+
+    Attributes
+    ----------
+    vectors : int
+        Modes and answers of walls that the room is reduced to.
+    preparation_s : float
+        Time in which they are found, once.
+    line_s : float
+        Time of one line of an evaluation.
+    """
+
+    vectors: int
+    preparation_s: float
+    line_s: float
+
+
+def expected_cost(mesh: RoomMesh, degree: int, k_max: float) -> Cost:
+    """Estimate the cost, by Weyl's law in the room and on its walls and by a system of that size tried here."""
     modes = expected_modes(mesh, MARGIN * k_max)
     areas = np.array([triangle_areas(mesh.points, t).sum() for t in mesh.walls.values()])
-    traces = areas * k_max**2 / (4 * np.pi) + 4.2 * np.sqrt(areas) * k_max / (4 * np.pi) + 1
-    return int(modes + traces.sum())
+    traces = (areas * k_max**2 / (4 * np.pi) + 4.2 * np.sqrt(areas) * k_max / (4 * np.pi) + 1).sum()
+    part = (
+        unknowns(mesh, degree) / 33_000
+    )  # as measured with so many unknowns: factors 3 s, a solution 0.05 s
+    preparation = 1 + 3 * part**2 + 0.05 * part ** (4 / 3) * (3 * modes + traces)
+    vectors = int(modes + traces)
+    return Cost(vectors, float(preparation), _seconds_a_line(vectors, mesh.surface / mesh.volume, k_max))
 
 
-def seconds_a_line(vectors: int) -> float:
-    """Time that one line takes on this machine, from a few systems of that size."""
-    from time import perf_counter
-
-    matrix = np.eye(vectors)[None] * (2 + 1j) + np.linspace(0, 1e-3, vectors)[None]
-    right = np.ones((1, vectors, 2), dtype=complex)
-    times = []
-    for _ in range(4):
-        start = perf_counter()
-        np.linalg.solve(matrix + 0.0, right)
-        times.append(perf_counter() - start)
-    return min(times)
+def _seconds_a_line(vectors: int, exposure: float, k_max: float) -> float:
+    """Time a line takes on this machine: a few lines with walls drawn at random, one of them soft."""
+    random = np.random.default_rng(1)
+    felt = random.standard_normal((2, vectors, 1 + vectors // 4)) / np.sqrt(1 + vectors // 4)
+    walls = exposure / 2 * felt @ felt.transpose(0, 2, 1)
+    k = np.linspace(0.3, 1, 48) * k_max
+    soft = 1j * k * np.array([[0.005], [0.1]])
+    lines = Lines(np.linspace(0, (MARGIN * k_max) ** 2, vectors), walls, k**2 - 1e-3j * k, soft)
+    start = perf_counter()
+    lines.solve(np.ones((vectors, 1)))
+    return (perf_counter() - start) / len(k)

@@ -205,7 +205,7 @@ def test_size_and_cost_are_said_before_anything_is_computed(box, tmp_path):
         "unknowns",
         "0.9 x 0.6 x 0.7 m large",
         "modes",
-        "an evaluation of 1000 lines takes",
+        "s for each evaluation of 1000 lines",
     ):
         assert part in text
     asked = CliRunner().invoke(
