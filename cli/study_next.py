@@ -18,6 +18,8 @@ from specan_cli.study_output import open_study, study_options
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None) -> None:
     """Propose the measurements, within the rig's limits, that best separate what could be missing.
 
+    Of a room these are places for microphones: inside the box, off its walls, off those that stand there.
+
     \b
     specan study next my_study
     """
@@ -29,6 +31,8 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Pat
         emit_json({"verdict": found.verdict, "next_measurement": rows})
     elif not rows:
         click.echo("Nothing is left to decide: no two explanations compete for these data.")
+        if "wall_admittance" in study.model.quantities:
+            click.echo(f"Positions that would tell more of the walls: specan study impedance {directory}")
     else:
         for number, row in enumerate(rows, 1):
             click.echo(f"{number}. {row['text']}")

@@ -6,7 +6,8 @@ a reading there could know (Box & Hill 1967; Buzzi-Ferraris & Forzatti 1984):
     sum over pairs  w_a w_b (y_a - y_b)^2 / (sigma^2 + v_a + v_b),
 
 with v the variance that a prediction inherits from the fitted parameters. After each point the parameters'
-covariances are updated as if it had been measured, and neighbours of points that are taken are left out.
+covariances are updated as if it had been measured, and neighbours of points that are taken are left out. In a
+room the points are places of microphones (`specan.study.next_position`).
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ from numpy.typing import NDArray
 
 from specan.models import Condition, Model
 from specan.study.localise import Block
+from specan.study.next_position import best_places, in_words, is_room, where_it_fails
 from specan.study.observation.table import TableObservation
 from specan.study.problem import Problem
 from specan.study.refit import Refit
+from specan.study.room_plan import spoken_place
 from specan.units import convert
 
 Array = NDArray[np.float64]
@@ -89,9 +92,12 @@ def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True
     if len(rivals) < 2:
         return ()
     problem = rivals[0].problem
+    if is_room(problem):
+        found = _positions(rivals, count)
+        return tuple(found or (_other_kinds(rivals) if other_kinds else []))
     grid = _grid(problem)
     planned = None if grid is None else _planned(problem, grid)
-    found: list[Proposal] = []
+    found = []
     if planned is not None:
         found = _greedy(rivals, planned, count)
     if not found and other_kinds:
@@ -109,6 +115,8 @@ def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Prop
     blocks : sequence of Block
         Where it fails, the worst first.
     """
+    if blocks and is_room(start.problem):
+        return tuple(_position_to_explore(p, blocks[0]) for p in where_it_fails(start, blocks[0], count))
     grid = _grid(start.problem)
     if grid is None or not blocks:
         return ()
@@ -128,6 +136,29 @@ def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Prop
         found.append(replace(one, text=f"{where}: {told}", separation=None))
         measured = np.vstack([measured, place[row]])
     return tuple(found)
+
+
+def _positions(rivals: Sequence[Refit], count: int) -> list[Proposal]:
+    """Places for microphones that separate the rivals."""
+    names = [_name(r) for r in rivals]
+    unit = rivals[0].problem.assembly.model.observables["frf"].unit
+    return [
+        Proposal(
+            in_words(found, names, unit),
+            dict(zip(("x_m", "y_m", "z_m"), found.place_m, strict=True)),
+            dict(zip(names, found.levels_dB, strict=True)),
+            "dB",
+            found.sigma_dB,
+            found.separation,
+        )
+        for found in best_places(rivals, _weights(rivals), count, SEPARATES)
+    ]
+
+
+def _position_to_explore(place: tuple[float, float, float], block: Block) -> Proposal:
+    told = f"where the model fails ({block.short_place}: {block.text}) and nothing was measured nearby"
+    conditions = dict(zip(("x_m", "y_m", "z_m"), place, strict=True))
+    return Proposal(f"a microphone at {spoken_place(place)}: {told}", conditions, {}, "dB", None, None)
 
 
 def _inside(problem: Problem, planned: TableObservation, block: Block) -> NDArray[np.bool_]:

@@ -1,0 +1,208 @@
+"""Where a room's model fails, and where the next microphone should stand: on a room that the model itself made."""
+
+import numpy as np
+import pytest
+
+from specan.models import Use
+from specan.models.catalogue import load_model
+from specan.models.room import EXAMPLE_RIG
+from specan.study.fit import fit
+from specan.study.localise import LeftOut, localise
+from specan.study.localise_frf import Cells, near_walls
+from specan.study.next_measurement import explore, propose
+from specan.study.next_position import _separations, _views, best_places
+from specan.study.observation.common_errors import CommonErrors
+from specan.study.observation.folding import Folding
+from specan.study.observation.frf import FrfObservation
+from specan.study.problem import base_problem
+from specan.study.refit import Refit
+from specan.study.room_errors import likeness, room_errors
+from specan.study.room_plan import free_places
+
+FREQUENCY = np.arange(60.0, 320.0, 4.0)
+PLACES = [
+    [0.15, 0.10, 0.14], [0.17, 0.23, 0.57], [0.62, 0.41, 0.29], [0.80, 0.12, 0.60], [0.25, 0.52, 0.33],
+    [0.71, 0.54, 0.55], [0.45, 0.53, 0.12], [0.52, 0.30, 0.48],
+]  # fmt: skip
+NAMES = tuple(f"Mic {k}" for k in range(1, 9))
+COMMON = 0.02  # relative, one error a microphone in level and one in phase
+
+
+@pytest.fixture(scope="module")
+def model():
+    rig = {**EXAMPLE_RIG, "mics": {"position_m": PLACES}, "band": {"f_min_hz": 60.0, "f_max_hz": 320.0}}
+    return load_model("room", rig)
+
+
+def recorded(model, change=lambda h: h, uses=(), values=None, seed=0):
+    """What eight microphones would have recorded; 1 % of noise, 2 % of common error."""
+    rng = np.random.default_rng(seed)
+    h = model.assemble(uses).evaluate({"frequency": FREQUENCY}, values or {})["indicated_frf"]
+    level = 0.01 * np.sqrt(np.mean(np.abs(h) ** 2, axis=0)) * np.ones(h.shape)
+    drawn = COMMON * (rng.standard_normal(8) + 1j * rng.standard_normal(8))
+    noise = level * (rng.standard_normal(h.shape) + 1j * rng.standard_normal(h.shape))
+    shared = COMMON * h[..., None] * np.array([1, 1j])
+    return FrfObservation(
+        "take 1", "take 1", "indicated_frf", FREQUENCY, 1.0, NAMES, change(h * (1 + drawn[:, None])) + noise, level,
+        level, Folding.none(FREQUENCY), {"frequency": FREQUENCY}, shared, np.ones(h.shape, dtype=bool),
+        CommonErrors(0.0, 0.17, 1.1, 0.0, 0.0, 293.15),
+    )  # fmt: skip
+
+
+def located(model, observation):
+    problem = base_problem(model, [observation])
+    return problem, fit(problem)
+
+
+def near_y1():
+    return np.array([0.6 - p[1] <= 0.3 * 0.6 for p in PLACES])
+
+
+def test_a_failure_near_a_wall_in_one_band_is_said_as_an_acoustician_would(model):
+    band = (FREQUENCY > 178) & (FREQUENCY < 224)
+
+    def softer(h):
+        return h * np.where(near_y1()[:, None] & band, 10 ** (-4 / 20), 1.0)
+
+    problem, best = located(model, recorded(model, softer))
+    found = localise(problem, best)
+    assert found.sentences()[0].startswith("178-224 Hz, microphones near wall y1: model ")
+    assert "dB high" in found.sentences()[0]
+    worst = next(b for b in found.fails_at if "near_wall" in b.where and "third_octave_hz" in b.where)
+    assert worst.where == {"third_octave_hz": 200.0, "near_wall": "y1"}
+    said = worst.as_dict()
+    assert said["level_dB"] == pytest.approx(4.0, abs=0.5)
+    assert said["z"] > 10
+    assert said["text"] == f"model {said['level_dB']:.2g} dB high"
+    assert "microphones near wall y1" in worst.place
+
+
+def test_a_late_microphone_is_off_in_phase_only(model):
+    def late(h):
+        turn = np.where(np.arange(8)[:, None] == 2, np.exp(-2j * np.pi * FREQUENCY * 3e-4), 1.0)
+        return h * turn
+
+    problem, best = located(model, recorded(model, late))
+    found = localise(problem, best)
+    assert "Mic 3" in found.sentences()[0]
+    assert "degrees ahead" in found.sentences()[0]
+    assert "dB" not in found.sentences()[0]
+
+
+def test_a_true_model_fails_nowhere(model):
+    flagged = 0
+    for seed in range(8):
+        problem, best = located(model, recorded(model, seed=seed))
+        flagged += bool(localise(problem, best).fails_at)
+    assert flagged <= 1  # one room in twenty may be flagged
+
+
+def test_sums_over_cells_are_what_the_whole_residual_says(model):
+    """The chi-square of a set of cells, by the algebra of whole rows."""
+    problem, best = located(model, recorded(model, lambda h: 1.02 * h))
+    algebra = LeftOut(problem, best)
+    cells = Cells(algebra)
+    channels, bands = [1, 4], [0, 3]
+    o = problem.observations[0]
+    names = [cells.channels[m] for m in channels]
+    rows = np.isin(o.labels["channel"], names) & np.isin(o.labels["third_octave_hz"], cells.bands[bands])
+    real, imaginary = np.split(algebra.predicted, 2)
+    turned = np.concatenate([-imaginary, real])
+    columns = algebra.columns(
+        np.stack([np.where(rows, part, 0.0) for part in (algebra.predicted, turned)], axis=1)
+    )
+    along = columns.T @ algebra.clean
+    expected = along @ np.linalg.solve(columns.T @ columns, along)
+    assert cells.statistic(channels, bands) == (pytest.approx(expected, rel=1e-6), 2.0)
+
+
+def test_levels_carry_the_uncertainty_that_their_errors_have(model):
+    """Over many recordings the level errors scatter as they say, between bands of one microphone too."""
+    truth = model.assemble().evaluate({"frequency": FREQUENCY})["indicated_frf"]
+    z, mean_z = [], []
+    for seed in range(60):
+        o = recorded(model, seed=seed)
+        predicted = np.concatenate([truth.real.ravel(), truth.imag.ravel()])
+        found = room_errors(o, predicted, np.array(PLACES))
+        z += (found.level_dB / found.u_level_dB).ravel().tolist()
+        z += (found.phase_deg / found.u_phase_deg).ravel().tolist()
+        level, u_level, phase, u_phase = found.mean([0, 1, 2], range(len(found.bands)))
+        mean_z += [level / u_level, phase / u_phase]
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.08)
+    assert np.sqrt(np.mean(np.square(mean_z))) == pytest.approx(1.0, abs=0.2)
+
+
+def test_frac_and_csac_do_not_see_a_gain():
+    h = np.random.default_rng(0).standard_normal((4, 30)) + 1j
+    assert likeness(h, 2 * h, axis=1) == pytest.approx(np.ones(4))
+    assert likeness(h, np.array([[1.0], [2.0], [1.0], [1.0]]) * h, axis=1) == pytest.approx(np.ones(4))
+    assert np.all(likeness(h, h[:, ::-1], axis=0) < 0.999)
+
+
+def test_walls_without_a_pair_of_microphones_nearby_are_no_group(model):
+    near = near_walls(model.settings["rig"], NAMES, base_problem(model, [recorded(model)]))
+    assert near["y1"] == np.flatnonzero(near_y1()).tolist()
+    assert all(2 <= len(group) < 8 for group in near.values())
+    assert near_walls({}, NAMES, base_problem(model, [recorded(model)])) == {}
+
+
+# --- the next microphone -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def rivals(model):
+    """A soft wall, explained by itself and by its opposite."""
+    o = recorded(model, uses=["wall-impedance@y1"], values={"wall-impedance@y1.conductance": 0.02})
+    base = base_problem(model, [o])
+    found = []
+    for name in ("wall-impedance@y1", "wall-impedance@y0"):
+        problem = base.with_uses([name]).holding({f"{name}.mass": 0.0, f"{name}.stiffness": 0.0})
+        found.append(
+            Refit(
+                frozenset({next(u for u in problem.assembly.uses if str(u) == name)}), problem, fit(problem)
+            )
+        )
+    return found
+
+
+def test_places_for_the_next_microphone_are_proposed_with_what_is_expected_there(rivals, model):
+    proposals = propose(rivals)
+    assert 1 <= len(proposals) <= 3
+    first = proposals[0].to_json()
+    place = np.array([first["conditions"][k] for k in ("x_m", "y_m", "z_m")])
+    assert np.min(np.linalg.norm(free_places(model) - place, axis=1)) < 1e-9
+    assert set(first["predictions"]) == {"wall-impedance@y1", "wall-impedance@y0"}
+    assert first["separation_sigma"] >= 2
+    assert "wall-impedance@y1 expects" in first["text"]
+    assert f"by {first['separation_sigma']:.1f} sigma" in first["text"]
+    separations = [p.separation for p in proposals]
+    assert separations == sorted(separations, reverse=True)
+
+
+def test_the_proposed_place_is_the_one_that_separates_most(rivals, model):
+    places = free_places(model)
+    best = best_places(rivals, np.array([0.5, 0.5]), 1, 0.0)[0]
+    views = _views(rivals, places)
+    covariances = [r.fit.covariance * r.scale for r in rivals]
+    each = [np.sqrt(_separations(views, covariances, k)[0, 1]) for k in range(len(places))]
+    assert best.separation == pytest.approx(max(each))
+    assert best.place_m == pytest.approx(tuple(places[int(np.argmax(each))]))
+    # written out: the whole covariance of the gap at that place
+    k = int(np.argmax(each))
+    gap = views[0].white[k] - views[1].white[k]
+    whole = np.eye(gap.size) + sum(
+        v.slopes[k] @ c @ v.slopes[k].T for v, c in zip(views, covariances, strict=True)
+    )
+    assert best.separation == pytest.approx(np.sqrt(gap @ np.linalg.solve(whole, gap)), rel=1e-6)
+
+
+def test_something_unknown_is_looked_for_where_the_model_fails(model):
+    band = (FREQUENCY > 178) & (FREQUENCY < 224)
+    o = recorded(model, lambda h: h * np.where(near_y1()[:, None] & band, 0.7, 1.0))
+    problem, best = located(model, o)
+    blocks = [b for b in localise(problem, best).fails_at if b.where.get("near_wall") == "y1"]
+    found = explore(Refit(frozenset(), problem, best), blocks)
+    assert len(found) == 2
+    for proposal in found:
+        assert proposal.conditions["y_m"] > 0.5  # near y1
+        assert "near wall y1" in proposal.text
