@@ -98,6 +98,33 @@ def hertz_axis(sheet: Any, axis: Any) -> None:
     axis.major_label_overrides = dict(zip(frequencies, names))
 
 
+class HarmonicCursor:
+    """Lines at a frequency and its multiples.
+
+    Parameters
+    ----------
+    sheet : figure
+    dimension : {"height", "width"}
+        Along which the lines run.
+    colour : str
+    """
+
+    def __init__(self, sheet: Any, dimension: str, colour: str = "#555555") -> None:
+        self._spans = [
+            Span(dimension=dimension, line_color=colour, line_dash="dashed", line_width=1, visible=False)
+            for _ in range(_HARMONICS)
+        ]
+        for span in self._spans:
+            sheet.add_layout(span)
+
+    def show(self, frequency: float | None, harmonics: bool) -> None:
+        """Move the lines, or hide them."""
+        for number, span in enumerate(self._spans, 1):
+            span.visible = frequency is not None and (number == 1 or harmonics)
+            span.location = (frequency or 1.0) * number
+            span.line_alpha = 0.9 if number == 1 else 0.45
+
+
 class Lines:
     """A figure of lines that are exchanged as a whole.
 
@@ -161,12 +188,7 @@ class Lines:
             self.sheet.yaxis[0].ticker = AdaptiveTicker(base=10, mantissas=[1, 2, 4.5, 9], min_interval=1)
             self.sheet.ygrid.ticker = self.sheet.yaxis[0].ticker
         self.sheet.toolbar.logo = None
-        self._spans = [
-            Span(dimension="height", line_color="#555555", line_dash="dashed", line_width=1, visible=False)
-            for _ in range(_HARMONICS)
-        ]
-        for span in self._spans:
-            self.sheet.add_layout(span)
+        self._cursor = HarmonicCursor(self.sheet, "height")
         if hertz:
             hertz_axis(self.sheet, self.sheet.xaxis[0])
             self.sheet.xgrid.ticker = self.sheet.xaxis[0].ticker
@@ -232,7 +254,8 @@ class Lines:
 
     def cursor(self, frequency: float | None, harmonics: bool) -> None:
         """Lines at a frequency and its multiples."""
-        for number, span in enumerate(self._spans, 1):
-            span.visible = frequency is not None and (number == 1 or harmonics)
-            span.location = (frequency or 1.0) * number
-            span.line_alpha = 0.9 if number == 1 else 0.45
+        self._cursor.show(frequency, harmonics)
+
+    def frequency_at(self, event: Any) -> float:
+        """Of a click."""
+        return float(event.x)

@@ -126,7 +126,7 @@ class RecordingPage:
         harmonics.on_change("active", lambda a, old, new: self.change(harmonics=new))
         for tab in self.tabs.values():
             for figure in tab.figures:
-                figure.sheet.on_event("tap", lambda event: self._tapped(event.x))
+                figure.sheet.on_event("tap", lambda event, of=figure.frequency_at: self._tapped(of(event)))
         # Only the tab in front is in the document: figures without a size cost the browser dearly.
         self._front = RadioButtonGroup(
             labels=[tab.title for tab in self.tabs.values()],

@@ -111,16 +111,41 @@ def test_every_tab_opens(browser, open_page, serve):
     assert page.complaints == []
 
 
-def test_a_recording_whose_names_are_markup_and_which_vanishes(browser, open_page, serve, tmp_path):
+def test_a_recording_whose_names_are_markup_and_which_changes_and_vanishes(
+    browser, open_page, serve, tmp_path
+):
     file = tmp_path / "<img src=x onerror=document.title=1>.wav"
     wavfile.write(file, 8000, np.zeros(800, dtype=np.float32))
     page = open_page(serve(str(file)))
     page.wait(lambda: "dead" in page.text("status"))
     assert page.script("return document.querySelectorAll('img').length") == 0
     assert page.browser.title != "1"
-    file.unlink()
+    wavfile.write(file, 8000, np.ones(900, dtype=np.float32))
     page.type("start", "0.02")
+    page.wait(lambda: "has changed" in page.text("status"))
+    file.unlink()
+    page.type("start", "0.03")
     page.wait(lambda: "cannot be reached" in page.text("status"))
+
+
+@pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "info"])
+def test_a_tenth_of_a_second_of_zeros_beside_noise(open_page, silence, tab):
+    """Every tab shows something, or says in a sentence what it would need."""
+    page = open_page(f"{silence}?tab={tab}&over=0&cursor=1000")
+    page.wait(lambda: page.script("return Bokeh.documents[0].get_model_by_name('tabs') != null"))
+    page.wait(
+        lambda: page.text("status").strip() or page.text("readout").strip() or page.text("info").strip()
+    )
+    assert "does not know" not in page.text("status")
+    assert page.complaints == []
+
+
+@pytest.fixture
+def silence(serve, tmp_path) -> str:
+    """A page of 0.1 s with a dead channel and one of noise."""
+    noise = np.random.default_rng(1).standard_normal(800)
+    wavfile.write(tmp_path / "short.wav", 8000, np.stack([0 * noise, noise], axis=1).astype(np.float32))
+    return serve(str(tmp_path / "short.wav"))
 
 
 def saved_text(browser, page, name: str) -> str:

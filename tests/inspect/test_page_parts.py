@@ -289,3 +289,63 @@ def test_the_command_refuses_what_does_not_go_together(tmp_path: Path):
     assert isinstance(result.exception, RequestError)
     result = CliRunner().invoke(command, [str(tmp_path / "none.tdms"), "--no-browser"])
     assert isinstance(result.exception, (RequestError, InputError))
+
+
+# --- what is not as one expects -------------------------------------------------------------------
+
+
+def hour_of_silence_with_a_click(path: Path, rate: int = 8000) -> int:
+    """A WAV file of an hour that takes hardly any room on the disk; the place of its only sample that is not zero."""
+    count = 3600 * rate
+    header = b"RIFF" + (36 + 2 * count).to_bytes(4, "little") + b"WAVEfmt " + (16).to_bytes(4, "little")
+    header += b"".join(
+        n.to_bytes(w, "little") for n, w in ((1, 2), (1, 2), (rate, 4), (2 * rate, 4), (2, 2), (16, 2))
+    )
+    header += b"data" + (2 * count).to_bytes(4, "little")
+    place = count - rate // 3
+    with path.open("wb") as file:
+        file.write(header)
+        file.seek(len(header) + 2 * place)
+        file.write((-12345).to_bytes(2, "little", signed=True))
+        file.truncate(len(header) + 2 * count)
+    return place
+
+
+def test_an_hour_from_the_disk_shows_its_only_click(tmp_path: Path):
+    from specan.io.open import open_recording
+
+    path = tmp_path / "hour.wav"
+    place = hour_of_silence_with_a_click(path)
+    try:
+        one = open_recording(path)
+        waveform = Waveform(one, one.channels[0])
+        parts = []
+        read_overviews([waveform], lambda part: parts.append(part) or True)
+        assert parts[-1] == 1.0
+        assert len(parts) > 10  # progress
+        times, values = waveform.part(0.0, 3600.0, 1500)
+        assert times[np.argmin(values)] == pytest.approx(place / 8000, abs=3600 / 1500)
+        times, values = waveform.part(3599.0, 3600.0, 20_000)
+        assert times[np.argmin(values)] == pytest.approx(place / 8000, abs=1e-9)
+    finally:
+        path.unlink()
+
+
+def test_no_browser_is_told_and_the_page_is_served(tmp_path: Path):
+    import subprocess
+    import sys
+    import urllib.request
+
+    knock = Path(__file__).parents[2] / "sample_data" / "recordings" / "knock.tdms"
+    bare = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "specan_cli", "inspect", str(knock)], env={**bare, "PATH": str(tmp_path)},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        url = process.stdout.readline().strip()
+        assert "No browser was found" in process.stderr.readline()
+        assert b"bokeh" in urllib.request.urlopen(url, timeout=30).read().lower()
+    finally:
+        process.terminate()
+        process.communicate(timeout=20)

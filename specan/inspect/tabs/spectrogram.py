@@ -14,9 +14,9 @@ from specan.data.recording import Recording
 from specan.data.spectrum import Spectrogram
 from specan.dsp.windows import WINDOWS
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import hertz_axis, plain
+from specan.inspect.plots import HarmonicCursor, hertz_axis, plain
 from specan.inspect.superseded import heard
-from specan.inspect.tabs.tab import Change, Found, Tab, Tell
+from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figures_spectra import figure_spectrogram
 from specan.schema import parse
@@ -52,7 +52,30 @@ class SpectrogramTab(Tab):
         self.sheet.add_tools(HoverTool(renderers=[picture], tooltips=[("s", "$x{0.000}"), ("Hz", "$y{0.0}")]))
         self._bar = ColorBar(color_mapper=self._colours, title="dB")
         self.sheet.add_layout(self._bar, "right")
+        self._cursor = HarmonicCursor(self.sheet, "width", "#ffffff")
+        self.figures = [self]
         self.body = [self.sheet]
+
+    def cursor(self, frequency: float | None, harmonics: bool) -> None:
+        """Lines across the picture."""
+        self._cursor.show(frequency, harmonics)
+
+    def frequency_at(self, event: Any) -> float:
+        """Of a click: frequency runs upwards."""
+        return float(event.y)
+
+    def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
+        """Lowest and highest level of the nearest line over time."""
+        number, r = found[0]
+        line = nearest_line(r.frequency_hz, frequency)
+        level = r.level_db[0][:, line]
+        known = level[np.isfinite(level)]
+        text = (
+            f"{known.min():.2f} to {known.max():.2f} {r.scale.level_text(r.units[0])} over time"
+            if known.size
+            else "no signal"
+        )
+        return [(self.opened.text(number, r.channels[0]), f"{r.frequency_hz[line]:.6g}", text)]
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Of one channel only."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from bokeh.models import NumericInput, Select
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from specan.data.recording import Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Lines
 from specan.inspect.superseded import Tell, run
 from specan.inspect.view import View
 
@@ -22,6 +21,18 @@ if TYPE_CHECKING:
 
 Change = Callable[..., None]
 Found = list[tuple[int, Any]]  # number of the recording, and its result
+
+
+class Spectral(Protocol):
+    """A figure over frequency, with a cursor."""
+
+    sheet: Any
+
+    def cursor(self, frequency: float | None, harmonics: bool) -> None:
+        """Show the cursor there."""
+
+    def frequency_at(self, event: Any) -> float:
+        """Of a click."""
 
 
 class Tab:
@@ -35,7 +46,7 @@ class Tab:
         Widgets above the figures.
     body : list
         Figures and texts.
-    figures : list of Lines
+    figures : list of Spectral
         Those that show the cursor.
     """
 
@@ -46,7 +57,7 @@ class Tab:
         self.opened, self.change = opened, change
         self.controls: list[Any] = []
         self.body: list[Any] = []
-        self.figures: list[Lines] = []
+        self.figures: list[Spectral] = []
         self._widgets: dict[str, Select | NumericInput] = {}
 
     def compute(self, view: View, tell: Tell) -> Found:
