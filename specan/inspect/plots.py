@@ -170,7 +170,9 @@ class Lines:
         self.sheet.patches(
             "x", "y", source=self._shades, fill_color="colour", fill_alpha=0.25, line_color=None
         )
-        self._source = ColumnDataSource({"x": [], "y": [], "colour": [], "dash": [], "name": []})
+        self._source = ColumnDataSource(
+            {"x": [], "y": [], "colour": [], "dash": [], "name": []}, name="lines"
+        )
         glyph = self.sheet.multi_line(
             "x", "y", source=self._source, line_color="colour", line_dash="dash", line_width=1.3
         )

@@ -190,6 +190,13 @@ def test_the_generator_as_instrument_and_the_uncertainty_on_screen(browser, open
         " && (m.data.colour ?? m.data.get('colour')).length == 4).length"
     )
     page.wait(lambda: page.script(bands) == 2)  # of the magnitude and of the phase
+    same = (
+        "const of = (n) => [...Bokeh.documents[0]._all_models.values()].filter(m => m.name == n)"
+        ".map(m => String([...(m.data.colour ?? m.data.get('colour'))]));"
+        "const bands = of('bands').filter(c => c), lines = of('lines').filter(c => c);"
+        "return bands.every(c => lines.includes(c))"
+    )
+    assert page.script(same)  # in the colours of the lines
     page.choose("estimator", "H3c")
     page.wait(lambda: "estimator=H3c" in browser.current_url)
     expected = written(frf, tmp_path, str(NOISE), *FOUR, "--lines", "400", "--estimator", "H3c")

@@ -88,7 +88,7 @@ class FrfTab(Tab):
                 magnitude.append(Curve(text, r.frequency_hz, r.level_db[row]))
                 one = turned[row] if view.unwrapped else with_gaps(turned[row])
                 if banded:
-                    hue = len(magnitude)
+                    hue = len(magnitude) - 1
                     relative = 2 * np.hypot(r.u_magnitude_percent[row], r.u_common_percent[row]) / 100
                     reach = 2 * np.hypot(r.u_phase_deg[row], r.u_common_phase_deg[row])
                     levels.append(Band(r.frequency_hz, *band_about(r.level_db[row], relative), hue))
