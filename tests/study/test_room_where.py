@@ -157,11 +157,7 @@ def rivals(model):
     found = []
     for name in ("wall-impedance@y1", "wall-impedance@y0"):
         problem = base.with_uses([name]).holding({f"{name}.mass": 0.0, f"{name}.stiffness": 0.0})
-        found.append(
-            Refit(
-                frozenset({next(u for u in problem.assembly.uses if str(u) == name)}), problem, fit(problem)
-            )
-        )
+        found.append(Refit(frozenset({Use.parse(name)}), problem, fit(problem)))
     return found
 
 

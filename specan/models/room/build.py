@@ -67,6 +67,7 @@ def build(rig: Mapping[str, Any]) -> Model:
             "wall": shape.walls,
             "microphone": microphones,
             "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
+            "third_octave": tuple(f"{f:.4g} Hz" for f in _third_octaves(settings)),
             **shape.axes,
         },
         settings={"rig": settings.model_dump(), "uncertainty": settings.uncertainty.model_dump()},
@@ -128,9 +129,16 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
         ("source_position", np.array(rig.piston.centre_m), "m", "Centre of the piston.", ()),
         ("piston_wall", walls.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
         ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
+        ("third_octave_hz", _third_octaves(rig), "Hz", "Third octaves of the band.", ("third_octave",)),
     ]
     names = replace(constant("wall_names", walls, "1", "Names of the walls."), opaque=True)
     return [names, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
+
+
+def _third_octaves(rig: Rig) -> np.ndarray:
+    """Exact mid-band frequencies of the third octaves of the band (IEC 61260-1, base 10)."""
+    low, high = (round(10 * np.log10(f / 1000)) for f in (max(rig.band.f_min_hz, 1.0), rig.band.f_max_hz))
+    return 1000 * 10.0 ** (np.arange(low, high + 1) / 10)
 
 
 def _nuisances(rig: Rig) -> tuple[Nuisance, ...]:

@@ -19,6 +19,7 @@ def wall_impedance(
     frequency,
     density,
     sound_speed,
+    third_octave_hz,
     *,
     conductance=Parameter(0.05, "1", min=0.001, max=0.5, lower=0.0, upper=1.0, doc="rho c over resistance"),
     mass=Parameter(0.0, "kg/m^2", min=0.0, max=20.0, lower=0.0, doc="surface mass"),
@@ -27,8 +28,18 @@ def wall_impedance(
     """One wall takes energy (resistance) and shifts the modes that touch it (mass, stiffness).
 
     Its surface impedance is Z = R + j (w m - s / w); each point of the wall answers to the pressure at
-    that point alone. Modes that move along the wall's normal broaden most.
+    that point alone. Modes that move along the wall's normal broaden most. With parameters that a study
+    makes free in every third octave (per = "third_octave"), they are joined by straight lines over the
+    logarithm of frequency; a mass that may be negative then stands for any reactance.
     """
     omega = 2 * np.pi * frequency
-    reactance = (omega * mass - stiffness / omega) / (density * sound_speed)
-    return conductance / (1 + 1j * conductance * reactance)
+    g, m, s = (_at(frequency, third_octave_hz, value) for value in (conductance, mass, stiffness))
+    reactance = (omega * m - s / omega) / (density * sound_speed)
+    return g / (1 + 1j * g * reactance)
+
+
+def _at(frequency, third_octave_hz, value):
+    """A number as it is; one a third octave, line by line."""
+    if np.ndim(value) == 0 or np.shape(value) != np.shape(third_octave_hz):
+        return value
+    return np.interp(np.log(frequency), np.log(third_octave_hz), value)
