@@ -45,8 +45,10 @@ class Lines:
         size = len(self.values)
         soft, flat = self.soft[:, part].T, self.walls.reshape(len(self.walls), -1)
         matrix = np.empty((len(soft), size, size), dtype=complex)
-        matrix.real, matrix.imag = (x.reshape(matrix.shape) for x in (soft.real @ flat, soft.imag @ flat))
-        matrix[:, np.arange(size), np.arange(size)] += self.values - self.k2[part, None]
+        matrix.real = (soft.real @ flat).reshape(matrix.shape)
+        matrix.imag = (soft.imag @ flat).reshape(matrix.shape)
+        away: Complex = self.values - self.k2[part, None]
+        matrix[:, np.arange(size), np.arange(size)] += away
         found: Complex = np.linalg.solve(matrix, loads[None])
         return found
 
