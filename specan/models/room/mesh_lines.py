@@ -47,7 +47,7 @@ class Lines:
         matrix = np.empty((len(soft), size, size), dtype=complex)
         matrix.real = (soft.real @ flat).reshape(matrix.shape)
         matrix.imag = (soft.imag @ flat).reshape(matrix.shape)
-        away: Complex = self.values - self.k2[part, None]
+        away = (self.values - self.k2[part, None]).astype(complex)
         matrix[:, np.arange(size), np.arange(size)] += away
         found: Complex = np.linalg.solve(matrix, loads[None])
         return found
