@@ -193,7 +193,7 @@ def test_the_generator_as_instrument_and_the_uncertainty_on_screen(browser, open
     same = (
         "const of = (n) => [...Bokeh.documents[0]._all_models.values()].filter(m => m.name == n)"
         ".map(m => String([...(m.data.colour ?? m.data.get('colour'))]));"
-        "const bands = of('bands').filter(c => c), lines = of('lines').filter(c => c);"
+        "const bands = of('bands').filter(c => c), lines = of('curves').filter(c => c);"
         "return bands.every(c => lines.includes(c))"
     )
     assert page.script(same)  # in the colours of the lines
