@@ -1,6 +1,7 @@
-"""The hidden-effect bench: gears with a known fault, verdicts of the study engine, counts against the bar.
+"""The hidden-effect bench: gears and rooms with a known fault, verdicts of the study engine, counts against the bar.
 
     python benchmarks/hidden_effects.py --quick 40 --kinds null single
+    python benchmarks/hidden_effects.py --model room --quick 20 --effects leak
     python benchmarks/hidden_effects.py --full --out results.jsonl
     python benchmarks/hidden_effects.py --report results.jsonl
 
@@ -18,17 +19,19 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from hidden_effects.cases import FULL, KINDS, Case, planned
+from hidden_effects.benches import BENCHES, Bench, Case
 from hidden_effects.judge import Record, by_effect, cpu_seconds, table
 from hidden_effects.run import fingerprint, read, run
 
 
-def chosen(arguments: argparse.Namespace) -> list[Case]:
+def chosen(bench: Bench, arguments: argparse.Namespace) -> list[Case]:
     """Cases that the command line asks for."""
-    kinds = arguments.kinds or list(FULL)
-    total = sum(FULL[kind] for kind in kinds)
+    kinds = arguments.kinds or list(bench.full)
+    total = sum(bench.full[kind] for kind in kinds)
     counts = {
-        kind: FULL[kind] if arguments.full else max(1, round(arguments.quick * FULL[kind] / total))
+        kind: bench.full[kind]
+        if arguments.full
+        else max(1, round(arguments.quick * bench.full[kind] / total))
         for kind in kinds
     }
     only = tuple(arguments.effects or ())
@@ -36,7 +39,7 @@ def chosen(arguments: argparse.Namespace) -> list[Case]:
     return [
         replace(case, rig=rig)
         for kind in kinds
-        for case in planned(kind, counts[kind], reserved=arguments.reserved, only=only)
+        for case in bench.planned(kind, counts[kind], reserved=arguments.reserved, only=only)
     ]
 
 
@@ -45,37 +48,52 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--model", choices=BENCHES, default="worm-gear")
     parser.add_argument(
         "--quick", type=int, default=60, metavar="N", help="about N cases, kinds as in the full bench"
     )
     parser.add_argument("--full", action="store_true", help="all cases")
-    parser.add_argument("--kinds", nargs="+", choices=KINDS)
+    parser.add_argument("--kinds", nargs="+", help="kinds of cases: " + ", ".join(_kinds()))
     parser.add_argument("--effects", nargs="+", help="hide only these")
     parser.add_argument("--reserved", action="store_true", help="the reserved seeds: once, at the end")
     parser.add_argument(
         "--rig", nargs="+", default=[], metavar="TABLE.KEY=VALUE", help="values for the rig file"
     )
-    parser.add_argument("--out", type=Path, default=Path("hidden_effects.jsonl"))
+    parser.add_argument("--out", type=Path, help="result file; hidden_effects_MODEL.jsonl here by default")
+    parser.add_argument(
+        "--cache",
+        type=Path,
+        metavar="DIR",
+        help="keep impulse responses of rooms there (16 kB to 50 kB a microphone)",
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument(
         "--report", type=Path, metavar="FILE", help="print the table of a result file, run nothing"
     )
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
+    bench = BENCHES[arguments.model]
+    if unknown := set(arguments.kinds or ()) - set(bench.full):
+        parser.error(f"{arguments.model} has no cases of kind {', '.join(sorted(unknown))}")
     if arguments.report:
         records = read(arguments.report, fingerprint())
     else:
-        records = list(run(chosen(arguments), arguments.out, arguments.workers))
-    print(json.dumps(summary(records), indent=1) if arguments.json else text(records))
+        out = arguments.out or Path(f"hidden_effects_{arguments.model}.jsonl")
+        records = list(run(chosen(bench, arguments), out, arguments.workers, cache=arguments.cache))
+    print(json.dumps(summary(records, bench), indent=1) if arguments.json else text(records, bench))
     return 1 if any("error" in record for record in records) else 0
 
 
-def summary(records: list[Record]) -> dict[str, object]:
+def _kinds() -> list[str]:
+    return list(dict.fromkeys(kind for bench in BENCHES.values() for kind in bench.full))
+
+
+def summary(records: list[Record], bench: Bench) -> dict[str, object]:
     """Everything that the bench knows, for a program."""
     return {
         "cases": len(records),
         "errors": [{"key": r["key"], "error": r["error"]} for r in records if "error" in r],
-        "table": table(records),
+        "table": table(records, bench.rows),
         "effects": by_effect(records),
         "cpu_seconds": cpu_seconds(records),
     }
@@ -85,16 +103,16 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3g}"
 
 
-def text(records: list[Record]) -> str:
+def text(records: list[Record], bench: Bench) -> str:
     """Everything that the bench knows, for a person."""
     lines = [f"{len(records)} cases, code {fingerprint()}", ""]
-    lines.append(f"{'':54}{'count':>11}{'%':>7}  {'95 % interval':>14}  {'lambda':>7}{'D':>7}  bar")
-    for row in table(records):
+    lines.append(f"{'':64}{'count':>11}{'%':>7}  {'95 % interval':>14}  {'lambda':>7}{'D':>7}  bar")
+    for row in table(records, bench.rows):
         if not row["of"]:
             continue
         met = {True: "met", False: "MISSED", None: ""}[row["met"]]
         lines.append(
-            f"{row['row']:54}{row['count']:>5} / {row['of']:<3}{row['percent']:7.1f}  "
+            f"{row['row']:64}{row['count']:>5} / {row['of']:<3}{row['percent']:7.1f}  "
             f"{row['low']:5.1f} to {row['high']:5.1f}  {_number(row['lambda']):>7}{_number(row['d']):>7}  "
             f"{row['bar']} {met}".rstrip()
         )

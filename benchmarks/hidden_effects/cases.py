@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from itertools import combinations
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
-from specan.testing.worm_gear import EFFECTS, TruthCase, simulate
+from specan.testing.worm_gear import EFFECTS, TruthCase, simulate, write
 
 FIRST_DEVELOPMENT_SEED = 1000
 FIRST_RESERVED_SEED = 50_000
@@ -90,6 +91,8 @@ class Case:
     without: tuple[str, ...] = ()
     rig: dict[str, float] = field(default_factory=dict)
 
+    engine: ClassVar[str] = "hidden_effects.engine"
+
     @property
     def key(self) -> str:
         """Name of the case in result files."""
@@ -100,13 +103,17 @@ class Case:
         """Catalogue names of what is hidden; empty where nothing of the catalogue is."""
         return tuple(sorted({c for n in self.effects if (c := EFFECTS[n].candidate)}))
 
-    def simulate(self) -> TruthCase:
-        """The data."""
+    def simulate(self, cache: Path | None = None) -> TruthCase:
+        """The data; a gear is simulated so quickly that nothing is kept."""
         case = simulate(self.seed, self.effects, self.design)
         for key, value in self.rig.items():
             table, _, name = key.partition(".")
             case.rig[table][name] = value
         return case
+
+    def write(self, truth: TruthCase, folder: Path, cache: Path | None = None) -> None:
+        """What the search gets."""
+        write(truth, folder)
 
     def as_dict(self) -> dict[str, Any]:
         """For a result file."""

@@ -30,8 +30,8 @@ def diagnose(case: Case, directory: Path) -> dict[str, Any]:
     return find_missing(_problem(directory, case.without)).to_json()
 
 
-def measure(case: Case, truth: TruthCase, directory: Path) -> dict[str, Any]:
-    """lambda, D, conditional lambda and the planted sizes, from a refit of noise-free data.
+def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """lambda, D, conditional lambda and the planted sizes, from a refit of noise-free data, whatever the verdict is.
 
     Returns
     -------

@@ -92,15 +92,18 @@ class Row:
     met: Callable[[int, int], bool] | None = None
 
 
-def _at_least(share: float) -> Callable[[int, int], bool]:
+def at_least(share: float) -> Callable[[int, int], bool]:
+    """Bar that a share of the cases has to meet."""
     return lambda right, of: right >= share * of
 
 
-def _null(record: Record) -> bool:
+def is_null(record: Record) -> bool:
+    """Whether nothing was hidden."""
     return record["kind"].startswith("null")
 
 
-def _single(low: float, high: float = float("inf"), least_d: float = 0.0) -> Callable[[Record], bool]:
+def is_single(low: float, high: float = float("inf"), least_d: float = 0.0) -> Callable[[Record], bool]:
+    """Single effects by what the data know of them."""
     return lambda r: (
         r["kind"] == "single"
         and low <= r["lambda"] < high
@@ -109,7 +112,7 @@ def _single(low: float, high: float = float("inf"), least_d: float = 0.0) -> Cal
 
 
 ROWS = (
-    Row("null: something named", _null, names_something, "<= 3 in 800", lambda n, of: n <= 3 / 800 * of),
+    Row("null: something named", is_null, names_something, "<= 3 in 800", lambda n, of: n <= 3 / 800 * of),
     Row("  set values met exactly", lambda r: r["kind"] == "null-exact", names_something),
     Row("  with set-up scatter", lambda r: r["kind"] == "null", names_something),
     Row("  with idle rows", lambda r: r["kind"] == "null-idle", names_something),
@@ -117,20 +120,20 @@ ROWS = (
     Row("  with back-to-back readings", lambda r: r["kind"] == "null-readings", names_something),
     Row("  at two oil levels", lambda r: r["kind"] == "null-levels", names_something),
     Row("  24 conditions only", lambda r: r["kind"] == "null-small", names_something),
-    Row("single, lambda >= 100, D >= 20: first", _single(100, least_d=20), truth_first, ">= 97 %", _at_least(0.97)),
-    Row("single, lambda 30-100, D >= 20: first", _single(30, 100, 20), truth_first, ">= 90 %", _at_least(0.90)),
-    Row("single, lambda 10-30: first", _single(10, 30), truth_first),
-    Row("single, lambda >= 30, any D: first", _single(30), truth_first),
-    Row("single, lambda >= 30, any D: alone on top", _single(30), top_one),
-    Row("single, lambda >= 30: truth among the alternatives", _single(30), among, ">= 98 %", _at_least(0.98)),
-    Row("single, lambda >= 30: 'or one unknown' added", _single(30), doubted),
-    Row("single, lambda < 10: nothing, and said why", _single(0, 10), honestly_nothing, ">= 95 %", _at_least(0.95)),
+    Row("single, lambda >= 100, D >= 20: first", is_single(100, least_d=20), truth_first, ">= 97 %", at_least(0.97)),
+    Row("single, lambda 30-100, D >= 20: first", is_single(30, 100, 20), truth_first, ">= 90 %", at_least(0.90)),
+    Row("single, lambda 10-30: first", is_single(10, 30), truth_first),
+    Row("single, lambda >= 30, any D: first", is_single(30), truth_first),
+    Row("single, lambda >= 30, any D: alone on top", is_single(30), top_one),
+    Row("single, lambda >= 30: truth among the alternatives", is_single(30), among, ">= 98 %", at_least(0.98)),
+    Row("single, lambda >= 30: 'or one unknown' added", is_single(30), doubted),
+    Row("single, lambda < 10: nothing, and said why", is_single(0, 10), honestly_nothing, ">= 95 %", at_least(0.95)),
     Row(
         "unknown, lambda >= 300: recognised",
         lambda r: r["kind"] == "unknown" and r["lambda"] >= 300,
         unknown_recognised,
         ">= 95 %",
-        _at_least(0.95),
+        at_least(0.95),
     ),
     Row(
         "  and no candidate imitates it (D >= 100)",
@@ -157,7 +160,7 @@ ROWS = (
         lambda r: r["kind"] == "pair" and (r["conditional_lambda"] or 0.0) >= 20,
         among,
         ">= 75 %",
-        _at_least(0.75),
+        at_least(0.75),
     ),
     Row(
         "  'or one unknown' added",
@@ -167,10 +170,10 @@ ROWS = (
 )  # fmt: skip
 
 
-def table(records: Sequence[Record]) -> list[dict[str, Any]]:
+def table(records: Sequence[Record], asked: Sequence[Row] = ROWS) -> list[dict[str, Any]]:
     """Counts, 95 % intervals and whether the bar is met; rows without a case say so."""
     rows = []
-    for row in ROWS:
+    for row in asked:
         about = [r for r in records if "error" not in r and row.about(r)]
         right, of = sum(row.counted(r) for r in about), len(about)
         low, high = interval(right, of) if of else (float("nan"), float("nan"))
@@ -201,7 +204,9 @@ def by_effect(records: Sequence[Record], least_lambda: float = 30.0) -> list[dic
     found: dict[str, list[Record]] = {}
     for record in records:
         if record["kind"] in ("single", "unknown", "left-out") and "error" not in record:
-            found.setdefault(f"{record['kind']}: {next(iter(record['effects']))}", []).append(record)
+            found.setdefault(
+                f"{record['kind']}: {next(iter(record['effects'])).partition('@')[0]}", []
+            ).append(record)
     rows = []
     for name, group in sorted(found.items()):
         strong = [r for r in group if r["lambda"] >= least_lambda]

@@ -17,16 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import specan
-from hidden_effects.cases import Case
+from hidden_effects.benches import Case
 from hidden_effects.judge import Record
-from specan.testing.worm_gear import write
 
-ENGINE = "hidden_effects.engine"  # module with diagnose(case, directory) and measure(case, truth, directory)
 _SHORTENED_RANKING = 6
 
 
 def fingerprint() -> str:
-    """Of the code that decides: models, study and the simulated gear. Results of different code are not mixed."""
+    """Of the code that decides: models, study and simulators. Results of different code are not mixed."""
     root = Path(specan.__file__).parent
     digest = hashlib.sha256()
     for part in ("models", "study", "testing"):
@@ -35,25 +33,36 @@ def fingerprint() -> str:
     return digest.hexdigest()[:12]
 
 
-def run_case(case: Case, engine: str = ENGINE) -> Record:
-    """Simulate, ask for a verdict, measure what the data could know. A failure is a record, not an end."""
-    module = importlib.import_module(engine)
+def run_case(case: Case, engine: str = "", cache: Path | None = None) -> Record:
+    """Simulate, ask for a verdict, measure what the data could know. A failure is a record, not an end.
+
+    Parameters
+    ----------
+    case : Case
+    engine : str
+        Module with ``diagnose(case, directory)`` and ``measure(case, truth, directory, verdict)``, which add to the
+        record; the case's own by default.
+    cache : path, optional
+        Directory for what is dear to simulate.
+    """
+    module = importlib.import_module(engine or case.engine)
     record: Record = {**case.as_dict(), "key": case.key, "truth": list(case.truth)}
     try:
-        truth = case.simulate()
-        with tempfile.TemporaryDirectory() as folder:
-            write(truth, folder)
+        truth = case.simulate(cache)
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            case.write(truth, folder, cache)
             start = time.process_time()
-            verdict = module.diagnose(case, Path(folder))
+            verdict = module.diagnose(case, folder)
             record["cpu_s"] = round(time.process_time() - start, 3)
             record["verdict"] = {**verdict, "ranking": verdict["ranking"][:_SHORTENED_RANKING]}
-            record |= module.measure(case, truth, Path(folder))
+            record |= module.measure(case, truth, folder, verdict)
     except Exception:  # whatever breaks in one case is counted and shown, the others go on
         record["error"] = traceback.format_exc(limit=-3)
     return record
 
 
-def _run(arguments: tuple[Case, str]) -> Record:
+def _run(arguments: tuple[Case, str, Path | None]) -> Record:
     return run_case(*arguments)
 
 
@@ -72,7 +81,9 @@ def read(path: Path, code: str) -> list[Record]:
     return found
 
 
-def run(cases: Sequence[Case], path: Path, workers: int = 2, engine: str = ENGINE) -> Iterator[Record]:
+def run(
+    cases: Sequence[Case], path: Path, workers: int = 2, engine: str = "", cache: Path | None = None
+) -> Iterator[Record]:
     """Run what the file does not hold yet, append every result as it comes, and yield all records of the cases.
 
     Parameters
@@ -83,8 +94,8 @@ def run(cases: Sequence[Case], path: Path, workers: int = 2, engine: str = ENGIN
         Result file, one JSON object a line.
     workers : int
         Processes; 1 runs in this one.
-    engine : str
-        Module that diagnoses.
+    engine, cache
+        See `run_case`.
     """
     code = fingerprint()
     wanted = {case.key: json.loads(json.dumps(case.as_dict())) for case in cases}
@@ -94,7 +105,7 @@ def run(cases: Sequence[Case], path: Path, workers: int = 2, engine: str = ENGIN
         if asked is not None and all(record[name] == value for name, value in asked.items()):
             done[record["key"]] = record
     yield from done.values()
-    left = [(case, engine) for case in cases if case.key not in done]
+    left = [(case, engine, cache) for case in cases if case.key not in done]
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", encoding="utf-8", newline="\n") as file:
         for number, record in enumerate(_results(left, workers), 1):
@@ -107,7 +118,7 @@ def run(cases: Sequence[Case], path: Path, workers: int = 2, engine: str = ENGIN
         print(file=sys.stderr)
 
 
-def _results(left: Sequence[tuple[Case, str]], workers: int) -> Iterator[Record]:
+def _results(left: Sequence[tuple[Case, str, Path | None]], workers: int) -> Iterator[Record]:
     if workers <= 1 or len(left) < 2:
         yield from map(_run, left)
         return

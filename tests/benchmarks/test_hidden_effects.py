@@ -183,7 +183,7 @@ def engine(monkeypatch):
         }
 
     module.diagnose = diagnose
-    module.measure = lambda case, truth, directory: {
+    module.measure = lambda case, truth, directory, verdict: {
         "lambda": 200.0, "d": 50.0, "conditional_lambda": 50.0, "planted": {}
     }  # fmt: skip
     monkeypatch.setitem(sys.modules, "oracle", module)

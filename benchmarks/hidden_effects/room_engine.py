@@ -1,0 +1,218 @@
+"""The study engine as the bench asks it about a room, what the data could know, and what adding the effect does."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hidden_effects.room_cases import Case
+from specan.errors import ComputationError
+from specan.models import Model, Use
+from specan.models.room.build import build
+from specan.study.diagnose import diagnose as find_missing
+from specan.study.error import HeldOut, held_out_error
+from specan.study.fit import Fit, fit
+from specan.study.kinds import DataFile, DataRequest, OpenedData, open_data
+from specan.study.observation.frf import FrfObservation
+from specan.study.problem import Problem, base_problem
+from specan.study.refit import EffectSet, Refit, Refits
+from specan.study.score import score_pairs
+from specan.study.search import Search, Step
+from specan.testing.room import EFFECTS, RoomCase
+
+STARTS = 2
+RIVALS = 2  # wrong candidates that are refitted: those that promise most when linearised
+_PLACES = {"wall": "{}", "microphone": "Mic {:.0f}", "card": "card {:.0f}", "edge": "{}"}
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """A recording as a study sees it."""
+
+    data: OpenedData
+    problem: Problem
+    base: Fit
+
+
+def diagnose(case: Case, directory: Path) -> dict[str, Any]:
+    """Verdict on a recording, as ``study diagnose --json`` gives it; reading and fitting are part of its cost."""
+    opened = _open(directory, case)
+    return find_missing(opened.problem, base=opened.base).to_json()
+
+
+def measure(case: Case, truth: RoomCase, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """lambda and D from noise-free data, the truth's places, and the held-out error after adding what was named.
+
+    Returns
+    -------
+    dict
+        ``lambda``, ``left``, ``d``, ``rival``, ``conditional_lambda``, ``planted``: as for the worm gear, but beyond
+        ``misfit``, which the base leaves of the same room without effects (of a null it is lambda), and of the wrong
+        candidates only the `RIVALS` that promise most are refitted.
+        ``at``: wall, microphone, card or edge of each hidden effect.
+        ``base``: reduced chi-square of the base on the noisy data and on those held out.
+        ``added``: None, or the same after the best set of the verdict was added, the excess of the RMS error over the
+        declared uncertainty before and after, and the parameters with their 95 % intervals.
+    """
+    opened = _open(directory, case)
+    ideal = [_noise_free(opened, directory / name) for name in _quiet_files(case)]
+    found = {"at": _places(truth), **_knowable(case, *ideal)}
+    before = held_out_error(opened.problem, opened.base, opened.data.held_out)
+    found["base"] = {
+        "reduced_chi2": opened.base.reduced_chi2,
+        "held_out_reduced_chi2": before.reduced_chi2,
+    }
+    return found | {"added": _added(opened, before, verdict)}
+
+
+@lru_cache(maxsize=1)
+def _open(directory: Path, case: Case) -> _Opened:
+    model = build(tomllib.loads((directory / "rig.toml").read_text(encoding="utf-8")))
+    model = _without(model, case.without)
+    data = open_data(model, {"frf": _request(case, directory, "recording.tdms")})
+    problem = base_problem(model, data.fitted)
+    return _Opened(data, problem, fit(problem))
+
+
+def _request(case: Case, directory: Path, name: str) -> DataRequest:
+    validations = [DataFile("validation.tdms", directory / "validation.tdms")] if case.validated else []
+    aside = [] if case.validated else [(None, "channel=" + ",".join(case.held_out))]
+    return DataRequest([DataFile(name, directory / name)], validations, aside)
+
+
+def _without(model: Model, names: Sequence[str]) -> Model:
+    return replace(
+        model,
+        effects={name: effect for name, effect in model.effects.items() if name not in names},
+        nuisances=tuple(n for n in model.nuisances if Use.parse(n.effect).name not in names),
+    )
+
+
+def _places(truth: RoomCase) -> dict[str, str]:
+    """Where each hidden effect of the catalogue sits."""
+    found = {}
+    for full, drawn in truth.truth.details.items():
+        candidate = EFFECTS[full.partition("@")[0]].candidate
+        for kind, form in _PLACES.items():
+            if candidate and kind in drawn:
+                found[candidate] = form.format(drawn[kind])
+    return found
+
+
+def _quiet_files(case: Case) -> list[str]:
+    return ["quiet.tdms", "healthy.tdms"] if case.effects else ["quiet.tdms"]
+
+
+def _noise_free(opened: _Opened, path: Path) -> Problem:
+    """Covariance of the noisy recording, transfer functions of the one without noise."""
+    from specan.io.open import open_recording
+    from specan.study.recording_measurement import observe_recording
+
+    (observation,) = opened.problem.observations
+    assert isinstance(observation, FrfObservation)
+    model = opened.problem.assembly.model
+    band = model.settings["rig"]["band"]
+    quiet = observe_recording(
+        open_recording(path), model, f_min_hz=band["f_min_hz"], f_max_hz=band["f_max_hz"]
+    )
+    ideal = replace(observation, response=quiet.response, folding=quiet.folding)
+    return opened.problem.over([ideal])
+
+
+def _knowable(case: Case, problem: Problem, healthy: Problem | None = None) -> dict[str, Any]:
+    refits = Refits(Refit(frozenset(), problem, fit(problem)))
+    if healthy is None:
+        return {"lambda": refits.base.chi2, "misfit": refits.base.chi2, "d": None, "planted": {}}
+    misfit = fit(healthy).chi2
+    found = {"lambda": max(refits.base.chi2 - misfit, 0.0), "misfit": misfit, "left": None}
+    found |= {"d": None, "rival": None, "conditional_lambda": None}
+    step = Search(refits).step(refits.base)
+    names = frozenset(case.truth)
+    if len(names) > 1:
+        return found | _of_a_pair(refits, step, names) | {"planted": {}}
+    right = _refits(refits, step, [u for u in step.by_use if u.name in names][:RIVALS])
+    wrong = _refits(refits, step, [u for u in step.by_use if u.name not in names][:RIVALS])
+    best = min(right, key=lambda r: r.chi2, default=None)
+    found["planted"] = dict.fromkeys(names, 0.0 if best is None else _amplitude(best))
+    if names and best is None:  # the base swallows it whole
+        return found
+    left = (
+        best.chi2 if best is not None else misfit
+    )  # of an effect outside the catalogue the truth leaves nothing
+    found["left"] = left - misfit
+    if wrong:
+        rival = min(wrong, key=lambda r: r.chi2)
+        found |= {"rival": str(next(iter(rival.uses))), "d": rival.chi2 - left}
+    return found
+
+
+def _refits(refits: Refits, step: Step, uses: Sequence[Use]) -> list[Refit]:
+    made = [refits.fit(step.seen, [[s] for s in step.by_use[use][:STARTS]]) for use in uses]
+    return [refit for refit in made if refit is not None]
+
+
+def _of_a_pair(refits: Refits, step: Step, names: frozenset[str]) -> dict[str, Any]:
+    """What the better half of a pair alone leaves beyond both."""
+    pairs = score_pairs(step.seen.linear, step.scored)
+    pair = next((p for p in pairs if {u.name for u in p.uses} == names), None)
+    both = None if pair is None else refits.fit(step.seen, [[pair.first, pair.second]])
+    if both is None:
+        return {}
+    alone = _refits(refits, step, sorted(both.uses))
+    least = min((r.chi2 for r in alone), default=refits.base.chi2)
+    return {"conditional_lambda": least - both.chi2}
+
+
+def _amplitude(refit: Refit) -> float | None:
+    """Size of the first amplitude of an effect that was added, in its declared unit."""
+    (use,) = refit.uses
+    effect = refit.problem.assembly.model.effects[use.name]
+    name = next(n for n in effect.parameters if n in effect.neutral)
+    parameter, value = effect.parameters[name], refit.fit.values[f"{use}.{name}"]
+    return abs(float(parameter.from_si(value)) - effect.neutral[name])
+
+
+def _added(opened: _Opened, before: HeldOut, verdict: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Fit with the first set of the ranking, if the verdict names one, and predict what was held out."""
+    if verdict["verdict"] not in ("effect", "group"):
+        return None
+    first = verdict["ranking"][0]
+    uses: EffectSet = frozenset(
+        Use(name, place) for name in first["effects"] for place in first["at"].get(name, [""])
+    )
+    problem = opened.problem.with_uses(uses)
+    start = dict(opened.base.values)
+    for name, row in first["parameters"].items():
+        parameter = problem.assembly.parameters[name.split("[")[0]]
+        start[name] = parameter.to_si(row["value"])
+    try:
+        refitted = fit(problem, start)
+        after = held_out_error(problem, refitted, opened.data.held_out)
+    except ComputationError as fault:
+        return {"uses": sorted(map(str, uses)), "failed": str(fault), **_unmeasured()}
+    return {
+        "uses": sorted(map(str, uses)),
+        "reduced_chi2_before": before.reduced_chi2,
+        "reduced_chi2_after": after.reduced_chi2,
+        "excess_before": _excess(before, opened.data.held_out),
+        "excess_after": _excess(after, opened.data.held_out),
+        "parameters": first["parameters"],
+    }
+
+
+def _unmeasured() -> dict[str, float]:
+    names = ("reduced_chi2_before", "reduced_chi2_after", "excess_before", "excess_after")
+    return dict.fromkeys(names, float("inf"))
+
+
+def _excess(found: HeldOut, observations: Sequence[Any]) -> float:
+    """RMS error beyond what the declared uncertainty of the data alone gives, in the unit of the data."""
+    gap = np.concatenate([p - o.measured for p, o in zip(found.predictions, observations, strict=True)])
+    declared = np.concatenate([o.sigma for o in observations])
+    return float(np.sqrt(max(np.mean(gap**2) - np.mean(declared**2), 0.0)))
