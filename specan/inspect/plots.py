@@ -171,7 +171,7 @@ class Lines:
             "x", "y", source=self._shades, fill_color="colour", fill_alpha=0.25, line_color=None
         )
         self._source = ColumnDataSource(
-            {"x": [], "y": [], "colour": [], "dash": [], "name": []}, name="lines"
+            {"x": [], "y": [], "colour": [], "dash": [], "name": []}, name="curves"
         )
         glyph = self.sheet.multi_line(
             "x", "y", source=self._source, line_color="colour", line_dash="dash", line_width=1.3
