@@ -19,6 +19,8 @@ from specan.models.room.mesh_modes import MeshModes, reduce
 
 Complex = NDArray[np.complex128]
 
+REACH = 1.5  # of the band: lines above it fold into a recording's, and are had with less care
+
 _KEPT = (
     3  # rooms, and fields of a room: a fit changes one parameter at a time, most of which leave them alone
 )
@@ -67,10 +69,10 @@ def _make_field(
     room: MeshRoom, frequency: Any, sound_speed: Any, attenuation: Any, dispersion: Any, admittance: Any
 ) -> MeshField:
     k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + dispersion))
-    if k.max() > room.k_max:
+    if k.max() > REACH * room.k_max:
         raise RequestError(
             f"a line at {np.max(frequency):.1f} Hz lies above what the mesh was solved for",
-            expected=f"at most {room.k_max / k.max() * np.max(frequency):.1f} Hz",
+            expected=f"at most {REACH * room.k_max / k.max() * np.max(frequency):.1f} Hz",
             remedy="raise [band] f_max_hz in the rig file",
         )
     return MeshField(room.modes, (k - 1j * attenuation) ** 2, 1j * k * admittance)

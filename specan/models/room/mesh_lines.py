@@ -47,10 +47,8 @@ class Lines:
         matrix = np.empty((len(soft), size, size), dtype=complex)
         matrix.real = (soft.real @ flat).reshape(matrix.shape)
         matrix.imag = (soft.imag @ flat).reshape(matrix.shape)
-        away = (self.values - self.k2[part, None]).astype(complex)
-        matrix[:, np.arange(size), np.arange(size)] += away
-        found: Complex = np.linalg.solve(matrix, loads[None])
-        return found
+        matrix[:, np.arange(size), np.arange(size)] += self.values - self.k2[part, None]
+        return np.linalg.solve(matrix, loads[None]).astype(complex, copy=False)
 
     def _by_iteration(self, part: slice, loads: Real) -> Complex:
         lines = np.arange(len(self.k2))[part]
