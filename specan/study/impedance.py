@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.study.absorption import diffuse_absorption, normal_absorption
+from specan.study.assemble import assemble
 from specan.study.observation import Array
 from specan.study.observation.frf import nominal_third
 from specan.study.room_plan import wall_areas
@@ -171,8 +172,9 @@ def study_impedance(
     ComputationError
         The fit does not converge.
     """
-    problem = study.problem
     _check_room(study)
+    # not the study's own problem: its covariances are taken about a fit of the walls that the model has
+    problem = assemble(study.model, study.content, study.data.fitted)
     walls = [u for u in problem.assembly.uses if "wall_admittance" in study.model.effects[u.name].changes]
     own = ("wall_admittance", *map(str, walls))
     others = [n for n in problem.free if n not in problem.priors and n.rpartition(".")[0] not in own]

@@ -36,7 +36,6 @@ CRUDE_STEP_HZ = 3.0
 STEP = 1e-4  # of an admittance, for its derivative
 LONGEST = 0.1  # that one step may change an admittance by
 SETTLED = 1.0  # fall of chi-square below which a fit has ended; the quadratic about it does the rest
-NUMERICAL_PERCENT = 0.3  # of the RMS over the microphones: what the box model may err by at a pressure node
 LEAST = -0.5  # real part: a wall that gives energy is no wall, but the centre of an interval may lie there
 MOST_STEPS = 25
 ROUNDS = 2  # of fit and of linearising the common errors about it
@@ -320,15 +319,8 @@ class Space:
         return replace(self, problem=self.problem.over([self.uncertain(o, state) for o in self.observations]))
 
     def uncertain(self, observation: FrfObservation, state: Point) -> FrfObservation:
-        """With its common errors; a discrepancy in percent of a response would vanish at its nodes."""
-        values = self.values(observation, state)
-        about = observation.about(self.assembly, values)
-        response = about.responses(self.assembly, [values])[0]
-        level = NUMERICAL_PERCENT / 100 * np.sqrt(np.mean(np.abs(response) ** 2, axis=0))
-        shapes = spline_basis(about.frequency_hz, self.mid_hz)
-        smooth = np.stack([part * level * shape for shape in shapes for part in (1, 1j)], axis=-1)
-        everywhere = np.broadcast_to(smooth, (*response.shape, smooth.shape[-1]))
-        return replace(about, shared=np.concatenate([about.shared, everywhere], axis=-1))
+        """With its common errors where they act on the field that was found."""
+        return observation.about(self.assembly, self.values(observation, state))
 
     def result(self, state: Point) -> WallFit:
         """The quadratic about a minimum: its centre may lie where a wall would give energy."""
