@@ -34,7 +34,9 @@ class ResidualMap:
     count : int array (rows, columns)
         Measured values.
     significant : bool array (rows, columns)
-        Passed at a false discovery rate of 5 %.
+        Passed at a false discovery rate of 5 %; of transfer functions by level or phase.
+    texts : tuple of tuple of str
+        What the model does there, in words.
     """
 
     across: str
@@ -44,6 +46,7 @@ class ResidualMap:
     z: NDArray[np.float64]
     count: NDArray[np.int64]
     significant: NDArray[np.bool_]
+    texts: tuple[tuple[str, ...], ...]
 
     @property
     def end(self) -> float:
@@ -69,6 +72,7 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
         blocks.setdefault(frozenset(block.where.items()), []).append(block)
     shape = (len(rows), len(columns))
     z, count, significant = np.full(shape, np.nan), np.zeros(shape, np.int64), np.zeros(shape, bool)
+    texts = [[""] * shape[1] for _ in range(shape[0])]
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
             where = {across: column, **({up: row} if up else {})}
@@ -76,11 +80,12 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
             count[i, j] = mine.sum()
             found = _blocks_of(blocks, labels, where, mine)
             if found:
-                z[i, j] = max((b.z for b in found), key=abs)
+                worst = max(found, key=lambda b: abs(b.z))
+                z[i, j], texts[i][j] = worst.z, worst.text
                 significant[i, j] = any(b.significant for b in found)
     names_across = tuple(_text(level) for level in columns)
     names_up = tuple(_text(level) for level in rows) if up else ("",)
-    return ResidualMap(across, up, names_across, names_up, z, count, significant)
+    return ResidualMap(across, up, names_across, names_up, z, count, significant, tuple(map(tuple, texts)))
 
 
 def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:

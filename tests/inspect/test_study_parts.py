@@ -212,3 +212,80 @@ def test_reading_is_told_and_can_be_ended():
     assert parts == [0.25, 0.5, 0.75, 1.0]
     with pytest.raises(Superseded):
         heard(one, 1000, lambda part: False).read((channel,), 0, 10)
+
+
+# --- recordings -----------------------------------------------------------------------------------
+
+
+def measured_room():
+    """Two microphones over a few lines; only what the page looks at."""
+    from specan.study.observation.frf import FrfObservation
+
+    f = np.arange(100.0, 140.0)
+    response = np.stack([3 * np.exp(-0.1j * f), 5 * np.exp(-0.2j * f)])
+    parts = {
+        "name": "a.tdms", "channels": ("Mic 1", "Mic <b>2</b>"), "frequency_hz": f, "response": response,
+        "kept": np.ones((2, f.size), dtype=bool), "noise": np.full((2, f.size), 0.05),
+        "shared": np.zeros((2, f.size, 1), dtype=complex),
+    }  # fmt: skip
+    one = object.__new__(FrfObservation)
+    for name, value in parts.items():
+        object.__setattr__(one, name, value)
+    return one
+
+
+@dataclass
+class Tried:
+    """A fit that was made."""
+
+    problem: object
+    predictions: list
+    uses: tuple = ()
+    reduced_chi2: float = 2.0
+
+    @property
+    def fit(self):
+        return self
+
+    @property
+    def name(self) -> str:
+        return " with ".join(self.uses)
+
+
+def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
+    from types import SimpleNamespace
+
+    from specan.inspect.study_views.transfer import TransferAgreement
+
+    one = measured_room()
+    problem = SimpleNamespace(observations=[one])
+    model = SimpleNamespace(observables={"frf": SimpleNamespace(unit="Pa*s/m")})
+    view = TransferAgreement(SimpleNamespace(problem=problem, model=model))
+
+    def stacked(factors):
+        scaled = np.array(factors)[:, None] * one.response
+        return [np.concatenate([scaled.real.ravel(), scaled.imag.ravel()])]
+
+    view.show(Tried(problem, stacked([1.0, 2.0])))
+
+    def names():
+        return list(view.magnitude._source.data["name"])
+
+    # The microphone that the model misses most is shown first; its name is text.
+    assert view.microphones.value == ["0/Mic <b>2</b>"]
+    assert names() == ["Mic <b>2</b> measured", "Mic <b>2</b> model"]
+    level = view.magnitude._source.data["y"]
+    assert level[1] - level[0] == pytest.approx(20 * np.log10(2) * np.ones(40))
+    low, high = (f(view.magnitude._shades.data["y"][0]) for f in (np.nanmin, np.nanmax))
+    assert low == pytest.approx(20 * np.log10(5 * 0.98))
+    assert high == pytest.approx(20 * np.log10(5 * 1.02))
+    view.show(Tried(problem, stacked([1.0, 1.0]), ("leak@x0",)))
+    assert names()[1:] == ["Mic <b>2</b> model", "Mic <b>2</b> model before"]
+    assert view.error._source.data["y"][0] == pytest.approx(np.zeros(40), abs=1e-12)
+    assert view.error._source.data["y"][1] == pytest.approx(20 * np.log10(2) * np.ones(40))
+    view.show(Tried(problem, stacked([1.0, 3.0]), ("scatterer",)))  # before is still the model as it is
+    assert view.error._source.data["y"][1] == pytest.approx(20 * np.log10(2) * np.ones(40))
+    view.microphones.value = ["0/Mic 1", "0/Mic <b>2</b>"]
+    assert len(names()) == 6
+    view.show(Tried(problem, stacked([1.0, 1.0])))
+    assert not any("before" in name for name in names())

@@ -21,7 +21,7 @@ class FailingMap:
 
     def __init__(self, study: Study) -> None:
         self._colours = LinearColorMapper(palette=PuOr11, low=-1, high=1)
-        self._cells = ColumnDataSource({"x": [], "y": [], "z": [], "n": [], "edge": []})
+        self._cells = ColumnDataSource({"x": [], "y": [], "z": [], "n": [], "edge": [], "text": []})
         self._known = study.data.known
         self.sheet = figure(
             title="Where the model fails", height=300, sizing_mode="stretch_width", tools="save",
@@ -53,7 +53,7 @@ class FailingMap:
         self.sheet.yaxis.axis_label = axis_text(found.up) if found.up else ""
         self._hover.tooltips = [
             (axis_text(found.across), "@x"), *([(axis_text(found.up), "@y")] if found.up else []),
-            ("left-out z, positive: model high", "@z{0.0}"), ("values", "@n"),
+            ("left-out z, positive: model high", "@z{0.0}"), ("", "@text"), ("values", "@n"),
         ]  # fmt: skip
         self._cells.data = _cells(found)
         of = "framed: significant" if self._known else "relative to 1 %"
@@ -67,6 +67,7 @@ def _cells(found: ResidualMap) -> dict[str, list[Any]]:
         "x": [plain(found.columns[j]) for _, j in places],
         "y": [plain(found.rows[i]) for i, _ in places],
         "z": [float(found.z[p]) for p in places],
+        "text": [plain(found.texts[i][j]) for i, j in places],
         "n": [int(found.count[p]) for p in places],
         "edge": ["#000000" if found.significant[p] else "#ffffff" for p in places],
     }
