@@ -150,6 +150,7 @@ def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
     if best.lack_beyond(FORM**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
         return "unknown-effect", True, f"{names} explains a part, and much is left"
     left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions) or _fails_somewhere(best)
+    left = left or (len(best.uses) == 1 and _follows_a_law(best))
     doubt = left or len(best.uses) > 1
     kind = "effect" if len(sets) == 1 else "group"
     reason = f"the data ask for {names}"
@@ -160,11 +161,20 @@ def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
     return kind, doubt, reason
 
 
+def _has_independent_rows(problem: Problem) -> bool:
+    """Whether rows can be looked at one by one: those of tables, not lines of a transfer function."""
+    return problem.n_data <= MOST_ROWS and problem.n_effective >= problem.n_data
+
+
 def _fails_somewhere(best: Refit) -> bool:
-    """Whether blocks of conditions stand out of what a set leaves: asked of tables, whose rows are independent."""
-    problem = best.problem
-    looked_into = problem.n_data <= MOST_ROWS and problem.n_effective >= problem.n_data
-    return looked_into and bool(localise(problem, best.fit).fails_at)
+    """Whether blocks of conditions stand out of what a set leaves."""
+    return _has_independent_rows(best.problem) and bool(localise(best.problem, best.fit).fails_at)
+
+
+def _follows_a_law(best: Refit) -> bool:
+    """Whether what a set leaves goes with powers of the operating variables; seen before the whole misfits."""
+    law = residual_law(best) if _has_independent_rows(best.problem) else None
+    return law is not None and law.p_value < LACK_OF_FIT
 
 
 def _implausible(search: Search) -> str:

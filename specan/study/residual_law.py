@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Effect, LawSpace, Parameter, effect
+from specan.study.gate import noise_dof
 from specan.study.problem import Problem
 from specan.study.refit import Refit
+from specan.study.significance import improvement_probability
 from specan.study.traces import residuals
 
 Array = NDArray[np.float64]
@@ -47,6 +49,8 @@ class ResidualLaw:
         At the reference point, in `unit`.
     reference : dict
         Value of each variable at the reference point, SI.
+    p_value : float
+        Probability that a law takes so much of what is left by chance; every exponent counts as an amplitude.
     """
 
     text: str
@@ -56,6 +60,7 @@ class ResidualLaw:
     amplitude: float
     unit: str
     reference: dict[str, float]
+    p_value: float
 
 
 def residual_law(start: Refit) -> ResidualLaw | None:
@@ -142,7 +147,7 @@ class _Fitted:
     exponents: Array
     multiple: float
     covariance: Array  # of the multiple and the exponents
-    scale: float
+    left: float  # chi-square
 
 
 def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fitted | None:
@@ -192,7 +197,7 @@ def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fi
     c = float(multiple(near[:, :1])[0])
     jacobian = np.column_stack([near[:, 0], c * (near[:, 1:] - near[:, :1]) / step])
     scale = max(2 * best.cost / max(start.dof - 1 - x.size, 1.0), 1.0)
-    return _Fitted(x, c, scale * np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10), scale)
+    return _Fitted(x, c, scale * np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10), 2 * best.cost)
 
 
 def _describe(
@@ -213,7 +218,13 @@ def _describe(
     text += f", {amplitude:.3g} {unit} in the middle of the data"
     if as_large_as_all:
         text += ": next to a term that the model has, and only as sure as that one's form"
-    return ResidualLaw(text, exponents, low, high, amplitude, unit, dict(means))
+    p_value = improvement_probability(
+        float(start.linear.residual @ start.linear.residual) - fitted.left,
+        1 + len(symbols),
+        scale=start.scale,
+        noise_dof=noise_dof(start),
+    )
+    return ResidualLaw(text, exponents, low, high, amplitude, unit, dict(means), p_value)
 
 
 def _short(value: float) -> str:

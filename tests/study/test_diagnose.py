@@ -14,6 +14,7 @@ from specan.study.alternatives import alternatives, distance
 from specan.study.diagnose import diagnose, parameters_of
 from specan.study.fit import fit
 from specan.study.gate import Gate, Passage
+from specan.study.localise import localise
 from specan.study.plausibility import plausible
 from specan.study.power import smallest_visible
 from specan.study.problem import base_problem
@@ -313,6 +314,23 @@ def test_blocks_that_stand_out_of_what_is_left_are_a_doubt(toy):
     assert searched(problem).best.lack_of_fit > 1e-3
     assert found.unknown_possible
     assert not diagnose(toy.problem(lambda x, z: 6 * x**2, ["square", "cross"], seed=6)).unknown_possible
+
+
+def test_a_power_of_what_is_left_is_a_doubt_before_the_whole_misfits(toy):
+    problem = toy.problem(lambda x, z: 60 * x**2 + 1.3 * x**4, ["square"], seed=5)
+    found, best = diagnose(problem), searched(problem).best
+    assert found.alternatives == (("square",),)
+    assert best.lack_of_fit > 0.1
+    assert not localise(problem.with_uses(["square"]), best.fit).fails_at
+    assert found.unknown_possible
+    assert not diagnose(toy.problem(lambda x, z: 60 * x**2, ["square"], seed=5)).unknown_possible
+
+
+def test_a_law_of_nothing_is_as_improbable_as_it_says(toy):
+    problems = [toy.problem(nothing, ["square"], seed=s) for s in range(40)]
+    p = [residual_law(Refit(frozenset(), problem, fit(problem))).p_value for problem in problems]
+    assert sum(value < 0.1 for value in p) <= 4
+    assert min(p) > 1e-3
 
 
 def test_a_pair_is_refitted_from_the_single_that_promises_most(toy):
