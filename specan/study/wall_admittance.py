@@ -374,21 +374,20 @@ def _crude(observation: FrfObservation) -> FrfObservation:
 
 
 def third_octaves(low_hz: float, high_hz: float) -> Array:
-    """Exact mid-band frequencies of the third octaves in which a band lies (IEC 61260-1, base 10).
+    """Exact mid-band frequencies of third octaves, from the last below a band to the first above it (IEC 61260-1).
 
     Examples
     --------
-    >>> third_octaves(100.0, 200.0).round(1).tolist()
+    >>> third_octaves(101.0, 199.0).round(1).tolist()
     [100.0, 125.9, 158.5, 199.5]
     """
-    numbers = np.round(10 * np.log10(np.array([low_hz, high_hz]) / 1000)).astype(int)
-    return 1000 * 10.0 ** (np.arange(numbers[0], numbers[1] + 1) / 10)
+    place = 10 * np.log10(np.array([low_hz, high_hz]) / 1000)
+    first, last = int(np.floor(place[0] + 1e-9)), int(np.ceil(place[1] - 1e-9))
+    return np.asarray(1000 * 10.0 ** (np.arange(first, last + 1) / 10))
 
 
 def spline_basis(frequency_hz: Array, mid_hz: Array) -> Array:
     """Cubic splines over log frequency, one that is 1 at each mid-band frequency and 0 at the others.
-
-    Beyond the outermost ones a function stays what it is there.
 
     Examples
     --------
