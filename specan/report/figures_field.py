@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NEAR_M = 0.05  # microphones nearer to the plane than this are drawn filled
-_FINER = 4  # points of the picture for one of the map, along each axis
+_FINER = 6  # points of the picture for one of the map, along each axis
 _DEPTH_DB = 50.0  # below the loudest point the colours end
 
 
