@@ -7,12 +7,11 @@ compared, so that chi-squares can be.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from specan.models import Assembly
 from specan.study.fit import fit
-from specan.study.observation import Observation
 from specan.study.problem import Problem
 
 
@@ -25,11 +24,4 @@ def linearised(problem: Problem) -> Problem:
 
 def about(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Problem:
     """The problem with covariances about a model at given values."""
-    return problem.over(observations_about(problem.observations, assembly, values))
-
-
-def observations_about(
-    observations: Sequence[Observation], assembly: Assembly, values: Mapping[str, Any]
-) -> list[Observation]:
-    """Observations with covariances about a model at given values."""
-    return [o.about(assembly, values) for o in observations]
+    return problem.over([o.about(assembly, problem.seen_by(o, values)) for o in problem.observations])

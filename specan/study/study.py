@@ -20,7 +20,7 @@ from specan.study.error import HeldOut, ObservableError, held_out_error, observa
 from specan.study.fit import Fit, fit
 from specan.study.history import History, Step
 from specan.study.kinds import DataFile, DataRequest, open_data
-from specan.study.linearised import linearised, observations_about
+from specan.study.linearised import linearised
 from specan.study.localise import Localisation, localise
 from specan.study.own_effects import load_own_effects, take_in
 from specan.study.problem import Problem
@@ -190,8 +190,8 @@ class Study:
         if not self.data.held_out:
             return None
         values = self.problem.values_at(self.best.theta)
-        seen = observations_about(self.data.held_out, self.problem.assembly, values)
-        return held_out_error(self.problem, self.best, seen)
+        unseen = [o.about(self.problem.assembly, values, seen=False) for o in self.data.held_out]
+        return held_out_error(self.problem, self.best, unseen)
 
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""

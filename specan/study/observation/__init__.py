@@ -92,5 +92,8 @@ class Observation(Protocol):
     def about_model(self) -> bool:
         """Whether the covariance depends on where the model is."""
 
-    def about(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
-        """The same with a covariance that is linearised about the model at these values; itself where it is not."""
+    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> Observation:
+        """The same with a covariance that is linearised about the model at these values; itself where it is not.
+
+        What is held out may not be `seen`: then the measured values themselves must not enter.
+        """

@@ -18,6 +18,7 @@ Responses = Callable[[Assembly, Sequence[Mapping[str, Any]]], list[Complex]]
 DISCREPANCY_BANDS = 3  # an octave: how quickly the model's own error may turn with frequency
 AXES = ("dx", "dy", "dz")
 STEP_M, STEP_K = 1e-3, 0.02
+PLACE = slice(0, 3)  # columns of the three coordinates
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class CommonErrors:
 
     def columns(
         self, responses: Responses, assembly: Assembly, values: Mapping[str, Any], frequency_hz: Array
-    ) -> Complex:
-        """One standard deviation of each error, array (microphones, lines, errors).
+    ) -> tuple[Complex, Complex]:
+        """One standard deviation of each error (microphones, lines, errors), and slopes a metre (3, microphones, lines).
 
         The errors are taken where a fit has brought the model: by the measured response, a line that noise has made
         small would seem to be known better, and by the drawn room a microphone near a nodal plane that has moved
@@ -55,15 +56,15 @@ class CommonErrors:
         """
         response, moved, detuned = _with_slopes(responses, assembly, values, self.nominal_K)
         found = [
+            *(self.position_m * slope for slope in moved),
             response * (np.log(10) / 20 * self.calibration_dB),
             1j * response * np.radians(self.calibration_phase_deg),
-            *(self.position_m * slope for slope in moved),
         ]
         for hat in _hats(frequency_hz):
             level = np.sqrt(np.mean(hat * np.abs(response) ** 2) / np.mean(hat))
             of = [self.discrepancy * response, 0.5 * self.discrepancy * level + 0 * response]
             found += [hat * size * turn for size in (*of, self.detuning * detuned) for turn in (1, 1j)]
-        return np.stack([column for column in found if np.any(column)] or [0 * response], axis=-1)
+        return np.stack(found, axis=-1), np.stack(moved)
 
 
 def _with_slopes(
@@ -85,6 +86,16 @@ def _with_slopes(
     slopes = [(found[k] - found[k + 1]) / (2 * step) for k, step in steps]
     # k goes as T^(-1/2), and the response as the density besides
     return found[0], slopes[:3], -2 * (nominal_K * slopes[3] + found[0])
+
+
+def moved_to(
+    assembly: Assembly, many: Sequence[Mapping[str, Any]], moved: Array
+) -> tuple[Assembly, list[dict[str, Any]]]:
+    """The model with its microphones somewhere else than drawn, on top of what an effect moves them."""
+    places = [f"microphone-position@{name}" for name in assembly.model.axes["microphone"]]
+    by = {f"{use}.{axis}": moved[m, a] for m, use in enumerate(places) for a, axis in enumerate(AXES)}
+    whole = assembly.model.assemble({*map(str, assembly.uses), *places})
+    return whole, [{**values, **{n: values.get(n, 0.0) + d for n, d in by.items()}} for values in many]
 
 
 def _hats(frequency_hz: Array) -> Array:

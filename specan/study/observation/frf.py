@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.study.observation.common_errors import CommonErrors
+from specan.study.observation.common_errors import PLACE, CommonErrors, moved_to
 from specan.study.observation.folding import Folding
 
 Array = NDArray[np.float64]
@@ -23,6 +23,9 @@ Complex = NDArray[np.complex128]
 
 # Correlation of the random errors of lines 1 and 2 apart under a Hann window: (2/3)^2 and (1/6)^2.
 LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
+
+PLACED = 2  # times that the places of microphones are improved
+FARTHEST = 3.5  # standard uncertainties that a microphone may be found away
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +58,10 @@ class FrfObservation:
         Rows in use; the real and the imaginary part of a line go together.
     declared : CommonErrors, optional
         What `about` makes `shared` of.
+    moved : array (microphones, 3), optional
+        Where the microphones probably stand, m from the drawing: `shared` holds the slopes there.
+    offset : complex array (microphones, lines)
+        Added to a prediction for the moved places: back along the slopes to the drawn ones.
     """
 
     name: str
@@ -71,6 +78,8 @@ class FrfObservation:
     shared: Complex
     kept: NDArray[np.bool_] = field(repr=False)
     declared: CommonErrors | None = None
+    moved: Array | None = None
+    offset: Complex | float = 0.0
 
     @property
     def n(self) -> int:
@@ -146,6 +155,8 @@ class FrfObservation:
         """Transfer functions (microphones, lines) as the analysis would see them, for several sets of values."""
         out: list[Complex] = []
         first: Any = None
+        if self.moved is not None:
+            assembly, many = moved_to(assembly, many, self.moved)
         for values in many:
             evaluation = assembly.evaluate(
                 self.conditions_at_nodes,
@@ -154,7 +165,7 @@ class FrfObservation:
                 after=first,
                 changed=() if first is None else _changed(many[0], values),
             )
-            out.append(self.folding(evaluation[self.quantity]))
+            out.append(self.folding(evaluation[self.quantity]) + self.offset)
             first = evaluation if first is None else first
         return out
 
@@ -182,12 +193,45 @@ class FrfObservation:
         """Whether errors are declared that act through the field."""
         return self.declared is not None
 
-    def about(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:
-        """The same with the declared errors where the model at these values says that they act."""
+    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> FrfObservation:
+        """The same with the declared errors where the model at these values says that they act.
+
+        Where the data may be `seen`, the slopes are taken where the microphones probably stand: at a nodal plane
+        the field bends within some millimetres.
+        """
         if self.declared is None:
             return self
-        shared = self.declared.columns(self.responses, assembly, values, self.frequency_hz)
-        return replace(self, noise=self.random, shared=shared)
+        drawn = replace(self, noise=self.random, moved=None, offset=0.0)
+        shared, _ = self.declared.columns(drawn.responses, assembly, values, self.frequency_hz)
+        found = replace(drawn, shared=shared)
+        if not seen:
+            return found
+        for _ in range(PLACED):
+            moved = self.declared.position_m * found._places(assembly, values)
+            there = replace(drawn, moved=moved)
+            shared, slopes = self.declared.columns(there.responses, assembly, values, self.frequency_hz)
+            found = replace(there, shared=shared, offset=-np.einsum("ma,aml->ml", moved, slopes))
+        return found
+
+    def _places(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
+        """Most probable displacement of each microphone, in standard uncertainties, array (microphones, 3).
+
+        Where the model fails, its residual counts as noise: it must not be explained by moving microphones.
+        """
+        rest = self.response - self.responses(assembly, [values])[0]
+        out = np.zeros((len(self.channels), 3))
+        for m, whitener in enumerate(self._whiteners):
+            if not self.kept[m].any():
+                continue
+            plain = replace(whitener, basis=np.empty((0, 0)), shrink=np.empty(0))
+            parts = np.concatenate([rest[m, self.kept[m], None], self.shared[m, self.kept[m]]], axis=1)
+            white = plain(np.stack([parts.real, parts.imag])).reshape(-1, parts.shape[1])
+            gap, columns = white[:, 0], white[:, 1:]
+            excess = max(float(np.mean(whitener(np.stack([parts.real, parts.imag])[..., :1]) ** 2)), 1.0)
+            inner = columns.T @ columns / excess + np.eye(columns.shape[1])
+            likely = np.linalg.solve(inner, columns.T @ gap / excess)
+            out[m] = np.clip(likely[PLACE], -FARTHEST, FARTHEST)
+        return out
 
     def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> FrfObservation:
         """About `rows` of the rows, predicted without windows; the residual at `values` stays what it is.
@@ -208,6 +252,7 @@ class FrfObservation:
             shared=self.shared[:, lines],
             kept=self.kept[:, lines],
             folding=Folding.none(frequency),
+            offset=self.offset if np.ndim(self.offset) == 0 else np.asarray(self.offset)[:, lines],
             conditions_at_nodes={
                 name: np.interp(frequency, self.folding.nodes, value)
                 for name, value in self.conditions_at_nodes.items()
@@ -275,7 +320,7 @@ class _Whitener:
         scaled = (both / self.sigma[:, None]).transpose(1, 0, 2).reshape(lines, -1)
         scaled = solve_banded((len(LINE_CORRELATION) - 1, 0), self.banded, scaled, check_finite=False)
         white = scaled.reshape(lines, 2, -1).transpose(1, 0, 2).reshape(2 * lines, -1)
-        if self.basis.shape[1]:
+        if self.basis.size:
             white = white - self.basis @ (self.shrink[:, None] * (self.basis.T @ white))
         return white.reshape(2, lines, -1)
 

@@ -104,7 +104,7 @@ class TableObservation:
         """No: the covariance was found without the model."""
         return False
 
-    def about(self, assembly: Assembly, values: Mapping[str, Any]) -> TableObservation:
+    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> TableObservation:
         """Itself."""
         return self
 
