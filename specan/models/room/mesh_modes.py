@@ -62,7 +62,7 @@ class MeshModes:
     shift: float
     _elements: Elements
     _solve: Any
-    _near: dict[Port, tuple[Real, Real]] = field(default_factory=dict, repr=False)
+    _near: dict[Port, tuple[Real, Real, float]] = field(default_factory=dict, repr=False)
     _places: dict[Port, tuple[NDArray[np.int64], Real]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -102,15 +102,15 @@ class MeshModes:
         if source not in self._near:
             if len(self._near) >= 64:
                 self._near.clear()
-            self._near[source] = self._answers(self._load(source))
-        rigid, soft = self._near[source]
+            self._near[source] = (*self._answers(self._load(source)), self._own(source))
+        rigid, soft, own = self._near[source]
         found = np.zeros((len(rigid), len(receivers))), np.zeros((len(soft), len(receivers)))
         for i, port in enumerate(receivers):
             numbers, weights = self._weights(port)
             for column, terms in zip(found, (rigid, soft), strict=True):
                 column[:, i] = weights @ terms[:, numbers].T
             if port == source:
-                found[0][0, i] = self._own(port)
+                found[0][0, i] = own
         return found
 
     def _own(self, port: Port) -> float:

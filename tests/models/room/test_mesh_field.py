@@ -114,6 +114,11 @@ def test_a_place_of_a_wall_is_that_of_the_box(meshed, box):
         np.testing.assert_allclose(np.array(got.position) - AWAY, expected.position, atol=1e-9)
 
 
+def test_a_place_in_the_room_is_that_of_the_box_around_it(meshed):
+    loads = meshed.assemble(["scatterer"]).evaluate({"frequency": np.array([100.0])}, wanted=["local_loads"])
+    np.testing.assert_allclose(loads["local_loads"][0][0].port.position, AWAY + 0.35 * LENGTHS, rtol=1e-9)
+
+
 def test_couplings_are_reciprocal(meshed):
     room = meshed.assemble(["wall-impedance@z1"]).evaluate({"frequency": np.linspace(50.0, 400.0, 5)})[
         "room_modes"
