@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import socket
+import warnings
 import webbrowser
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -38,6 +39,8 @@ def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port
     from bokeh.application.handlers.function import FunctionHandler
     from bokeh.server.server import Server
 
+    # A widget that is taken off the page and put back is known to the browser already.
+    warnings.filterwarnings("ignore", message="reference already known")
     port = _available(address, port)
     # A page from elsewhere that talks to this port is refused: its origin is none of these.
     own = [f"{name}:{port}" for name in dict.fromkeys([_in_url(address), LOOPBACK, "localhost"])]

@@ -107,7 +107,6 @@ class StudyPage:
     def _show_study(self) -> None:
         effects = ", ".join(self.study.model_effects) or "none, the ideal machine"
         self.heading.text = notice(f"{self.study.model.title}. Effects: {effects}")
-        self._show_candidates(None)
         steps = self.study.history.steps
         self.staircase.show(steps)
         rows = [
@@ -132,6 +131,7 @@ class StudyPage:
         def show(trial: Trial) -> None:
             self.now = trial
             self._show(trial)
+            self._show_candidates(None)
             self.status.end(done)
             self._diagnose()
 
@@ -199,7 +199,8 @@ class StudyPage:
             return changes
 
         def show(changes: Sequence[Change]) -> None:
-            self.study, self.tried, self.adding = changes[-1].study, None, False
+            self.study, self.adding = changes[-1].study, False
+            self.tried = self.now = None
             self.reason.value = ""
             self.accept.update(label="Accept", disabled=True)
             remarks = [remark for change in changes for remark in change.remarks]

@@ -15,6 +15,7 @@ from specan.study.assemble import parameter_table
 from specan.study.candidates import Candidate, candidates
 from specan.study.error import ObservableError, observable_errors
 from specan.study.fit import Fit, fit
+from specan.study.linearised import about
 from specan.study.problem import Problem
 from specan.study.study import STARTS, Study
 
@@ -96,7 +97,11 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
             why = not_testable.get(name.partition("@")[0], "it is in the model or unknown")
             raise RequestError(f"{name} cannot be tried: {why}")
     problem = study.problem.with_uses([known[name].use for name in uses])
-    return _trial(tuple(uses), problem, fit(problem, start=now.values, starts=STARTS))
+    best = fit(problem, start=now.values, starts=STARTS)
+    if problem.about_model:  # as when the effect is accepted
+        problem = about(problem, problem.assembly, problem.values_at(best.theta))
+        best = fit(problem, start=best.theta)
+    return _trial(tuple(uses), problem, best)
 
 
 def _kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

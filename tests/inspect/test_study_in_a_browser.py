@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from specan_cli.study_diagnose import command as study_diagnose
 from specan_cli.study_history import command as study_history
 from specan_cli.study_new import command as study_new
 
@@ -14,17 +15,46 @@ pytest.importorskip("bokeh")
 GEAR = Path(__file__).parents[2] / "sample_data" / "worm_gear"
 
 
-def test_an_effect_is_tried_accepted_and_in_the_history(browser, open_page, serve, tmp_path):
-    study = tmp_path / "gear"
-    arguments = [
-        "--model",
-        "worm-gear",
-        "--rig",
-        str(GEAR / "rig.toml"),
-        "--measurement",
-        str(GEAR / "table_8_loaded.csv"),
-    ]
-    assert CliRunner().invoke(study_new, [str(study), *arguments]).exit_code == 0
+@pytest.fixture
+def study(tmp_path) -> Path:
+    place = tmp_path / "gear"
+    arguments = ["--model", "worm-gear", "--rig", str(GEAR / "rig.toml")]
+    arguments += ["--measurement", str(GEAR / "table_8_loaded.csv")]
+    assert CliRunner().invoke(study_new, [str(place), *arguments]).exit_code == 0
+    return place
+
+
+def test_candidates_are_ranked_as_the_command_ranks_them(open_page, serve, study):
+    page = open_page(serve(str(study)))
+    page.wait(lambda: page.text("verdict").strip())
+    found = json.loads(CliRunner().invoke(study_diagnose, [str(study), "--json"]).stdout)
+    assert found["verdict"] in page.text("verdict")
+    assert all(name in page.text("verdict") for name in found["effects"])
+    best = found["ranking"][0]
+    name = best["effects"][0]
+    assert f"ΔBIC {best['delta_bic']:.3g}" in page.text(f"rank-{name}")
+    # The rows stand in the order of the ranking, below one another.
+    tops = [page.element(f"try-{r['effects'][0]}", "button").location["y"] for r in found["ranking"][:4]]
+    assert tops == sorted(tops)
+    page.press(f"about-{name}")
+    page.wait(lambda: "Source:" in page.text("explanation"))
+    for parameter, row in best["parameters"].items():
+        assert f"{parameter.rpartition('.')[2]} {row['value']:.3g}" in page.text("explanation")
+    assert page.complaints == []
+
+
+def test_a_tried_effect_is_put_back(open_page, serve, study):
+    page = open_page(serve(str(study)))
+    page.wait(lambda: "efficiency" in page.text("trial"))
+    shown = page.text("trial")
+    page.press("try-seal-drag")
+    page.wait(lambda: "tried, not accepted" in page.text("status"))
+    page.press("as-it-is")
+    page.wait(lambda: page.text("trial") == shown)
+    assert page.script("return Bokeh.documents[0].get_model_by_name('accept').disabled")
+
+
+def test_an_effect_is_tried_accepted_and_in_the_history(open_page, serve, study):
     before = (study / "history.jsonl").read_text()
     page = open_page(serve(str(study)))
     page.wait(lambda: "efficiency" in page.text("trial"))

@@ -260,7 +260,7 @@ def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
     one = measured_room()
     problem = SimpleNamespace(observations=[one])
     model = SimpleNamespace(observables={"frf": SimpleNamespace(unit="Pa*s/m")})
-    view = TransferAgreement(SimpleNamespace(problem=problem, model=model))
+    view = TransferAgreement(SimpleNamespace(data=SimpleNamespace(fitted=[one]), model=model))
 
     def stacked(factors):
         scaled = np.array(factors)[:, None] * one.response

@@ -30,7 +30,7 @@ class Agreement(Protocol):
 def agreement_of(study: Study) -> list[Agreement]:
     """One for the tables and one for the recordings of a study."""
     found: list[Agreement] = []
-    observations = study.problem.observations
+    observations = study.data.fitted  # not those of the problem, whose covariances may rest on a fit
     if any(isinstance(o, TableObservation) for o in observations):
         found.append(TableAgreement(study))
     if any(isinstance(o, FrfObservation) for o in observations):

@@ -22,10 +22,8 @@ class TableAgreement:
     """Two figures over the rows of all measured tables."""
 
     def __init__(self, study: Study) -> None:
-        self._chosen = [
-            k for k, o in enumerate(study.problem.observations) if isinstance(o, TableObservation)
-        ]
-        tables = self._tables(study.problem.observations)
+        self._chosen = [k for k, o in enumerate(study.data.fitted) if isinstance(o, TableObservation)]
+        tables = self._tables(study.data.fitted)
         self._known = study.data.known
         self.labels = _labels(tables)
         self._across = (map_axes(self.labels) or list(self.labels))[0]

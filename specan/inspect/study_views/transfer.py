@@ -23,7 +23,7 @@ class TransferAgreement:
     """Magnitude, phase, and the difference of the levels."""
 
     def __init__(self, study: Study) -> None:
-        observations = study.problem.observations
+        observations = study.data.fitted
         self._chosen = [k for k, o in enumerate(observations) if isinstance(o, FrfObservation)]
         recordings = [o for o in observations if isinstance(o, FrfObservation)]
         several = len(recordings) > 1
