@@ -97,7 +97,7 @@ def run() -> None:
     if os.environ.get(COMPLETE, "").startswith("powershell"):
         importlib.import_module("specan_cli.completion_powershell")
     try:
-        sys.exit(main(standalone_mode=False) or 0)
+        sys.exit(main(prog_name="specan", standalone_mode=False) or 0)
     except click.exceptions.Exit as done:
         sys.exit(done.exit_code)
     except click.ClickException as fault:

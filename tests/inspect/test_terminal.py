@@ -102,7 +102,7 @@ def test_help_fits_its_lines_but_for_examples():
 
 
 def answer(**environment: str) -> str:
-    code = "import sys; sys.argv[0] = 'specan'; from specan_cli.main import run; run()"
+    code = "from specan_cli.main import run; run()"
     done = subprocess.run(
         [sys.executable, "-c", code], check=True, env={**os.environ, **environment}, capture_output=True,
         text=True, timeout=60,
