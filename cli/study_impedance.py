@@ -89,7 +89,9 @@ def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:
     for text in found.sentences():
         click.echo(text[0].upper() + text[1:] + ".")
     click.echo(
-        f"({found.criterion}; intervals: profile likelihood, 95 %; chi2/n {found.fit.reduced_chi2:.2f})"
+        "Z/(rho c): a mass is a positive imaginary part. alpha: absorption coefficient that follows from Z. "
+        f"a..b: 95 % interval. {found.criterion[0].upper()}{found.criterion[1:]}. "
+        f"Reduced chi-square {found.fit.reduced_chi2:.2f}."
     )
     if advice:
         click.echo("\nWhat would tell more:")

@@ -133,8 +133,8 @@ class Impedance:
     def criterion(self) -> str:
         """What counts as determined, in words."""
         return (
-            f"determined: the data alone hold the normal-incidence absorption coefficient to "
-            f"+-{self.accuracy:g} at 95 % (1.96 x 4 x standard error of Re(rho c/Z))"
+            f"determined: the data hold alpha at normal incidence to +-{self.accuracy:g} at 95 % "
+            "(1.96 x 4 x standard error of Re(rho c/Z))"
         )
 
     def of(self, wall: str) -> list[WallBand]:
@@ -293,10 +293,10 @@ def _softest(found: Impedance) -> list[str]:
     peak = max(sure, key=lambda row: row.absorption_normal.low)
     a, z = peak.absorption_normal, peak.magnitude
     others = [r.absorption_normal.high for r in sure if r.wall != peak.wall and r.mid_hz == peak.mid_hz]
-    rest = f"; every other wall at most {max(others):.2g} there" if others else ""
+    rest = f"; every other wall at most {max(others):.3f} there" if others else ""
     return [
-        f"softest: wall {peak.wall} at {peak.third_octave_hz:g} Hz, absorbs {a.value:.2g} ({a.low:.2g} to "
-        f"{a.high:.2g}) at normal incidence, |Z|/(rho c) = {z.value:.3g} ({z.low:.3g} to {z.high:.3g}){rest}"
+        f"softest: wall {peak.wall} at {peak.third_octave_hz:g} Hz, absorbs {a.value:.3f} ({a.low:.3f} to "
+        f"{a.high:.3f}) at normal incidence, |Z|/(rho c) = {z.value:.3g} ({z.low:.3g} to {z.high:.3g}){rest}"
     ]
 
 
