@@ -208,3 +208,25 @@ def test_what_cannot_be_hidden_is_refused(effects: dict[str, float], word: str, 
 def test_too_many_microphones() -> None:
     with pytest.raises(RequestError, match="1 to 24"):
         simulate(1, n_mics=25)
+
+
+def test_calibrator_recordings_tell_the_sensitivities_and_nothing_of_what_is_hidden(
+    cache: Path, tmp_path: Path
+) -> None:
+    from specan.analysis.calibration import calibrate
+
+    case = run(cache, {"microphone-gain@Mic 3": 2.0}, calibrated=False)
+    write(case, tmp_path, calibrations=True)
+    files = sorted(tmp_path.glob("calibration_*.tdms"))
+    assert len(files) == 2  # ten microphones, six at a time, the first in both
+    found = calibrate([open_recording(f) for f in files])
+    assert [c.channel for c in found.channels] == [f"Mic {m}" for m in range(1, 11)]
+    delivered = case.at_calibration
+    measured = np.array([c.sensitivity / 1000.0 for c in found.channels])
+    np.testing.assert_allclose(measured, delivered.sensitivity_V_per_Pa, rtol=4e-3)
+    phases = np.array([c.phase.phase_deg[0] for c in found.channels])
+    np.testing.assert_allclose(phases, delivered.phase_deg - delivered.phase_deg[0], atol=0.1)
+    assert np.std(delivered.sensitivity_dB) > 0.3
+    left = case.hardware.sensitivity_dB - delivered.sensitivity_dB
+    np.testing.assert_allclose(left, case.truth.gain_dB, atol=1e-12)
+    assert left[2] > 1.5

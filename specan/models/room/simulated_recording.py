@@ -117,7 +117,7 @@ def _gaussian(
     rng: np.random.Generator, n: int, rate: float, band: Mapping[str, float]
 ) -> tuple[Array, NDArray[np.complex128]]:
     """Frequencies, and the spectrum of a velocity that is flat over the band and fades at its edges."""
-    frequency: Array = np.arange(n // 2 + 1) * (rate / n)
+    frequency = np.arange(n // 2 + 1, dtype=np.float64) * (rate / n)
     low, high = band["f_min_hz"], band["f_max_hz"]
     up = np.clip(2.0 * frequency / low, 0.0, 1.0) if low else (frequency > 0).astype(float)
     shape = up * np.clip((high + EDGE_HZ - frequency) / (0.5 * EDGE_HZ), 0.0, 1.0)

@@ -19,9 +19,9 @@ from specan.testing.room.branch import Motion
 
 POROSITY, STRUCTURE = 0.97, 1.3  # of fibrous materials: open part, and how much heavier the air in it seems
 STATIC_PRESSURE = 101325.0
-_FIRST = (np.pi / 2.0) ** 2
-_REST = 1.0 - 2.0 / _FIRST  # of the spring's yield: sum of 2 / a_n^2 over all n is 1
-_REST_LOSS = 1.0 / 3.0 - 2.0 / _FIRST**2  # of its losses: sum of 2 / a_n^4 is 1/3
+_EXACT = (np.pi * np.array([0.5, 1.5])) ** 2  # a_n^2 of the resonances that are taken as they are
+_REST = 1.0 - np.sum(2.0 / _EXACT)  # of the spring's yield: sum of 2 / a_n^2 over all n is 1
+_REST_LOSS = 1.0 / 3.0 - np.sum(2.0 / _EXACT**2)  # of its losses: sum of 2 / a_n^4 is 1/3
 _REST_MASS = 0.5  # of the pores' air; with less the highest resonance would need a finer time step
 
 
@@ -33,12 +33,12 @@ class Layer:
     flow_resistivity: float
 
 
-def layer_motions(layer: Layer, density: float) -> tuple[Motion, Motion]:
-    """The quarter-wave resonance of the layer, and all higher ones together, which are springs within the band."""
+def layer_motions(layer: Layer, density: float) -> list[Motion]:
+    """The two lowest resonances of the layer, and all higher ones together, which are a spring within the band."""
     d = layer.thickness_m
     mass = STRUCTURE * density / POROSITY * d
     resistance = layer.flow_resistivity * d
     spring = STATIC_PRESSURE / POROSITY / d
-    first = Motion(mass / 2.0, resistance / 2.0, _FIRST * spring / 2.0)
-    rest = Motion(_REST_MASS * mass, _REST_LOSS / _REST**2 * resistance, spring / _REST)
-    return first, rest
+    exact = [Motion(mass / 2.0, resistance / 2.0, float(a2) * spring / 2.0) for a2 in _EXACT]
+    rest = Motion(_REST_MASS * mass, float(_REST_LOSS / _REST**2) * resistance, spring / float(_REST))
+    return [*exact, rest]
