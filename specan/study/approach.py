@@ -21,7 +21,8 @@ from specan.study.thinning import thinned
 from specan.study.traces import Known, traces
 
 FAR = 1.5  # reduced chi-square above which the field is not where the base model has it
-TRIED = 4  # candidates that are refitted
+NEAR = 5.0  # and below which a field that was found is near enough
+TRIED = 3  # candidates that are refitted
 MOST = 2  # effects
 
 
@@ -51,7 +52,7 @@ def _near(seen: Refit) -> Refit:
         if better.bic(1.0) >= best.bic(1.0):
             break
         best = better
-        if best.reduced < FAR:
+        if best.reduced < NEAR:
             break
     return best
 

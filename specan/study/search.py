@@ -19,7 +19,8 @@ from specan.study.traces import Known, Point, Trace, carried, changes, default_v
 
 REFITTED = 5  # candidates that are always refitted
 WINDOW = 10.0  # and all whose BIC lies within this of the best
-MOST_PAIRS = 8
+MOST_PAIRS, MOST_DEAR_PAIRS = 8, 4
+OUT_OF_REACH = 3.0  # times the best chi-square so far
 STARTS = 2
 SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhere
 
@@ -142,8 +143,16 @@ class Search:
     def _best_single(self) -> Refit | None:
         step = self.step(self.base)
         for use in _worth_refitting(step):
-            self._extend(step, use)
+            if not self._out_of_reach(step, use):
+                self._extend(step, use)
         return self._best_passed(self.refits.of_size(1))
+
+    def _out_of_reach(self, step: Step, use: Use) -> bool:
+        """Whether a set was found that is so much better than the linearised promise that a dear refit is spared."""
+        if not step.start.problem.dear:
+            return False
+        found = min((r.chi2 for r in self.refits.of_size(1)), default=np.inf)
+        return step.start.chi2 - step.by_use[use][0].gain > OUT_OF_REACH * found
 
     def _extend(self, step: Step, use: Use) -> Refit | None:
         """Refit a set with one more effect."""
@@ -162,7 +171,8 @@ class Search:
         """The pair that is better than the best single effect, or than the base where none passed."""
         promising = self._promising_pairs(single)
         reference = single or self.base
-        for predicted, start, members in promising[:MOST_PAIRS]:
+        most = MOST_DEAR_PAIRS if self.base.problem.dear else MOST_PAIRS
+        for predicted, start, members in promising[:most]:
             if self._hopeless(reference, predicted):
                 break
             self.progress("refitting with " + _text({*start.uses, *(m.use for m in members)}))

@@ -48,7 +48,7 @@ class CommonErrors:
     def columns(
         self, responses: Responses, assembly: Assembly, values: Mapping[str, Any], frequency_hz: Array
     ) -> tuple[Complex, Complex]:
-        """One standard deviation of each error (microphones, lines, errors), and slopes a metre (3, microphones, lines).
+        """One standard deviation of each error (microphones, lines, errors); slopes a metre (3, microphones, lines).
 
         The errors are taken where a fit has brought the model: by the measured response, a line that noise has made
         small would seem to be known better, and by the drawn room a microphone near a nodal plane that has moved
