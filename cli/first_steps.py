@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from pathlib import Path
 
@@ -45,6 +46,13 @@ def first_steps(here: Path) -> str:
     return "\n".join([f"\nFirst steps{here_are}:", *lines, "Each verb shows an example with --help."])
 
 
+def _typed(name: str) -> str:
+    """A name as the shell of this system wants it."""
+    if os.name == "nt":
+        return f'"{name}"' if " " in name else name
+    return shlex.quote(name)
+
+
 def _found(here: Path) -> tuple[list[str], list[str]]:
     """Recordings and studies of a directory, as they are typed; none where it cannot be read."""
     recordings, studies = [], []
@@ -53,9 +61,9 @@ def _found(here: Path) -> tuple[list[str], list[str]]:
             if number == _MOST:
                 break
             if path.suffix.lower() in SUFFIXES and path.is_file():
-                recordings.append(shlex.quote(path.name))
+                recordings.append(_typed(path.name))
             elif (path / "study.toml").is_file():
-                studies.append(shlex.quote(path.name))
+                studies.append(_typed(path.name))
     except OSError:  # the hints do without
         return [], []
     return recordings, ["."] if (here / "study.toml").is_file() else studies
