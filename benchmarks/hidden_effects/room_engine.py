@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,17 +12,20 @@ import numpy as np
 
 from hidden_effects.room_cases import Case
 from specan.errors import ComputationError
-from specan.models import Model, Use
-from specan.models.room.build import build
-from specan.study.diagnose import diagnose as find_missing
-from specan.study.error import HeldOut, held_out_error
-from specan.study.fit import Fit, fit
-from specan.study.kinds import DataFile, DataRequest, OpenedData, open_data
+from specan.io.open import open_recording
+from specan.models import Use
+from specan.study.approach import approached
+from specan.study.begin import begin
+from specan.study.change import add_effect
+from specan.study.error import HeldOut
+from specan.study.fit import fit
 from specan.study.observation.frf import FrfObservation
-from specan.study.problem import Problem, base_problem
-from specan.study.refit import EffectSet, Refit, Refits
+from specan.study.problem import Problem
+from specan.study.recording_measurement import observe_recording
+from specan.study.refit import Refit, Refits
 from specan.study.score import score_pairs
 from specan.study.search import Search, Step
+from specan.study.study import Study
 from specan.testing.room import EFFECTS, RoomCase
 
 STARTS = 2
@@ -31,19 +33,9 @@ RIVALS = 2  # wrong candidates that are refitted: those that promise most when l
 _PLACES = {"wall": "{}", "microphone": "Mic {:.0f}", "card": "card {:.0f}", "edge": "{}"}
 
 
-@dataclass(frozen=True)
-class _Opened:
-    """A recording as a study sees it."""
-
-    data: OpenedData
-    problem: Problem
-    base: Fit
-
-
 def diagnose(case: Case, directory: Path) -> dict[str, Any]:
     """Verdict on a recording, as ``study diagnose --json`` gives it; reading and fitting are part of its cost."""
-    opened = _open(directory, case)
-    return find_missing(opened.problem, base=opened.base).to_json()
+    return _study(directory, case).diagnose().to_json()
 
 
 def measure(case: Case, truth: RoomCase, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
@@ -60,38 +52,35 @@ def measure(case: Case, truth: RoomCase, directory: Path, verdict: Mapping[str, 
         ``added``: None, or the same after the best set of the verdict was added, the excess of the RMS error over the
         declared uncertainty before and after, and the parameters with their 95 % intervals.
     """
-    opened = _open(directory, case)
-    ideal = [_noise_free(opened, directory / name) for name in _quiet_files(case)]
+    study = _study(directory, case)
+    known = approached(Refit(frozenset(), study.problem, study.best), lambda text: None).problem
+    ideal = [_noise_free(known, directory / name) for name in _quiet_files(case)]
     found = {"at": _places(truth), **_knowable(case, *ideal)}
-    before = held_out_error(opened.problem, opened.base, opened.data.held_out)
+    before = study.held_out
+    assert before is not None
     found["base"] = {
-        "reduced_chi2": opened.base.reduced_chi2,
+        "reduced_chi2": study.best.reduced_chi2,
         "held_out_reduced_chi2": before.reduced_chi2,
     }
-    return found | {"added": _added(opened, before, verdict)}
+    return found | {"added": _added(study, before, verdict)}
 
 
 @lru_cache(maxsize=1)
-def _open(directory: Path, case: Case) -> _Opened:
-    model = build(tomllib.loads((directory / "rig.toml").read_text(encoding="utf-8")))
-    model = _without(model, case.without)
-    data = open_data(model, {"frf": _request(case, directory, "recording.tdms")})
-    problem = base_problem(model, data.fitted)
-    return _Opened(data, problem, fit(problem))
-
-
-def _request(case: Case, directory: Path, name: str) -> DataRequest:
-    validations = [DataFile("validation.tdms", directory / "validation.tdms")] if case.validated else []
-    aside = [] if case.validated else [(None, "channel=" + ",".join(case.held_out))]
-    return DataRequest([DataFile(name, directory / name)], validations, aside)
-
-
-def _without(model: Model, names: Sequence[str]) -> Model:
-    return replace(
-        model,
-        effects={name: effect for name, effect in model.effects.items() if name not in names},
-        nuisances=tuple(n for n in model.nuisances if Use.parse(n.effect).name not in names),
+def _study(directory: Path, case: Case) -> Study:
+    """The study that a user would begin."""
+    place = directory / "study"
+    begin(
+        place,
+        "room",
+        directory / "rig.toml",
+        [directory / "recording.tdms"],
+        validations=[directory / "validation.tdms"] if case.validated else [],
+        hold_out=[] if case.validated else ["channel=" + ",".join(case.held_out)],
     )
+    study = Study(place)
+    kept = {name: effect for name, effect in study.model.effects.items() if name not in case.without}
+    study.model = replace(study.model, effects=kept)
+    return study
 
 
 def _places(truth: RoomCase) -> dict[str, str]:
@@ -109,20 +98,16 @@ def _quiet_files(case: Case) -> list[str]:
     return ["quiet.tdms", "healthy.tdms"] if case.effects else ["quiet.tdms"]
 
 
-def _noise_free(opened: _Opened, path: Path) -> Problem:
-    """Covariance of the noisy recording, transfer functions of the one without noise."""
-    from specan.io.open import open_recording
-    from specan.study.recording_measurement import observe_recording
-
-    (observation,) = opened.problem.observations
+def _noise_free(problem: Problem, path: Path) -> Problem:
+    """Covariance of the noisy recording as a verdict takes it, transfer functions of the one without noise."""
+    (observation,) = problem.observations
     assert isinstance(observation, FrfObservation)
-    model = opened.problem.assembly.model
+    model = problem.assembly.model
     band = model.settings["rig"]["band"]
     quiet = observe_recording(
         open_recording(path), model, f_min_hz=band["f_min_hz"], f_max_hz=band["f_max_hz"]
     )
-    ideal = replace(observation, response=quiet.response, folding=quiet.folding)
-    return opened.problem.over([ideal])
+    return problem.over([replace(observation, response=quiet.response, folding=quiet.folding)])
 
 
 def _knowable(case: Case, problem: Problem, healthy: Problem | None = None) -> dict[str, Any]:
@@ -178,41 +163,32 @@ def _amplitude(refit: Refit) -> float | None:
     return abs(float(parameter.from_si(value)) - effect.neutral[name])
 
 
-def _added(opened: _Opened, before: HeldOut, verdict: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Fit with the first set of the ranking, if the verdict names one, and predict what was held out."""
+def _added(study: Study, before: HeldOut, verdict: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Add the first set of the ranking, if the verdict names one, and predict what was held out."""
     if verdict["verdict"] not in ("effect", "group"):
         return None
     first = verdict["ranking"][0]
-    uses: EffectSet = frozenset(
-        Use(name, place) for name in first["effects"] for place in first["at"].get(name, [""])
-    )
-    problem = opened.problem.with_uses(uses)
-    start = dict(opened.base.values)
-    for name, row in first["parameters"].items():
-        parameter = problem.assembly.parameters[name.split("[")[0]]
-        start[name] = parameter.to_si(row["value"])
+    uses = [Use(name, place) for name in first["effects"] for place in first["at"].get(name, [""])]
+    intervals: dict[str, tuple[float, float]] = {}
     try:
-        refitted = fit(problem, start)
-        after = held_out_error(problem, refitted, opened.data.held_out)
+        for use in uses:
+            change = add_effect(study, str(use))
+            study, intervals = change.study, intervals | change.intervals
+        after = study.held_out
     except ComputationError as fault:
-        return {"uses": sorted(map(str, uses)), "failed": str(fault), **_unmeasured()}
+        after, intervals = None, {str(fault): (float("nan"), float("nan"))}
+    gone = float("inf")
     return {
-        "uses": sorted(map(str, uses)),
+        "uses": [str(use) for use in uses],
         "reduced_chi2_before": before.reduced_chi2,
-        "reduced_chi2_after": after.reduced_chi2,
-        "excess_before": _excess(before, opened.data.held_out),
-        "excess_after": _excess(after, opened.data.held_out),
+        "reduced_chi2_after": after.reduced_chi2 if after else gone,
+        "excess_before": _excess(before),
+        "excess_after": _excess(after) if after else gone,
         "parameters": first["parameters"],
+        "intervals": intervals,
     }
 
 
-def _unmeasured() -> dict[str, float]:
-    names = ("reduced_chi2_before", "reduced_chi2_after", "excess_before", "excess_after")
-    return dict.fromkeys(names, float("inf"))
-
-
-def _excess(found: HeldOut, observations: Sequence[Any]) -> float:
-    """RMS error beyond what the declared uncertainty of the data alone gives, in the unit of the data."""
-    gap = np.concatenate([p - o.measured for p, o in zip(found.predictions, observations, strict=True)])
-    declared = np.concatenate([o.sigma for o in observations])
-    return float(np.sqrt(max(np.mean(gap**2) - np.mean(declared**2), 0.0)))
+def _excess(found: HeldOut) -> float:
+    """RMS error beyond what the uncertainty of data and prediction gives, in the unit of the data."""
+    return float(np.sqrt(max(found.errors[0].rms ** 2 - np.mean(np.concatenate(found.sigma) ** 2), 0.0)))
