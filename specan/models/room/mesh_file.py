@@ -100,6 +100,13 @@ def read_room_mesh(path: Path) -> RoomMesh:
             expected="each wall a named surface",
             remedy='name them, in Gmsh by Physical Surface("floor") = {...}',
         )
+    for wall in walls:
+        if set(wall) & set(".@,="):
+            raise RequestError(
+                f"the surface {wall!r} of the mesh {name} has a name that cannot be asked for",
+                expected="names without . @ , =",
+                remedy="rename it",
+            )
     used, flat = np.unique(tetrahedra, return_inverse=True)
     number = np.full(len(raw.points), -1)
     number[used] = np.arange(len(used))

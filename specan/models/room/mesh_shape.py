@@ -58,8 +58,13 @@ def _notes(mesh: RoomMesh, degree: int, k_max: float, f_max_hz: float, name: str
         f"{name}: {len(mesh.tetrahedra)} tetrahedra of degree {degree}, {unknowns(mesh, degree)} unknowns; "
         f"{large} m large, {mesh.volume:.3g} m^3, {len(mesh.walls)} walls: {', '.join(mesh.walls)}",
         f"up to {f_max_hz:.0f} Hz about {cost.vectors} modes and answers of walls: found once in about "
-        f"{cost.preparation_s:.0f} s, then {1000 * cost.line_s:.1g} s for each evaluation of 1000 lines",
+        f"{_one_digit(cost.preparation_s)} s, then {_one_digit(1000 * cost.line_s)} s for each evaluation of "
+        "1000 lines",
     )
+
+
+def _one_digit(seconds: float) -> str:
+    return f"{float(f'{seconds:.1g}'):g}"
 
 
 def _check_places(mesh: RoomMesh, rig: Rig) -> np.ndarray:

@@ -59,6 +59,10 @@ def without_names(box):
     box.surfaces = {}
 
 
+def with_an_odd_name(box):
+    box.surfaces["y1.left"] = box.surfaces.pop("y1")
+
+
 def without_volume(box):
     box.tetrahedra = box.tetrahedra[:0]
 
@@ -100,6 +104,7 @@ def flat(box):
     ("spoil", "message"),
     [
         (without_names, "no named surfaces.*Physical Surface"),
+        (with_an_odd_name, "'y1.left'.*without"),
         (without_volume, "holds no tetrahedra, only triangle"),
         (with_a_gap_inside, "has a hole"),
         (with_a_wall_that_ends, r"has a hole: 0\.0.* m\^2"),
