@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
 
+from specan.errors import RequestError
+from specan.inspect.browser_link import BrowserLink
 from specan.inspect.busy import Busy
 from specan.inspect.kept_study import KeptStudy
 from specan.inspect.sheets import notice, sheet
@@ -15,8 +17,10 @@ from specan.inspect.study_views.agreement import agreement_of
 from specan.inspect.study_views.failing import FailingMap
 from specan.inspect.study_views.ranking import Ranking, Uses
 from specan.inspect.study_views.staircase import Staircase
+from specan.inspect.study_views.transfer import TransferAgreement
 from specan.inspect.superseded import Tell
 from specan.inspect.trial import Trial, candidates_of, try_effects
+from specan.inspect.view import StudyView
 from specan.inspect.work import Work
 from specan.report.study_report import verdict_line
 from specan.study.change import Change, add_effect
@@ -55,12 +59,34 @@ class StudyPage:
         self.adding = False
         self.ranking = Ranking(self._try)
         self.agreement = agreement_of(self.study)
+        self.link = BrowserLink()
+        self.view, refused = self._first_view()
+        self._follow_microphones()
         self.map = FailingMap(self.study)
         self.staircase = Staircase()
         self._lay_out()
         document.on_session_destroyed(self._closed)
         self._show_study()
-        self._begin()
+        self._begin(refused, self.view.tried)
+
+    def _first_view(self) -> tuple[StudyView, str]:
+        """What the address asks for, and why it cannot be had."""
+        context = self.document.session_context
+        arguments = context.request.arguments if context is not None and context.request else {}
+        try:
+            return StudyView.from_arguments(arguments), ""
+        except RequestError as fault:
+            return StudyView(), str(fault)
+
+    def _follow_microphones(self) -> None:
+        for part in self.agreement:
+            if isinstance(part, TransferAgreement):
+                part.choose(self.view.microphone)
+                part.changed = lambda chosen: self._write_address(microphone=chosen)
+
+    def _write_address(self, **changes: tuple[str, ...]) -> None:
+        self.view = self.view.model_copy(update=changes)
+        self.link.address(self.view.query)
 
     def _closed(self, context: Any) -> None:
         self.work.close()
@@ -83,7 +109,11 @@ class StudyPage:
             self.history,
             sizing_mode="stretch_width",
         )
-        self.document.add_root(row(left, right, sizing_mode="stretch_width"))
+        self.document.add_root(
+            column(
+                row(left, right, sizing_mode="stretch_width"), *self.link.widgets, sizing_mode="stretch_width"
+            )
+        )
         self.document.title = f"{title} - specan"
 
     # --- showing ----------------------------------------------------------------------------------
@@ -124,8 +154,8 @@ class StudyPage:
             reason = f"{found.reason[:1].upper()}{found.reason[1:]}."
             self.verdict.text = f"<b>{notice(verdict_line(found))}</b><p>{notice(reason)}</p>"
 
-    def _begin(self, done: str = "") -> None:
-        """Fit the model as it is, then find out what is missing; `done` stays to be read."""
+    def _begin(self, done: str = "", tried: Uses = ()) -> None:
+        """Fit the model as it is, try what was asked for, find out what is missing; `done` stays to be read."""
         self.status.begin("Fitting the model")
 
         def show(trial: Trial) -> None:
@@ -133,6 +163,8 @@ class StudyPage:
             self._show(trial)
             self._show_candidates(None)
             self.status.end(done)
+            if tried:
+                self._try(tried)
             self._diagnose()
 
         self.work.ask(lambda tell: self.kept.now(), show)
@@ -166,6 +198,7 @@ class StudyPage:
         def show(trial: Trial) -> None:
             self.tried = trial
             self._show(trial)
+            self._write_address(tried=uses)
             self.status.end(f"{name} is tried, not accepted.")
             self.accept.update(label=f"Accept {name}", disabled=False)
             self.again.disabled = False
@@ -176,6 +209,7 @@ class StudyPage:
         if self.adding or self.now is None:
             return
         self.tried = None
+        self._write_address(tried=())
         self._show(self.now)
         self.status.end()
         self.accept.update(label="Accept", disabled=True)
@@ -202,6 +236,7 @@ class StudyPage:
             self.study, self.adding = changes[-1].study, False
             self.tried = self.now = None
             self.reason.value = ""
+            self._write_address(tried=())
             self.accept.update(label="Accept", disabled=True)
             remarks = [remark for change in changes for remark in change.remarks]
             self._show_study()

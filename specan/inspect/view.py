@@ -100,13 +100,7 @@ class View(Settings):
         >>> View(fraction=12, channel=("Sheet 1/Mic 1",)).query
         'channel=Sheet+1%2FMic+1&fraction=12'
         """
-        pairs: list[tuple[str, str]] = []
-        for name, value in self.model_dump(exclude_defaults=True).items():
-            if isinstance(value, tuple):
-                pairs += [(name, text) for text in value]
-            elif value is not None:
-                pairs.append((name, _text(value)))
-        return urlencode(pairs)
+        return query_of(self)
 
     @classmethod
     def from_arguments(cls, arguments: Mapping[str, Sequence[bytes]]) -> View:
@@ -130,6 +124,54 @@ class View(Settings):
             else:
                 content[name] = int(texts[-1]) if name == "fraction" and texts[-1].isdigit() else texts[-1]
         return parse(cls, content, "the address")
+
+
+class StudyView(Settings):
+    """What can be chosen on the page of a study.
+
+    Attributes
+    ----------
+    tried : tuple of str
+        Effects that are tried together.
+    microphone : tuple of str
+        Those on screen: number of the recording and name, ``0/Mic 1``.
+    """
+
+    tried: tuple[str, ...] = ()
+    microphone: tuple[str, ...] = ()
+
+    @property
+    def query(self) -> str:
+        """As the query of an address."""
+        return query_of(self)
+
+    @classmethod
+    def from_arguments(cls, arguments: Mapping[str, Sequence[bytes]]) -> StudyView:
+        """Settings out of the query of an address.
+
+        Raises
+        ------
+        RequestError
+            An unknown name.
+
+        Examples
+        --------
+        >>> StudyView.from_arguments({"tried": [b"seal-drag", b"windage"]}).query
+        'tried=seal-drag&tried=windage'
+        """
+        content = {n: tuple(v.decode("utf-8", "replace") for v in values) for n, values in arguments.items()}
+        return parse(cls, content, "the address")
+
+
+def query_of(settings: Settings) -> str:
+    """What differs from the defaults, as the query of an address."""
+    pairs: list[tuple[str, str]] = []
+    for name, value in settings.model_dump(exclude_defaults=True).items():
+        if isinstance(value, tuple):
+            pairs += [(name, text) for text in value]
+        elif value is not None:
+            pairs.append((name, _text(value)))
+    return urlencode(pairs)
 
 
 def _text(value: Any) -> str:

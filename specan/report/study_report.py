@@ -64,11 +64,15 @@ def _comparison(study: Study) -> list[str]:
     if where is not None and map_axes(study.problem.observations[0].labels):
         parts.append(picture(figure_map(study), "where the model fails"))
     rows_ = [
-        [name, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", p["unit"], _remark(p)]
+        [name, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", _unit(p), _remark(p)]
         for name, p in found.parameters.items()
     ]
     parts += ["<h3>Parameters</h3>", table(["parameter", "value", "95 %", "unit", ""], rows_)]
     return parts
+
+
+def _unit(p: Mapping[str, Any]) -> str:
+    return "" if p["unit"] == "1" else str(p["unit"])
 
 
 def _remark(p: Mapping[str, Any]) -> str:
@@ -117,7 +121,7 @@ def verdict_line(found: Diagnosis) -> str:
 
 
 def _value(name: str, p: Mapping[str, Any]) -> str:
-    return f"{name} = {p['value']:.3g} ({p['low']:.3g} to {p['high']:.3g}) {p['unit']}"
+    return f"{name} = {p['value']:.3g} ({p['low']:.3g} to {p['high']:.3g}) {_unit(p)}".rstrip()
 
 
 def _history(study: Study) -> list[str]:

@@ -130,7 +130,20 @@ class Page:
         self.element(name, "input").send_keys(Keys.CONTROL, "a", Keys.NULL, text, Keys.ENTER)
 
     def press(self, name: str) -> None:
-        self.element(name, "button").click()
+        """Click, and again where the page was just moving under the mouse."""
+        from selenium.common.exceptions import (
+            ElementClickInterceptedException,
+            StaleElementReferenceException,
+        )
+
+        def clicked() -> bool:
+            try:
+                self.element(name, "button").click()
+            except (ElementClickInterceptedException, StaleElementReferenceException):
+                return False
+            return True
+
+        wait_for(clicked)
 
     @property
     def complaints(self) -> list[str]:

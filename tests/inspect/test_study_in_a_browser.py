@@ -43,6 +43,18 @@ def test_candidates_are_ranked_as_the_command_ranks_them(open_page, serve, study
     assert page.complaints == []
 
 
+def test_a_tried_effect_can_be_sent_on(browser, open_page, serve, study):
+    url = serve(str(study))
+    page = open_page(url + "?tried=seal-drag&tried=windage")
+    page.wait(lambda: "seal-drag with windage is tried" in page.text("status"))
+    page.press("try-oil-heating")
+    page.wait(lambda: browser.current_url == url + "?tried=oil-heating")
+    page = open_page(url + "?tried=nonsense")
+    page.wait(lambda: "nonsense cannot be tried" in page.text("status"))
+    page = open_page(url + "?path=/etc/passwd")
+    page.wait(lambda: "path" in page.text("status"))
+
+
 def test_a_tried_effect_is_put_back(open_page, serve, study):
     page = open_page(serve(str(study)))
     page.wait(lambda: "efficiency" in page.text("trial"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,12 +36,13 @@ class TransferAgreement:
         self._unit = study.model.observables[recordings[0].observable].unit
         self._found: list[MeasuredTransfer] = []
         self._before: list[MeasuredTransfer] | None = None
-        self._title = ""
+        self._title, self._first = "", True
         self.microphones = MultiSelect(
             title="Microphones", options=[(key, plain(text)) for key, text in self._keys], value=[],
             size=min(max(len(self._keys), 4), 24), width=150, name="microphones",
         )  # fmt: skip
-        self.microphones.on_change("value", lambda a, old, new: self._draw())
+        self.microphones.on_change("value", lambda a, old, new: self._chosen_anew())
+        self.changed: Callable[[tuple[str, ...]], None] = lambda chosen: None  # the page writes its address
         self.magnitude = Lines("", "Magnitude / dB", hertz=True, tip=("Hz", "dB"), dynamics=80.0, height=270)
         self.phase = Lines(
             "", "Phase / degrees", hertz=True, like=self.magnitude, limits=WRAPPED, height=180,
@@ -52,6 +54,14 @@ class TransferAgreement:
         )  # fmt: skip
         sheets = column(self.magnitude.sheet, self.phase.sheet, self.error.sheet, sizing_mode="stretch_width")
         self.body: Any = row(self.microphones, sheets, sizing_mode="stretch_width")
+
+    def _chosen_anew(self) -> None:
+        self._draw()
+        self.changed(tuple(self.microphones.value))
+
+    def choose(self, wanted: Sequence[str]) -> None:
+        """Show these microphones; unknown ones are passed over."""
+        self.microphones.value = [key for key, _ in self._keys if key in wanted]
 
     def show(self, trial: Trial) -> None:
         """Show another fit; a tried one stands beside the model as it is."""
@@ -68,8 +78,10 @@ class TransferAgreement:
         what = f" with {trial.name}" if trial.uses else ""
         self._title = f"Measured and model{what}: chi2/n {trial.fit.reduced_chi2:.2f}"
         f = found[0].frequency_hz[np.isfinite(found[0].measured).any(axis=0)]
-        if not self.microphones.value:
+        if trial.uses == () and self._first:
+            self._first = False
             self.magnitude.span(float(f.min()), float(f.max()))
+        if not self.microphones.value:
             worst = [f"0/{found[0].channels[k]}" for k in found[0].by_misfit()[:_SHOWN]]
             self.microphones.value = worst  # draws
         else:
