@@ -93,20 +93,7 @@ def read_room_mesh(path: Path) -> RoomMesh:
             expected="the room's volume in tetrahedra and its walls as named surfaces of triangles",
             remedy="mesh the volume (gmsh -3) and save the physical volume too",
         )
-    walls = _named_surfaces(raw)
-    if not walls:
-        raise RequestError(
-            f"the mesh {name} has no named surfaces",
-            expected="each wall a named surface",
-            remedy='name them, in Gmsh by Physical Surface("floor") = {...}',
-        )
-    for wall in walls:
-        if set(wall) & set(".@,="):
-            raise RequestError(
-                f"the surface {wall!r} of the mesh {name} has a name that cannot be asked for",
-                expected="names without . @ , =",
-                remedy="rename it",
-            )
+    walls = _walls(raw, name)
     used, flat = np.unique(tetrahedra, return_inverse=True)
     number = np.full(len(raw.points), -1)
     number[used] = np.arange(len(used))
@@ -153,6 +140,24 @@ def _corners(raw: Any, kind: str, count: int) -> Numbers:
     """Corners of all cells of a kind, whatever their order."""
     found = [block.data[:, :count] for block in raw.cells if block.type.startswith(kind)]
     return np.concatenate(found).astype(np.int64) if found else np.empty((0, count), dtype=np.int64)
+
+
+def _walls(raw: Any, name: str) -> dict[str, Numbers]:
+    walls = _named_surfaces(raw)
+    if not walls:
+        raise RequestError(
+            f"the mesh {name} has no named surfaces",
+            expected="each wall a named surface",
+            remedy='name them, in Gmsh by Physical Surface("floor") = {...}',
+        )
+    for wall in walls:
+        if set(wall) & set(".@,="):
+            raise RequestError(
+                f"the surface {wall!r} of the mesh {name} has a name that cannot be asked for",
+                expected="names without . @ , =",
+                remedy="rename it",
+            )
+    return walls
 
 
 def _named_surfaces(raw: Any) -> dict[str, Numbers]:
