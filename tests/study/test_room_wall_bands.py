@@ -1,18 +1,23 @@
 """A wall's impedance free in every third octave: the engine makes vectors of the effect's parameters."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from specan.errors import RequestError
 from specan.models.catalogue import load_model
 from specan.models.room import EXAMPLE_RIG
 from specan.schema import parse
 from specan.study.assemble import assemble, parameter_table
 from specan.study.fit import fit
+from specan.study.impedance import study_impedance
 from specan.study.observation.folding import Folding
 from specan.study.observation.frf import FrfObservation
+from specan.study.problem import base_problem
 from specan.study.study_file import StudyFile
+from specan.study.wall_admittance import spline_basis, third_octaves, wall_fit
 
 FREQUENCY = np.arange(90.0, 300.0, 3.0)
 BAND = {"f_min_hz": 90.0, "f_max_hz": 300.0}
@@ -106,3 +111,46 @@ def test_a_few_smooth_parameters_do_not_follow_it(model):
     beta = np.interp(np.log(FREQUENCY), np.log(mid), [0.02, 0.03, 0.08, 0.05, 0.10, 0.06])
     problem = assemble(model, study_with(), [observed(model, beta)])
     assert fit(problem).reduced_chi2 > 2
+
+
+# --- all walls free ------------------------------------------------------------------------------------
+
+
+def lining(f):
+    return 0.08 / (1 + 0.5j * (f / 180 - 180 / f))
+
+
+def test_other_effects_of_the_study_are_fitted_beside_the_walls(model):
+    o = observed(model, lining(FREQUENCY))
+    louder = o.response * np.where(np.arange(4)[:, None] == 1, 1.06, 1.0)
+    problem = base_problem(model, [replace(o, response=louder)])
+    problem = problem.with_uses(["wall-impedance@x1", "microphone-gain@Mic 2"])
+    found = wall_fit(problem, {"microphone-gain@Mic 2.gain": 0.02})
+    assert "microphone-gain@Mic 2.gain" in found.names
+    assert not any("wall" in name for name in found.names)
+    gain = found.theta[found.names.index("microphone-gain@Mic 2.gain")]
+    assert gain == pytest.approx(0.06, abs=0.01)
+    inside = (found.mid_hz > 150) & (found.mid_hz < 290)
+    size = found.beta.size
+    spread = np.sqrt(np.diag(found.covariance)).reshape(2, 6, -1)
+    truth = np.full(found.beta.shape, 0.005 + 0j)
+    truth[5] += lining(found.mid_hz)
+    z = np.stack([(found.beta - truth).real, (found.beta - truth).imag]) / spread
+    assert np.sqrt(np.mean(z[..., inside] ** 2)) < 1.6
+    assert np.abs(found.beta[5] - truth[5])[inside][1:].max() < 0.02
+    assert found.covariance.shape == (2 * size, 2 * size)
+
+
+def test_in_a_narrow_band_straight_lines_do():
+    narrow = third_octaves(150.0, 190.0)
+    assert len(narrow) == 3
+    basis = spline_basis(np.array([narrow[0], np.sqrt(narrow[0] * narrow[1]), narrow[2]]), narrow)
+    assert basis == pytest.approx(np.array([[1, 0.5, 0], [0, 0.5, 0], [0, 0, 1]]), abs=1e-9)
+
+
+def test_the_walls_of_a_mesh_are_refused():
+    room = SimpleNamespace(
+        quantities={"wall_admittance": None}, settings={"rig": {"room": {"dims_m": None}}}, name="room"
+    )
+    with pytest.raises(RequestError, match="is a mesh"):
+        study_impedance(SimpleNamespace(model=room))
