@@ -56,7 +56,7 @@ class StudyPage:
         self.again.on_click(self._as_it_is)
         self.tried: Trial | None = None
         self.now: Trial | None = None
-        self.adding = False
+        self.adding = self.due = False
         self.ranking = Ranking(self._try)
         self.agreement = agreement_of(self.study)
         self.link = BrowserLink()
@@ -164,12 +164,19 @@ class StudyPage:
             self._show_candidates(None)
             self.status.end(done)
             if tried:
+                self.due = True  # after the trial: what a person asked for comes first
                 self._try(tried)
-            self._diagnose()
+            else:
+                self._diagnose()
 
         self.work.ask(lambda tell: self.kept.now(), show)
 
+    def _diagnose_if_due(self) -> None:
+        if self.due:
+            self._diagnose()
+
     def _diagnose(self) -> None:
+        self.due = False
         if not self.study.data.known:
             self.progress.end(
                 "Nothing tells how uncertain the measurement is: there is no order of likelihood."
@@ -200,6 +207,7 @@ class StudyPage:
             self._show(trial)
             self._write_address(tried=uses)
             self.status.end(f"{name} is tried, not accepted.")
+            self._diagnose_if_due()
             self.accept.update(label=f"Accept {name}", disabled=False)
             self.again.disabled = False
 
@@ -246,6 +254,7 @@ class StudyPage:
 
     def _failed(self, message: str) -> None:
         self.adding = False
+        self._diagnose_if_due()
         self.accept.disabled = self.tried is None
         self.status.end(message, "error")
 
