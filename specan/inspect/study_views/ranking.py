@@ -44,7 +44,7 @@ class Ranking:
             lambda: self._pressed(self._others[self._choice.value]) if self._choice.value else None
         )
         self._choose = row(button, self._choice)
-        self.list = column(name="candidates")
+        self.list = column(Div(text="", width=_WIDTH), name="candidates")  # empty, Bokeh would complain
         self.explanation = Div(text="", name="explanation", width=_WIDTH)
 
     def show(
