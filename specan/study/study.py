@@ -76,6 +76,7 @@ class Study:
             self._take_in(path)
         self.model = self._load_model()
         self.data = open_data(self.model, self._requests())
+        self._assembled = assemble(self.model, self.content, self.data.fitted)
 
     # --- files ------------------------------------------------------------------------------------
 
@@ -164,7 +165,7 @@ class Study:
     @cached_property
     def problem(self) -> Problem:
         """The model as the study has it, over the fitted data."""
-        return linearised(assemble(self.model, self.content, self.data.fitted))
+        return linearised(self._assembled)
 
     # --- numbers ----------------------------------------------------------------------------------
 

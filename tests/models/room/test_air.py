@@ -1,0 +1,28 @@
+"""The air: dispersion belongs to attenuation."""
+
+import numpy as np
+import pytest
+
+from specan.models.room import air
+
+
+@pytest.mark.parametrize("humidity", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("hertz", [150.0, 600.0, 1500.0])
+def test_dispersion_follows_from_attenuation(humidity, hertz):
+    """Kramers and Kronig: what is causal and lossy disperses.
+
+    For the slowness s = k / w and attenuation a, ``Re s(w) - Re s(0) = (2 w^2 / pi) P int (a/v) / (v (v^2 - w^2)) dv``,
+    taken numerically over ISO 9613-1's curve less its classical part, with the singularity subtracted
+    (``P int dv / (v^2 - w^2) = 0``).
+    """
+    state = (293.15, 101325.0, humidity)
+    f = np.geomspace(1e-2, 1e9, 600_001)
+    attenuation = air.air_attenuation.function(f, *state)
+    relaxing = attenuation - f**2 * attenuation[-1] / f[-1] ** 2
+    v, w = 2 * np.pi * f, 2 * np.pi * hertz
+    integrand = relaxing / v**2
+    here = np.interp(w, v, integrand)
+    apart = np.where(np.isclose(v, w, rtol=1e-9), np.inf, v**2 - w**2)
+    slower = 2 * w**2 / np.pi * np.trapezoid((integrand - here) / apart, v)
+    found = air.air_dispersion.function(np.array([hertz]), 343.2, *state)[0]
+    assert found == pytest.approx(-343.2 * slower, rel=0.03)
