@@ -53,7 +53,7 @@ def measure(case: Case, truth: RoomCase, directory: Path, verdict: Mapping[str, 
         declared uncertainty before and after, and the parameters with their 95 % intervals.
     """
     study = _study(directory, case)
-    known = approached(Refit(frozenset(), study.problem, study.best), lambda text: None).problem
+    known = approached(Refit(frozenset(), study.problem, study.best), lambda text: None).base.problem
     ideal = [_noise_free(known, directory / name) for name in _quiet_files(case)]
     found = {"at": _places(truth), **_knowable(case, *ideal)}
     before = study.held_out

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,10 @@ from specan.study.assemble import parameter_table
 from specan.study.candidates import Candidate, candidates
 from specan.study.error import ObservableError, observable_errors
 from specan.study.fit import Fit, fit
-from specan.study.linearised import about
+from specan.study.linearised import linearised
 from specan.study.problem import Problem
 from specan.study.study import STARTS, Study
+from specan.study.ways_in import kept_values, ways_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ def as_it_is(study: Study) -> Trial:
     last = study.history.last
     if study.problem.dear and last is not None and not study.edited and "best" not in vars(study):
         return _trial(
-            (), study.problem, fit(study.problem, start=_kept_values(study.problem, last.parameters))
+            (), study.problem, fit(study.problem, start=kept_values(study.problem, last.parameters))
         )
     return _trial((), study.problem, study.best)
 
@@ -97,24 +97,10 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
             why = not_testable.get(name.partition("@")[0], "it is in the model or unknown")
             raise RequestError(f"{name} cannot be tried: {why}")
     problem = study.problem.with_uses([known[name].use for name in uses])
-    best = fit(problem, start=now.values, starts=STARTS)
     if problem.about_model:  # as when the effect is accepted
-        problem = about(problem, problem.assembly, problem.values_at(best.theta))
-        best = fit(problem, start=best.theta)
-    return _trial(tuple(uses), problem, best)
-
-
-def _kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """SI values by the name of the parameter out of a table by the name of the element."""
-    elements: dict[str, dict[str, float]] = {}
-    for name, row in table.items():
-        plain = name.split("[")[0]
-        elements.setdefault(plain, {})[name] = problem.assembly.parameters[plain].to_si(row["value"])
-    found: dict[str, Any] = {}
-    for plain, known in elements.items():
-        order = problem.elements.get(plain)
-        found[plain] = np.array([known[f"{plain}[{e}]"] for e in order]) if order else known[plain]
-    return found
+        problem = linearised(problem, ways_in(problem, [known[name].use for name in uses], now.values))
+        return _trial(tuple(uses), problem, fit(problem))
+    return _trial(tuple(uses), problem, fit(problem, start=now.values, starts=STARTS))
 
 
 def _trial(uses: tuple[str, ...], problem: Problem, best: Fit) -> Trial:

@@ -1,44 +1,67 @@
 """A model brought near the data by whatever means, for covariances that depend on where the field is.
 
 No verdict comes from here: the covariance is taken about the field that was found, and then every candidate is
-looked at anew.
+looked at anew. Only which of them are looked at first is taken over.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from specan.models import Use
 from specan.study.candidates import candidates
+from specan.study.coarse import coarse, coarse_fit
 from specan.study.fit import fit
 from specan.study.linearised import about
 from specan.study.plan import plan
-from specan.study.refit import Refit, Refits
+from specan.study.problem import Problem
+from specan.study.refit import FAR, Refit, Refits
 from specan.study.score import Scored, best_of_each, score
-from specan.study.thinning import thinned
 from specan.study.traces import Known, traces
 
-FAR = 1.5  # reduced chi-square above which the field is not where the base model has it
-NEAR = 5.0  # and below which a field that was found is near enough
-TRIED = 3  # candidates that are refitted
+TRIED = 4  # candidates that are refitted
 MOST = 2  # effects
+LIKELY = 2  # effects that a search should look at first
 
 
-def approached(start: Refit, progress: Callable[[str], None]) -> Refit:
-    """The base with covariances about a field that is near the measured one, fitted; itself where it is near."""
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """Where a search sets out.
+
+    Attributes
+    ----------
+    base : Refit
+        Fitted with covariances about a field that is near the measured one.
+    likely : tuple of Use
+        What came nearest by itself, the nearest first, and what the nearest pair has besides.
+    """
+
+    base: Refit
+    likely: tuple[Use, ...] = ()
+
+
+def approached(start: Refit, progress: Callable[[str], None]) -> Approach:
+    """Look for a field near the measured one, where the base is far from it."""
     if not start.problem.about_model or start.reduced < FAR:
-        return start
+        return Approach(start)
     progress("looking for a field that is near the measured one")
-    near = _near(thinned(start))
+    tried = _tried(start.problem)
+    near = min(tried, key=lambda r: r.bic(1.0))
     problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
-    return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
+    base = replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
+    single = sorted((r for r in tried if len(r.uses) == 1), key=lambda r: r.bic(1.0))
+    likely = [*(use for r in single[:LIKELY] for use in r.uses), *sorted(near.uses)]
+    return Approach(base, tuple(dict.fromkeys(likely)))
 
 
-def _near(seen: Refit) -> Refit:
-    """The best set of up to two effects that a greedy search on the sketch finds."""
-    refits, best = Refits(seen), seen
+def _tried(problem: Problem) -> list[Refit]:
+    """Sets of up to two effects that a greedy search on a coarse view fits, the empty one included."""
+    view = coarse(problem)
+    best = Refit(frozenset(), view, fit(view, start=coarse_fit(problem)))
+    refits = Refits(best)
     for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}
@@ -52,9 +75,9 @@ def _near(seen: Refit) -> Refit:
         if better.bic(1.0) >= best.bic(1.0):
             break
         best = better
-        if best.reduced < NEAR:
+        if best.reduced < 1:  # within the few per cent of the view
             break
-    return best
+    return list(refits.done.values())
 
 
 def _promised(best: Refit, item: Scored) -> float:

@@ -18,6 +18,7 @@ from specan.study.history import Step
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyText
 
+WIDTH = 1.96
 SAME = 0.005  # relative change of an error below which it counts as not having moved
 
 
@@ -153,9 +154,20 @@ def _intervals(study: Study, use: Use) -> dict[str, tuple[float, float]]:
         if name.rpartition(".")[0] != str(use):
             continue
         parameter = study.problem.assembly.parameters[name.split("[")[0]]
-        ends = profile_interval(study.problem, study.best, name, inflate=True)
+        ends = _interval(study, name)
         found[name] = (parameter.from_si(ends[0]), parameter.from_si(ends[1]))
     return found
+
+
+def _interval(study: Study, name: str) -> tuple[float, float]:
+    """By profile; of many rows, whose quadratic is sharp, from the covariance."""
+    problem, best = study.problem, study.best
+    if not problem.dear:
+        return profile_interval(problem, best, name, inflate=True)
+    k = problem.names.index(name)
+    reach = WIDTH * best.standard_error(name) * max(best.reduced_chi2, 1.0) ** 0.5
+    low, high = (float(end[k]) for end in problem.bounds())
+    return max(float(best.theta[k]) - reach, low), min(float(best.theta[k]) + reach, high)
 
 
 def _remarks_on_adding(

@@ -65,7 +65,8 @@ def diagnose(
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
-    search = Search(Refits(approached(start, progress)), bootstrap, progress)
+    near = approached(start, progress)
+    search = Search(Refits(near.base), near.likely, bootstrap, progress)
     search.run()
     sets = alternatives(search)
     _check_failures(search)

@@ -7,19 +7,29 @@ compared, so that chi-squares can be.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from specan.models import Assembly
-from specan.study.fit import fit
+from specan.study.coarse import coarse_fit
 from specan.study.problem import Problem
 
 
-def linearised(problem: Problem) -> Problem:
-    """The problem with covariances about a fit of its own; itself where they depend on none."""
+def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> Problem:
+    """The problem with covariances about a coarse fit of its own, and a start there; itself where they depend on none.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : sequence of mapping
+        SI values from which the coarse fit sets out; those that lack stand as the problem has them.
+    """
     if not problem.about_model:
         return problem
-    return about(problem, problem.assembly, problem.values_at(fit(problem).theta))
+    values = coarse_fit(problem, starts)
+    near = about(problem, problem.assembly, values)
+    return replace(near, values={**near.values, **{name: values[name] for name in near.free}})
 
 
 def about(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Problem:

@@ -119,6 +119,11 @@ class Problem:
         return any(o.about_model for o in self.observations)
 
     @property
+    def resonant(self) -> bool:
+        """Whether the data are narrow peaks, which a fit from far off does not see (see `specan.study.coarse`)."""
+        return any(o.resonant for o in self.observations)
+
+    @property
     def dear(self) -> bool:
         """Whether an evaluation is worth saving."""
         return self.n_data > DEAR

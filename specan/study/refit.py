@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.study.coarse import coarse_fit
 from specan.study.descent import STALLED, Minimum, descend, unit
 from specan.study.fit import Fit, describe
 from specan.study.problem import Problem
@@ -23,6 +24,7 @@ Array = NDArray[np.float64]
 
 EffectSet = frozenset[Use]
 
+FAR = 1.5  # reduced chi-square above which a base is too far from the data to set out from
 SLOPE_STEP = 1e-3  # of a parameter's typical size
 
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
@@ -161,6 +163,7 @@ class Refits:
             return self.done.get(uses)
         problem = self.base.problem.with_uses(sorted(uses))
         starts = [start_from(start, members, problem) for members in traces]
+        starts += self._from_afar(problem, uses, starts)
         best, reason = self._lowest(problem, self._nearer(problem, start, starts))
         nested = self._best_within(uses)
         if best is None or best.chi2 > nested.fit.chi2 + STALLED * unit(problem, best.chi2):
@@ -171,6 +174,18 @@ class Refits:
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
         self.done[uses] = self._describe(uses, problem, fitted)
         return self.done[uses]
+
+    def _from_afar(
+        self, problem: Problem, uses: EffectSet, starts: list[dict[str, float | Array]]
+    ) -> list[dict[str, float | Array]]:
+        """A start from a coarse fit, where what the base has wrong has dragged its parameters away."""
+        if not problem.resonant or self.base.reduced < FAR:
+            return []
+        own = [{n: v for n, v in s.items() if n.rpartition(".")[0] in map(str, uses)} for s in starts]
+        try:
+            return [coarse_fit(problem, own)]
+        except ComputationError:  # the other starts may do better
+            return []
 
     def _nearer(
         self, problem: Problem, start: Refit, starts: list[dict[str, float | Array]]

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 # be able to leave at some size in its domain to be worth a test.
 INVISIBLE = 1e-6
 WORTH_A_TEST = 1.0
+SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhere
 
 
 def row_weights(problem: Problem) -> Array:
@@ -212,3 +213,18 @@ def _keep(best: dict[frozenset[Use], ScoredPair], first: Scored, second: Scored,
     pair = ScoredPair(first, second, gain)
     if pair.uses not in best or gain > best[pair.uses].gain:
         best[pair.uses] = pair
+
+
+def different(items: Sequence[Scored], count: int) -> list[Scored]:
+    """The best trace of a candidate and the best of those that point elsewhere, in shape or size."""
+    taken = [items[0]]
+    for item in items[1:]:
+        if len(taken) == count:
+            break
+        if item.gain < SAME_GAIN * taken[-1].gain and all(_apart(item, t) for t in taken):
+            taken.append(item)
+    return taken
+
+
+def _apart(one: Scored, two: Scored) -> bool:
+    return one.trace.shapes != two.trace.shapes or bool(np.any(one.trace.size != two.trace.size))

@@ -13,7 +13,7 @@ from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
 from specan.study.plan import plan
 from specan.study.plausibility import plausible
 from specan.study.refit import EffectSet, Refit, Refits
-from specan.study.score import Scored, best_of_each, family, score, score_pairs
+from specan.study.score import Scored, best_of_each, different, family, score, score_pairs
 from specan.study.thinning import thinned
 from specan.study.traces import Known, Point, Trace, carried, changes, default_value, traces
 
@@ -22,7 +22,6 @@ WINDOW = 10.0  # and all whose BIC lies within this of the best
 MOST_PAIRS, MOST_DEAR_PAIRS = 8, 4
 OUT_OF_REACH = 3.0  # times the best chi-square so far
 STARTS = 2
-SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhere
 
 Progress = Callable[[str], None]
 
@@ -51,6 +50,8 @@ class Search:
 
     Attributes
     ----------
+    likely : sequence of Use
+        What to look at first.
     best : Refit
         The set that passed, the base where none did.
     extensions : list of Refit
@@ -64,6 +65,7 @@ class Search:
     """
 
     refits: Refits
+    likely: Sequence[Use] = ()
     bootstrap: bool = False
     progress: Progress = lambda text: None
     steps: dict[EffectSet, Step] = field(default_factory=dict)
@@ -142,8 +144,9 @@ class Search:
 
     def _best_single(self) -> Refit | None:
         step = self.step(self.base)
-        for use in _worth_refitting(step):
-            if not self._out_of_reach(step, use):
+        first = [use for use in self.likely if use in step.by_use]
+        for use in dict.fromkeys([*first, *_worth_refitting(step)]):
+            if use in first or not self._out_of_reach(step, use):
                 self._extend(step, use)
         return self._best_passed(self.refits.of_size(1))
 
@@ -157,7 +160,7 @@ class Search:
     def _extend(self, step: Step, use: Use) -> Refit | None:
         """Refit a set with one more effect."""
         self.progress(f"refitting with {use}")
-        starts = [[s] for s in _different(step.by_use[use], STARTS)]
+        starts = [[s] for s in different(step.by_use[use], STARTS)]
         return self.refits.fit(step.seen, starts)
 
     def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
@@ -268,21 +271,6 @@ def _worth_refitting(step: Step) -> list[Use]:
 
 def _count(item: Scored) -> int:
     return item.amplitudes + len(item.trace.shapes)
-
-
-def _different(items: Sequence[Scored], count: int) -> list[Scored]:
-    """The best trace of a candidate and the best of those that point elsewhere, in shape or size."""
-    taken = [items[0]]
-    for item in items[1:]:
-        if len(taken) == count:
-            break
-        if item.gain < SAME_GAIN * taken[-1].gain and all(_apart(item, t) for t in taken):
-            taken.append(item)
-    return taken
-
-
-def _apart(one: Scored, two: Scored) -> bool:
-    return one.trace.shapes != two.trace.shapes or bool(np.any(one.trace.size != two.trace.size))
 
 
 def _text(uses: frozenset[Use] | set[Use]) -> str:

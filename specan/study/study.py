@@ -33,6 +33,7 @@ from specan.study.study_file import (
     read_study_file,
     rig_hash,
 )
+from specan.study.ways_in import kept_values, ways_in
 
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 
@@ -165,7 +166,12 @@ class Study:
     @cached_property
     def problem(self) -> Problem:
         """The model as the study has it, over the fitted data."""
-        return linearised(self._assembled)
+        if not self._assembled.about_model:
+            return self._assembled
+        last = self.history.last
+        known = kept_values(self._assembled, last.parameters) if last else {}
+        new = [Use.parse(u) for u in self.model_effects if last and u not in last.model_effects]
+        return linearised(self._assembled, ways_in(self._assembled, new, known))
 
     # --- numbers ----------------------------------------------------------------------------------
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError, RequestError, SpecanError
 from specan.models import Assembly, Parameter, Use, effect
+from specan.study.coarse import coarse
 from specan.study.observation import Array
-from specan.study.observation.folding import Folding
 from specan.study.observation.frf import FrfObservation
 from specan.study.problem import Problem
 
@@ -30,9 +30,7 @@ Complex = NDArray[np.complex128]
 
 SPREAD = 1.0  # standard deviation of what an admittance may be before anything was measured
 START = 0.03  # softer than most walls: peaks are wide, and a fit finds its way
-CRUDE_PERCENT = 5.0  # of the RMS over the microphones, uncertainty of a line in the first, crude fit
 CRUDE_SPREAD = 0.1
-CRUDE_STEP_HZ = 3.0
 STEP = 1e-4  # of an admittance, for its derivative
 LONGEST = 0.1  # that one step may change an admittance by
 SETTLED = 1.0  # fall of chi-square below which a fit has ended; the quadratic about it does the rest
@@ -310,9 +308,7 @@ class Space:
 
     def crude(self) -> Space:
         """The same on few lines, seen without windows, all equally uncertain."""
-        return replace(
-            self, problem=self.problem.over([_crude(o) for o in self.observations]), spread=CRUDE_SPREAD
-        )
+        return replace(self, problem=coarse(self.problem), spread=CRUDE_SPREAD)
 
     def linearised(self, state: Point) -> Space:
         """The same with places, calibration and discrepancy as they act on the field that was found."""
@@ -347,30 +343,6 @@ class Space:
 def rows_of(observation: FrfObservation, response: Complex) -> Array:
     """A response (microphones, lines) as the observation's rows."""
     return np.concatenate([response.real[observation.kept], response.imag[observation.kept]])
-
-
-def _crude(observation: FrfObservation) -> FrfObservation:
-    every = max(1, round(CRUDE_STEP_HZ / observation.line_hz))
-    lines = np.flatnonzero(observation.kept.any(axis=0))[::every]
-    frequency = observation.frequency_hz[lines]
-    response = observation.response[:, lines]
-    level = np.sqrt(np.mean(np.abs(response) ** 2, axis=0))
-    smooth = np.convolve(np.pad(level, 5, mode="edge"), np.full(11, 1 / 11), mode="valid")
-    noise = np.broadcast_to(CRUDE_PERCENT / 100 * smooth, response.shape)
-    return replace(
-        observation,
-        frequency_hz=frequency,
-        response=response,
-        noise=np.hypot(observation.random[:, lines], noise),
-        random=observation.random[:, lines],
-        shared=np.empty((*response.shape, 0), dtype=complex),
-        kept=observation.kept[:, lines],
-        folding=Folding.none(frequency),
-        conditions_at_nodes={
-            name: np.interp(frequency, observation.folding.nodes, value)
-            for name, value in observation.conditions_at_nodes.items()
-        },
-    )
 
 
 def third_octaves(low_hz: float, high_hz: float) -> Array:

@@ -89,6 +89,13 @@ class Observation(Protocol):
         """About so many rows, cheaper to predict, with the residual that the whole has at these values."""
 
     @property
+    def resonant(self) -> bool:
+        """Whether the rows are narrow peaks, which a fit from far off does not see."""
+
+    def coarse(self, percent: float) -> Observation:
+        """The same with every row uncertain by so much of the level around it; itself where nothing is `resonant`."""
+
+    @property
     def about_model(self) -> bool:
         """Whether the covariance depends on where the model is."""
 

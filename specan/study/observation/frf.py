@@ -24,6 +24,8 @@ Complex = NDArray[np.complex128]
 # Correlation of the random errors of lines 1 and 2 apart under a Hann window: (2/3)^2 and (1/6)^2.
 LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
 
+COARSE_HZ = 2.0  # between the lines of a coarse view
+COARSE_NEIGHBOURS = 5  # lines on either side that its uncertainty is averaged over
 PLACED = 2  # times that the places of microphones are improved
 FARTHEST = 3.5  # standard uncertainties that a microphone may be found away
 
@@ -253,16 +255,46 @@ class FrfObservation:
             kept=self.kept[:, lines],
             folding=Folding.none(frequency),
             offset=self.offset if np.ndim(self.offset) == 0 else np.asarray(self.offset)[:, lines],
-            conditions_at_nodes={
-                name: np.interp(frequency, self.folding.nodes, value)
-                for name, value in self.conditions_at_nodes.items()
-            },
+            conditions_at_nodes=self._conditions_at(frequency),
         )
         folded = self.responses(assembly, [values])[0][:, lines]
         plain = part.responses(assembly, [values])[0]
         return replace(part, response=part.response + plain - folded)
 
+    @property
+    def resonant(self) -> bool:
+        """Yes."""
+        return True
+
+    def coarse(self, percent: float) -> FrfObservation:
+        """A few lines, predicted without windows, each known to `percent` of the RMS around it."""
+        used = np.flatnonzero(self.kept.any(axis=0))
+        apart = float(np.min(np.diff(self.frequency_hz[used]), initial=COARSE_HZ))
+        lines = used[:: max(1, round(COARSE_HZ / apart))]
+        response, random, kept = self.response[:, lines], self.random[:, lines], self.kept[:, lines]
+        power = np.sum(np.abs(response) ** 2 * kept, axis=0) / kept.sum(axis=0)
+        window = np.full(2 * COARSE_NEIGHBOURS + 1, 1 / (2 * COARSE_NEIGHBOURS + 1))
+        around = np.convolve(np.pad(power, COARSE_NEIGHBOURS, mode="edge"), window, mode="valid")
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz[lines],
+            response=response,
+            noise=np.hypot(random, percent / 100 * np.sqrt(around)),
+            random=random,
+            shared=np.empty((*response.shape, 0), dtype=complex),
+            kept=kept,
+            folding=Folding.none(self.frequency_hz[lines]),
+            conditions_at_nodes=self._conditions_at(self.frequency_hz[lines]),
+            declared=None,
+            moved=None,
+            offset=0.0,
+        )
+
     # --- how it is done -----------------------------------------------------------------------
+
+    def _conditions_at(self, frequency: Array) -> dict[str, Array]:
+        known = self.conditions_at_nodes.items()
+        return {name: np.interp(frequency, self.folding.nodes, value) for name, value in known}
 
     def _stack(self, response: Complex) -> Array:
         return np.concatenate([response.real[self.kept], response.imag[self.kept]])

@@ -112,6 +112,15 @@ class TableObservation:
         """All of it: a table's rows are cheap."""
         return self
 
+    @property
+    def resonant(self) -> bool:
+        """No: nothing in a table is so narrow that a fit could pass by it."""
+        return False
+
+    def coarse(self, percent: float) -> TableObservation:
+        """Itself."""
+        return self
+
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
         """Keep some of the rows; effects that look at earlier readings still see those left out.
 
