@@ -70,13 +70,16 @@ def _tried(problem: Problem) -> list[Refit]:
             score(best.linear, traces(best.problem, best.fit, found, points, known), best.weights)
         )
         order = sorted(scored.values(), key=lambda items: _promised(best, items[0]))[:TRIED]
-        tried = [refits.fit(best, [[items[0]]]) for items in order]
-        better = min((r for r in tried if r is not None), key=lambda r: r.bic(1.0), default=best)
-        if better.bic(1.0) >= best.bic(1.0):
+        better = best
+        for items in order:
+            refit = refits.fit(best, [[items[0]]])
+            if refit is not None and refit.bic(1.0) < better.bic(1.0):
+                better = refit
+            if better.reduced < 1:  # within the few per cent of the view
+                return list(refits.done.values())
+        if better is best:
             break
         best = better
-        if best.reduced < 1:  # within the few per cent of the view
-            break
     return list(refits.done.values())
 
 

@@ -19,7 +19,7 @@ from specan.study.localise import MOST_ROWS, Block, localise
 from specan.study.next_measurement import Proposal, explore, propose
 from specan.study.power import by_effect, smallest_visible
 from specan.study.problem import Problem
-from specan.study.refit import Refit, Refits
+from specan.study.refit import OUT_OF_REACH, Refit, Refits
 from specan.study.residual_law import residual_law
 from specan.study.search import Search
 from specan.study.significance import LACK_OF_FIT
@@ -130,7 +130,11 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     """Measurements between the rivals; between the best and the next in rank where there are none."""
     if verdict == "unknown-effect":
         return explore(search.best, fails_at)
-    others = [r for r in search.refits.of_size(1) if r not in sets and search.believable(r)]
+    others = [
+        r
+        for r in search.refits.of_size(1)
+        if r not in sets and search.believable(r) and r.chi2 < OUT_OF_REACH * search.best.chi2
+    ]
     others.sort(key=lambda r: r.bic(search.best.scale))
     if len(sets) > 1:
         return propose(sets)

@@ -115,7 +115,7 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[flo
     if theta0.size == 0:
         return float(np.sum(_finite(problem.residual(theta0)) ** 2)), theta0
     if problem.dear:
-        minimum = descend(problem, theta0)
+        minimum = descend(problem, _nearer(problem, theta0) if problem.resonant else theta0)
         return minimum.chi2, minimum.theta
     from scipy.optimize import least_squares
 
@@ -140,6 +140,14 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[flo
         return 2 * float(found.cost), found.x
     minimum = descend(problem, found.x)
     return minimum.chi2, minimum.theta
+
+
+def _nearer(problem: Problem, theta0: Array) -> Array:
+    """Where a descent on a sketch leads, if it leads anywhere."""
+    try:
+        return descend(problem.sketched(theta0), theta0).theta
+    except ComputationError:
+        return theta0
 
 
 def _finite(array: Array) -> Array:

@@ -29,6 +29,7 @@ from specan.models import Assembly, Model, Use, varying
 from specan.study.observation import Array, Observation
 
 DEAR = 2000  # rows from which an evaluation of the model is dear
+SKETCHED = 5000  # rows of a sketch
 STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
 
 
@@ -319,6 +320,15 @@ class Problem:
         return rows
 
     # --- other problems ------------------------------------------------------------------------
+
+    def sketched(self, theta: Array) -> Problem:
+        """The problem on part of its rows, with the residual that the whole has at theta; itself where they are few."""
+        if self.n_data <= SKETCHED:
+            return self
+        values, share = self.values_at(theta), SKETCHED / self.n_data
+        return self.over(
+            [o.sketch(self.assembly, self.seen_by(o, values), round(share * o.n)) for o in self.observations]
+        )
 
     def with_uses(self, uses: Iterable[Use | str]) -> Problem:
         """Add effects, their parameters free as far as declared and varied; a nuisance loses its certificate."""

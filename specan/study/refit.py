@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 EffectSet = frozenset[Use]
 
 FAR = 1.5  # reduced chi-square above which a base is too far from the data to set out from
+OUT_OF_REACH = 3.0  # times the best chi-square so far
 SLOPE_STEP = 1e-3  # of a parameter's typical size
 
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
@@ -163,11 +164,13 @@ class Refits:
             return self.done.get(uses)
         problem = self.base.problem.with_uses(sorted(uses))
         starts = [start_from(start, members, problem) for members in traces]
-        starts += self._from_afar(problem, uses, starts)
-        best, reason = self._lowest(problem, self._nearer(problem, start, starts))
-        nested = self._best_within(uses)
-        if best is None or best.chi2 > nested.fit.chi2 + STALLED * unit(problem, best.chi2):
-            best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)])
+        near = self._nearer(problem, start, [*starts, *self._from_afar(problem, uses, starts)])
+        best, reason = self._lost(uses, problem, near), ""
+        if best is None:
+            best, reason = self._lowest(problem, near)
+            nested = self._best_within(uses)
+            if best is None or best.chi2 > nested.fit.chi2 + STALLED * unit(problem, best.chi2):
+                best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)])
         if best is None:
             self.failed[uses] = reason
             return None
@@ -175,11 +178,16 @@ class Refits:
         self.done[uses] = self._describe(uses, problem, fitted)
         return self.done[uses]
 
+    @property
+    def far(self) -> bool:
+        """Whether the base is so far from the data that nothing may be concluded from its parameters."""
+        return self.base.problem.resonant and self.base.reduced > FAR
+
     def _from_afar(
         self, problem: Problem, uses: EffectSet, starts: list[dict[str, float | Array]]
     ) -> list[dict[str, float | Array]]:
         """A start from a coarse fit, where what the base has wrong has dragged its parameters away."""
-        if not problem.resonant or self.base.reduced < FAR:
+        if not self.far:
             return []
         own = [{n: v for n, v in s.items() if n.rpartition(".")[0] in map(str, uses)} for s in starts]
         try:
@@ -190,10 +198,15 @@ class Refits:
     def _nearer(
         self, problem: Problem, start: Refit, starts: list[dict[str, float | Array]]
     ) -> list[dict[str, Any]]:
-        """Starts that were brought near their minimum on the sketch that the traces were scored on, if it is one."""
-        if start.problem.n_data == problem.n_data:
-            return starts
+        """Of many rows, the start that leads lowest on a sketch, led there.
+
+        The sketch is the one that the traces were scored on; about the last start where the base is far off.
+        """
         seen = problem.over(start.problem.observations)
+        if self.far:
+            seen = problem.sketched(problem.start(starts[-1]))
+        if seen.n_data == problem.n_data:
+            return starts
         reached: list[tuple[float, dict[str, Any]]] = []
         for values in starts:
             try:
@@ -202,6 +215,20 @@ class Refits:
                 continue
             reached.append((there.chi2, problem.values_at(there.theta)))
         return [min(reached, key=lambda r: r[0])[1]] if reached else starts
+
+    def _lost(self, uses: EffectSet, problem: Problem, near: Sequence[Mapping[str, Any]]) -> Minimum | None:
+        """Where a dear refit was led on the sketch, if that is so bad that its exact minimum is of no interest."""
+        if not problem.dear or len(near) > 1:
+            return None
+        others = [r.fit.chi2 for other, r in self.done.items() if len(other) <= len(uses)]
+        if self._best_within(uses).fit.chi2 <= min(others):
+            return None
+        theta = problem.start(near[0])
+        residual = problem.residual(theta)
+        chi2 = float(residual @ residual)
+        if not chi2 > OUT_OF_REACH * min(others):
+            return None
+        return Minimum(theta, residual, problem.jacobian(theta), chi2)
 
     def _lowest(
         self, problem: Problem, starts: Sequence[Mapping[str, float | Array]]
@@ -227,7 +254,7 @@ class Refits:
     def _slopes(self, problem: Problem, theta: Array) -> Array | None:
         """Jacobian to begin with where an exact one is dear: the base's, and slopes of what is new."""
         base = self.base
-        if not problem.dear:
+        if not problem.dear or self.far:
             return None
         known = {name: base.fit.jacobian[:, k] for k, name in enumerate(base.fit.names)}
         rows = [*range(problem.n_data), *self._prior_rows(problem)]

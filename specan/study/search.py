@@ -12,7 +12,7 @@ from specan.study.candidates import Candidate, candidates
 from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
 from specan.study.plan import plan
 from specan.study.plausibility import plausible
-from specan.study.refit import EffectSet, Refit, Refits
+from specan.study.refit import OUT_OF_REACH, EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, different, family, score, score_pairs
 from specan.study.thinning import thinned
 from specan.study.traces import Known, Point, Trace, carried, changes, default_value, traces
@@ -20,7 +20,6 @@ from specan.study.traces import Known, Point, Trace, carried, changes, default_v
 REFITTED = 5  # candidates that are always refitted
 WINDOW = 10.0  # and all whose BIC lies within this of the best
 MOST_PAIRS, MOST_DEAR_PAIRS = 8, 4
-OUT_OF_REACH = 3.0  # times the best chi-square so far
 STARTS = 2
 
 Progress = Callable[[str], None]

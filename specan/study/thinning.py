@@ -10,22 +10,12 @@ from dataclasses import replace
 
 from specan.study.refit import Refit
 
-MANY = 5000  # rows
-
 
 def thinned(refit: Refit) -> Refit:
     """The same fit seen on part of its rows, each worth several; the fit itself where they are few."""
-    problem = refit.problem
-    if problem.n_data <= MANY:
+    problem, theta = refit.problem, refit.fit.theta
+    part = problem.sketched(theta)
+    if part is problem:
         return refit
-    theta = refit.fit.theta
-    values = problem.values_at(theta)
-    share = MANY / problem.n_data
-    part = problem.over(
-        [
-            o.sketch(problem.assembly, problem.seen_by(o, values), round(share * o.n))
-            for o in problem.observations
-        ]
-    )
     seen = replace(refit.fit, residual=part.residual(theta), jacobian=part.jacobian(theta))
     return replace(refit, problem=part, fit=seen, worth=problem.n_data / part.n_data)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.room.axis_modes import AxisModes
-from specan.models.room.remainder import Remainder, remainder
+from specan.models.room.remainder import Remainder, join, remainder
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
@@ -135,19 +135,22 @@ class BoxField:
 
     def _rest(self, source: Port, points: Real, radii: Real) -> Complex:
         counts = tuple(a.w.shape[1] for a in self.axes)
-        key = (self.drawn, counts, self.k2_max, source, points.tobytes(), radii.tobytes())
-        if key not in _REMAINDERS:
-            if len(_REMAINDERS) > 64:
-                _REMAINDERS.clear()
-            _REMAINDERS[key] = remainder(
-                self.drawn, counts, self.k2_max, source.position, source.axis, source.radius, points, radii
-            )
+        room = (self.drawn, counts, self.k2_max, source.position, source.axis, source.radius)
+        places = [(room, *p, r) for p, r in zip(points.tolist(), radii.tolist(), strict=True)]
+        new = [i for i, place in enumerate(places) if place not in _REMAINDERS]
+        if len(_REMAINDERS) + len(new) > _KEPT:
+            _REMAINDERS.clear()
+            new = list(range(len(places)))
+        if new:
+            found = remainder(*room, points[new], radii[new])
+            _REMAINDERS.update(zip([places[i] for i in new], found.split(), strict=True))
         near = 0 if source.position[source.axis] < self.lengths[source.axis] / 2 else 1
-        return _REMAINDERS[key].at(self.k2, self.soft[2 * source.axis + near])
+        return join([_REMAINDERS[p] for p in places]).at(self.k2, self.soft[2 * source.axis + near])
 
 
 # The remainder depends on geometry alone; fits ask for the same geometry hundreds of times.
 _REMAINDERS: dict[object, Remainder] = {}
+_KEPT = 4000
 
 
 def disc_mean(kt2: NDArray, radius: float) -> NDArray:

@@ -182,7 +182,7 @@ def field(
     loads = [(piston, rigid)] + [(port, item.admittance) for port, item in _placed(local_loads, room_modes)]
     factor = 1j * omega * density
     room_modes.prepare([port for port, _ in (*given, *loads)])
-    strengths = _load_strengths(room_modes, factor, given, loads)
+    strengths = _load_strengths(room_modes, factor, given, loads, microphones)
     total = np.zeros((len(frequency), len(microphones)), dtype=complex)
     for port, strength in [*given, *zip((port for port, _ in loads), strengths, strict=True)]:
         if np.any(strength):
@@ -204,13 +204,22 @@ def _placed(collection: Any, modes: RoomModes) -> list[tuple[Port, Any]]:
 
 
 def _load_strengths(
-    modes: RoomModes, factor: Complex, sources: list[tuple[Port, Complex]], loads: list[tuple[Port, Complex]]
+    modes: RoomModes,
+    factor: Complex,
+    sources: list[tuple[Port, Complex]],
+    loads: list[tuple[Port, Complex]],
+    microphones: list[Port],
 ) -> list[Complex]:
-    """Volume velocity that each load returns: ``(1 + F G Y) p = F G q`` at the loads, ``q = -Y p``."""
+    """Volume velocity that each load returns: ``(1 + F G Y) p = F G q`` at the loads, ``q = -Y p``.
+
+    What the microphones will be asked for is had with it: once a port's modes are there, a receiver costs little.
+    """
     ports = [port for port, _ in loads]
     lines, count = len(factor), len(loads)
     if not any(np.any(admittance) for _, admittance in loads):
         return [np.zeros(lines, dtype=complex)] * count
+    for port in dict.fromkeys([*(port for port, _ in sources), *ports]):
+        modes.coupling(port, [*ports, *microphones])
     driven = np.zeros((lines, count), dtype=complex)
     for port, strength in sources:
         driven += strength[:, None] * modes.coupling(port, ports)

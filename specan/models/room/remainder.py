@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,19 @@ class Remainder:
         """Values (lines, receivers)."""
         t = ((k2 - self.centre) / self.radius)[:, None]
         return _horner(self.rigid, t) + source_wall[:, None] * _horner(self.soft, t)
+
+    def split(self) -> list[Remainder]:
+        """One for every receiver."""
+        columns = zip(self.rigid.T, self.soft.T, strict=True)
+        return [Remainder(self.centre, self.radius, r[:, None], s[:, None]) for r, s in columns]
+
+
+def join(parts: Sequence[Remainder]) -> Remainder:
+    """Those of several receivers of one room."""
+    rigid, soft = ([getattr(p, name) for p in parts] for name in ("rigid", "soft"))
+    return Remainder(
+        parts[0].centre, parts[0].radius, np.concatenate(rigid, axis=1), np.concatenate(soft, axis=1)
+    )
 
 
 def _horner(coefficients: Real, t: Complex) -> Complex:
