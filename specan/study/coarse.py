@@ -15,7 +15,7 @@ from specan.study.descent import descend
 from specan.study.observation import Array
 from specan.study.problem import Problem
 
-STAGES = (30.0, 10.0, 5.0)  # per cent of the RMS over microphones
+STAGES = (20.0, 5.0)  # per cent of the RMS over microphones
 
 
 def coarse(problem: Problem, percent: float = STAGES[-1]) -> Problem:

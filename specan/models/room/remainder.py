@@ -88,14 +88,10 @@ def remainder(
     nodes = 2 * order + 4
     angles = 2 * np.pi * (np.arange(nodes // 2) + 0.5) / nodes  # the lower half is the conjugate
     terms = _Terms.prepare(lengths, counts, source, axis, radius)
-    values = np.array(
-        [
-            [terms.sums(centre + circle * np.exp(1j * a), p, r) for p, r in zip(points, radii, strict=True)]
-            for a in angles
-        ]
-    )
+    k2 = centre + circle * np.exp(1j * angles)
+    values = np.array([terms.sums(k2, p, r) for p, r in zip(points, radii, strict=True)])
     powers = np.exp(-1j * np.outer(np.arange(order + 1), angles))
-    coefficients = np.einsum("on,nrs->sor", powers, values).real * (2 / nodes)
+    coefficients = np.einsum("on,rsn->sor", powers, values).real * (2 / nodes)
     return Remainder(centre, circle, coefficients[0], coefficients[1])
 
 
@@ -152,8 +148,8 @@ class _Terms:
         ]
         return cls(lengths, counts, source, axis, radius, (i, j), qm, qn, kt2, weight, low, limit, *modes)
 
-    def sums(self, k2: complex, point: Real, radius: float) -> tuple[complex, complex]:
-        """Remainder of the rigid box, and its change by a soft source wall."""
+    def sums(self, k2: Complex, point: Real, radius: float) -> tuple[Complex, Complex]:
+        """Remainder of the rigid box, and its change by a soft source wall, at some squared wave numbers."""
         length, here, there = self.lengths[self.axis], self.source[self.axis], float(point[self.axis])
         gap = abs(there - here)
         last = int(np.searchsorted(self.kt2, (self.REACH / max(gap, 1e-9)) ** 2))
@@ -166,16 +162,17 @@ class _Terms:
             weight = weight * _bessel_mean(kt2, radius)
         if last == len(self.kt2):
             weight = weight * _fade(np.sqrt(kt2), self.top)
-        kappa = np.sqrt(kt2 - k2 + 0j)
+        kappa = np.sqrt(kt2 - k2[:, None] + 0j)
         along = _closed_form(kappa, length, here, there)
         wall = 0.0 if here < length / 2 else length
         softer = -_closed_form(kappa, length, here, wall) * _closed_form(kappa, length, wall, there)
-        gaps = kt2[low] - k2
-        along[low] -= _modes_of_axis(self.rigid, gaps, here, there)
+        gaps = kt2[low] - k2[:, None]
+        along[:, low] -= _modes_of_axis(self.rigid, gaps, here, there)
         stepped = [_modes_of_axis(modes, gaps, here, there) for modes in (self.softer, self.harder)]
-        softer[low] -= (stepped[0] - stepped[1]) / (2 * self.STEP)
-        rest = _beyond(self.top, k2, radius) if radius > 0 and tuple(point) == self.source else 0.0
-        return complex((weight * along).sum()) + rest, complex((weight * softer).sum())
+        softer[:, low] -= (stepped[0] - stepped[1]) / (2 * self.STEP)
+        itself = radius > 0 and tuple(point) == self.source
+        rest = np.array([_beyond(self.top, one, radius) if itself else 0.0 for one in k2])
+        return along @ weight + rest, softer @ weight
 
 
 def _fade(kappa: Real, top: float) -> Real:
@@ -219,5 +216,5 @@ def _modes_of_axis(modes: AxisModes, gap: NDArray[np.complexfloating], x: float,
     """The terms of the same sum that the truncated one has."""
     at = modes.at(np.array([x, y]))[0]
     weight = at[:, 0] * at[:, 1] / modes.norm[0]
-    found: Complex = (weight / (modes.q2[0] + gap[:, None])).sum(axis=1)
+    found: Complex = (weight / (modes.q2[0] + gap[..., None])).sum(axis=-1)
     return found

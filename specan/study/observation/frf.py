@@ -24,7 +24,7 @@ Complex = NDArray[np.complex128]
 # Correlation of the random errors of lines 1 and 2 apart under a Hann window: (2/3)^2 and (1/6)^2.
 LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
 
-COARSE_HZ = 2.0  # between the lines of a coarse view
+COARSE_HZ = 3.0  # between the lines of a coarse view
 COARSE_NEIGHBOURS = 5  # lines on either side that its uncertainty is averaged over
 PLACED = 2  # times that the places of microphones are improved
 FARTHEST = 3.5  # standard uncertainties that a microphone may be found away
