@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import click
 
 from specan_cli.main import LazyGroup
@@ -37,3 +39,6 @@ def command() -> None:
     specan study add my_study seal-drag --because "the idle runs ask for it"
     specan study history my_study
     """
+    # Many small matrices: threads of the linear algebra would spin for nothing. Numpy is loaded after this.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")

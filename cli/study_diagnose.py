@@ -89,7 +89,15 @@ def _print(found: Diagnosis, directory: Path) -> None:
         for row in found.next_measurement:
             click.echo(f"  {row['text']}")
     if found.verdict in ("effect", "group"):
-        click.echo(f"\nTry it: specan study add {directory} {found.alternatives[0][0]}")
+        for use in _uses(found.ranking[0]):
+            shown = f'"{use}"' if " " in use else use
+            click.echo(f"\nTry it: specan study add {directory} {shown}")
+
+
+def _uses(ranked: Ranked) -> list[str]:
+    """Effects with their places, as ``study add`` takes them."""
+    placed = [f"{name}@{place}" for name in ranked.effects for place in ranked.at.get(name, ())]
+    return [*placed, *(name for name in ranked.effects if name not in ranked.at)]
 
 
 def _row(ranked: Ranked) -> list[Any]:

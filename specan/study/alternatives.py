@@ -11,16 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from specan.models import Use
 from specan.study.candidates import candidates
-from specan.study.gate import DECISIVE, FORM
+from specan.study.gate import DECISIVE
 from specan.study.projection import Projection
-from specan.study.refit import Refit
+from specan.study.refit import FORM, Refit
 from specan.study.score import best_of_each, score, score_pairs
 from specan.study.search import Search
 
 TELLING = 10.0  # D below which two explanations are not told apart
 WIDE = 30.0  # D of the linearised distance within which a rival is refitted
-MOST_RIVALS = 8
+MOST_RIVALS, MOST_DEAR_RIVALS = 8, 3
 
 
 def distance(truth: Refit, rival: Refit) -> float:
@@ -69,9 +70,22 @@ def refit_rivals(search: Search) -> None:
     else:
         options = [(whole - pair.gain, [pair.first, pair.second]) for pair in score_pairs(noise_free, scored)]
     options.sort(key=lambda option: option[0])
-    for d, members in options[:MOST_RIVALS]:
-        if d < WIDE * best.scale:
-            search.refits.fit(there, [members])
+    dear = search.best.problem.dear  # then the search has refitted few, and none for its place in the ranking
+    limit = max(WIDE * best.scale, FORM**2 * (search.base.chi2 - search.best.chi2) if dear else 0.0)
+    near = [members for d, members in options[: MOST_DEAR_RIVALS if dear else MOST_RIVALS] if d < limit]
+    near += [m for _, m in options if m not in near and {i.use for i in m} <= _declared(search.best)]
+    for members in near:
+        search.refits.fit(there, [members])
+
+
+def _declared(best: Refit) -> set[Use]:
+    """What the catalogue itself says is easily taken for a dear best effect, at its place."""
+    if len(best.uses) != 1 or not best.problem.dear:
+        return set()
+    (use,) = best.uses
+    effects = best.problem.assembly.model.effects
+    names = [n for n, e in effects.items() if n in effects[use.name].aliases or use.name in e.aliases]
+    return {replace(use, name=name) for name in names}
 
 
 def replace_residual(linear: Projection, residual: np.ndarray) -> Projection:

@@ -14,12 +14,11 @@ from specan.study.approach import approached
 from specan.study.diagnosis import Diagnosis, LackOfFit, Ranked
 from specan.study.error import observable_errors
 from specan.study.fit import Fit, fit
-from specan.study.gate import FORM
 from specan.study.localise import MOST_ROWS, Block, localise
 from specan.study.next_measurement import Proposal, explore, propose
 from specan.study.power import by_effect, smallest_visible
 from specan.study.problem import Problem
-from specan.study.refit import OUT_OF_REACH, Refit, Refits
+from specan.study.refit import FORM, Refit, Refits
 from specan.study.residual_law import residual_law
 from specan.study.search import Search
 from specan.study.significance import LACK_OF_FIT
@@ -135,12 +134,13 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     others = [
         r
         for r in search.refits.of_size(1)
-        if r not in sets and search.believable(r) and r.chi2 < OUT_OF_REACH * search.best.chi2
+        if r not in sets and search.believable(r) and not search.refits.out_of_reach(r.chi2, search.best.chi2)
     ]
     others.sort(key=lambda r: r.bic(search.best.scale))
     if len(sets) > 1:
         return propose(sets)
-    return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
+    most = 1 if search.base.problem.dear else MOST_OTHERS
+    return propose([search.best, *others[:most]], other_kinds=False)
 
 
 def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:

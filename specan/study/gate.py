@@ -8,12 +8,11 @@ import numpy as np
 
 from specan.study import held_out
 from specan.study.family import Family, simulated_probability
-from specan.study.refit import Refit
+from specan.study.refit import FORM, Refit
 from specan.study.significance import improvement_probability
 
 LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
 DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
-FORM = 0.2  # share of its trace to which the equation of an effect is trusted
 DRAWS = 20_000
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from specan.study.gate import FORM
-from specan.study.refit import Refit
+from specan.study.refit import FORM, Refit
 
 WIDTHS = 2.0  # standard errors by which a range may be missed
 PRIOR_WIDTHS = 3.0  # standard deviations by which a certificate may be missed

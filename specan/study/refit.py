@@ -25,7 +25,8 @@ Array = NDArray[np.float64]
 EffectSet = frozenset[Use]
 
 FAR = 1.5  # reduced chi-square above which a base is too far from the data to set out from
-OUT_OF_REACH = 3.0  # times the best chi-square so far
+FORM = 0.2  # share of its trace to which the equation of an effect is trusted
+OUT_OF_REACH = 3.0  # times the best chi-square so far, beyond what an equation may be off
 SLOPE_STEP = 1e-3  # of a parameter's typical size
 
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
@@ -183,6 +184,10 @@ class Refits:
         """Whether the base is so far from the data that nothing may be concluded from its parameters."""
         return self.base.problem.resonant and self.base.reduced > FAR
 
+    def out_of_reach(self, chi2: float, best: float) -> bool:
+        """Whether a chi-square is too far above the best for an exact minimum, and an exact equation, to help."""
+        return chi2 > OUT_OF_REACH * best + FORM**2 * max(self.base.fit.chi2 - best, 0.0)
+
     def _from_afar(
         self, problem: Problem, uses: EffectSet, starts: list[dict[str, float | Array]]
     ) -> list[dict[str, float | Array]]:
@@ -226,7 +231,7 @@ class Refits:
         theta = problem.start(near[0])
         residual = problem.residual(theta)
         chi2 = float(residual @ residual)
-        if not chi2 > OUT_OF_REACH * min(others):
+        if not self.out_of_reach(chi2, min(others)):
             return None
         return Minimum(theta, residual, problem.jacobian(theta), chi2)
 

@@ -12,12 +12,12 @@ from specan.study.candidates import Candidate, candidates
 from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
 from specan.study.plan import plan
 from specan.study.plausibility import plausible
-from specan.study.refit import OUT_OF_REACH, EffectSet, Refit, Refits
+from specan.study.refit import EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, different, family, score, score_pairs
 from specan.study.thinning import thinned
 from specan.study.traces import Known, Point, Trace, carried, changes, default_value, traces
 
-REFITTED = 5  # candidates that are always refitted
+REFITTED, DEAR_REFITTED = 5, 3  # candidates that are always refitted
 WINDOW = 10.0  # and all whose BIC lies within this of the best
 MOST_PAIRS, MOST_DEAR_PAIRS = 8, 4
 STARTS = 2
@@ -154,7 +154,7 @@ class Search:
         if not step.start.problem.dear:
             return False
         found = min((r.chi2 for r in self.refits.of_size(1)), default=np.inf)
-        return step.start.chi2 - step.by_use[use][0].gain > OUT_OF_REACH * found
+        return self.refits.out_of_reach(step.start.chi2 - step.by_use[use][0].gain, found)
 
     def _extend(self, step: Step, use: Use) -> Refit | None:
         """Refit a set with one more effect."""
@@ -227,8 +227,15 @@ class Search:
         return sorted(best.values(), key=lambda item: item[0])
 
     def _hopeless(self, reference: Refit, promised_bic: float) -> bool:
-        """Whether a promised BIC is too far from passing for a refit to make up for it."""
-        return promised_bic > reference.bic(1.0) - 0.4 * DECISIVE * reference.scale
+        """Whether a promised BIC is too far from passing for a refit to make up for it.
+
+        Where a refit is dear the promise comes from a sketch, whose noise counts several times.
+        """
+        least = 0.4 * DECISIVE
+        if reference.problem.dear:
+            price = float(np.log(self.base.problem.n_effective))
+            least = max(least, self.step(reference).gate.needed_gain - price)
+        return promised_bic > reference.bic(1.0) - least * reference.scale
 
     # --- three -----------------------------------------------------------------------------------
 
@@ -265,7 +272,8 @@ def _worth_refitting(step: Step) -> list[Use]:
     order = sorted(bic, key=lambda use: bic[use])
     # Where an evaluation is dear, what promises nothing is not refitted only because nothing else promises more.
     limit = min(bic[order[0]] + WINDOW, 0.0 if step.start.problem.dear else np.inf)
-    return [use for k, use in enumerate(order) if k < REFITTED or bic[use] < limit]
+    always = DEAR_REFITTED if step.start.problem.dear else REFITTED
+    return [use for k, use in enumerate(order) if k < always or bic[use] < limit]
 
 
 def _count(item: Scored) -> int:

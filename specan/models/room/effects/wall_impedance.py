@@ -22,8 +22,8 @@ def wall_impedance(
     third_octave_hz,
     *,
     conductance=Parameter(0.05, "1", min=0.001, max=0.5, lower=0.0, upper=1.0, doc="rho c over resistance"),
-    mass=Parameter(0.0, "kg/m^2", min=0.0, max=20.0, lower=0.0, doc="surface mass"),
-    stiffness=Parameter(0.0, "Pa/m", min=0.0, max=1.4e8, lower=0.0, doc="stiffness a unit area"),
+    mass=Parameter(0.0, "kg/m^2", min=0.0, max=500.0, lower=0.0, doc="surface mass"),
+    stiffness=Parameter(0.0, "Pa/m", min=0.0, max=2e9, lower=0.0, doc="stiffness a unit area"),
 ):
     """One wall takes energy (resistance) and shifts the modes that touch it (mass, stiffness).
 
