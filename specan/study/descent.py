@@ -69,6 +69,15 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
     raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
 
 
+def descend_a_little(problem: Problem, start: Array, jacobians: int) -> Array:
+    """Where some exact Jacobians lead: near a minimum, if there is one near."""
+    descent = _Descent(problem, np.asarray(start, dtype=float))
+    for _ in range(jacobians):
+        if descent.follow(problem.jacobian(descent.theta), guessed=False) is not None:
+            break
+    return descent.theta
+
+
 def unit(problem: Problem, chi2: float) -> float:
     """Chi-square of a degree of freedom, at least one; where an evaluation is dear, what no verdict would notice."""
     return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * (COARSE if problem.dear else 1.0)

@@ -2,7 +2,8 @@
 
 Whether a place stands out is a matter of the left-out algebra of `specan.study.localise`: in a cell, a third octave at
 one microphone, the prediction may be off along itself (a level) and across itself (a phase). Errors of
-different microphones are independent, so what holds for any set of cells follows from sums over cells. By how much
+different microphones are independent, or low in rank, so what holds for any set of cells follows from sums over
+cells. By how much
 the model is off there is said in plain dB and degrees (`specan.study.room_errors`).
 """
 
@@ -27,6 +28,7 @@ from specan.study.localise import (
     benjamini_yekutieli,
 )
 from specan.study.observation import Array
+from specan.study.observation.frf import FrfObservation
 from specan.study.problem import Problem
 from specan.study.room_errors import room_errors
 
@@ -76,22 +78,30 @@ class Cells:
         self.channels = tuple(dict.fromkeys(channel.tolist()))
         turned = np.concatenate([_turned(p) for p in np.split(algebra.predicted, _ends(observations))])
         both = [np.where(band == b, part, 0.0) for b in self.bands for part in (algebra.predicted, turned)]
-        white = algebra.problem.whiten(np.stack(both, axis=1))
+        parts = np.split(np.stack(both, axis=1), _ends(observations))
+        white = np.concatenate([o.whiten_each(part) for o, part in zip(observations, parts, strict=True)])
+        spread, shrink = _of_all(observations)
         seen = white.shape[0]
-        self._gram, self._fitted, self._along = [], [], []
+        basis, clean = algebra.basis[:seen], algebra.clean[:seen]
+        # Columns of one microphone are whitened to d - U s U'd, with d on its own rows: sums of d and of U'd do.
+        self._shared = 2 * shrink - shrink**2
+        of_basis, of_clean = (shrink[:, None] * (spread.T @ basis), shrink * (spread.T @ clean))
+        self._gram, self._fitted, self._along, self._spread = [], [], [], []
         for name in self.channels:
             rows = np.flatnonzero(channel == name)
-            own = white[rows]
+            own, onto = white[rows], spread[rows].T @ white[rows]
             self._gram.append(own.T @ own)
-            self._fitted.append(own.T @ algebra.basis[:seen][rows])
-            self._along.append(own.T @ algebra.clean[:seen][rows])
+            self._spread.append(onto)
+            self._fitted.append(own.T @ basis[rows] - onto.T @ of_basis)
+            self._along.append(own.T @ clean[rows] - onto.T @ of_clean)
 
     def statistic(self, channels: Sequence[int], bands: Sequence[int]) -> tuple[float, float]:
         """Chi-square of a level and a phase error over some cells, all others refitted; its degrees of freedom."""
         pick = np.zeros((2 * len(self.bands), 2))
         for b in bands:
             pick[2 * b, 0] = pick[2 * b + 1, 1] = 1.0
-        gram = pick.T @ sum(self._gram[m] for m in channels) @ pick
+        onto = sum(self._spread[m] for m in channels) @ pick
+        gram = pick.T @ sum(self._gram[m] for m in channels) @ pick - self._common(onto)
         fitted = pick.T @ sum(self._fitted[m] for m in channels)
         along = pick.T @ sum(self._along[m] for m in channels)
         return _statistic(gram, fitted, along, np.diag(gram))
@@ -104,11 +114,26 @@ class Cells:
             gram = np.zeros((2 * len(grams), 2 * len(grams)))
             for k, g in enumerate(grams):
                 gram[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = g
+            gram -= self._common(np.concatenate([onto @ level for onto in self._spread], axis=1))
             fitted = np.concatenate([level.T @ f for f in self._fitted])
             along = np.concatenate([level.T @ a for a in self._along])
         else:
             gram, fitted, along = (np.sum(parts, axis=0) for parts in (self._gram, self._fitted, self._along))
+            gram = gram - self._common(np.sum(self._spread, axis=0))
         return _statistic(gram, fitted, along, np.diag(gram))
+
+    def _common(self, onto: Array) -> Array:
+        """What the errors that all microphones share take from a Gram matrix."""
+        taken: Array = onto.T @ (self._shared[:, None] * onto)
+        return taken
+
+
+def _of_all(observations: Sequence[FrfObservation]) -> tuple[Array, Array]:
+    """Directions that errors common to all microphones of a recording widen, and by how much each is shortened."""
+    from scipy.linalg import block_diag
+
+    found = [o.of_all for o in observations]
+    return block_diag(*(basis for basis, _ in found)), np.concatenate([shrink for _, shrink in found])
 
 
 def _statistic(gram: Array, fitted: Array, along: Array, whole: Array) -> tuple[float, float]:

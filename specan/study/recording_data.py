@@ -11,7 +11,7 @@ from specan.io.open import open_recording
 from specan.models import Model
 from specan.study.kinds import DataFile, DataRequest, OpenedData
 from specan.study.observation.frf import FrfObservation
-from specan.study.recording_measurement import BLOCK_S, SETTLE_S, observe_recording
+from specan.study.recording_measurement import BLOCK_S, observe_recording, settling_s
 
 
 def open_data(model: Model, request: DataRequest) -> OpenedData:
@@ -66,9 +66,10 @@ def _observe(model: Model, request: DataRequest, file: DataFile) -> tuple[FrfObs
         f_min_hz=band["f_min_hz"],
         f_max_hz=band["f_max_hz"],
     )
+    settle = settling_s(recording.by_role("vibrometer")[0].duration_s)
     return found, [
         f"{file.name}: {len(found.channels)} microphones, {found.frequency_hz.size} lines of {1 / BLOCK_S:.3g} Hz, "
-        f"{file.estimator or 'H1'}, blocks of {BLOCK_S:.3g} s after {SETTLE_S:.3g} s; the model filters the "
+        f"{file.estimator or 'H1'}, blocks of {BLOCK_S:.3g} s after {settle:.3g} s; the model filters the "
         "recorded velocity and goes through the same blocks",
         *_calibrated(recording),
     ]

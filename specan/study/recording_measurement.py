@@ -17,7 +17,9 @@ from specan.study.observation.folding import fold
 from specan.study.observation.frf import FrfObservation
 
 BLOCK_S = 1.0  # lines 1 Hz apart
-SETTLE_S = 0.5  # what the room heard before the record began has died out after this
+SETTLE_S = (0.5, 2.0)  # at least and at most: what the room heard before the record began is to die out
+SETTLE_SHARE = 0.2  # of the record, in between
+LEAST_BLOCKS = 4
 
 Complex = Any
 
@@ -53,7 +55,7 @@ def observe_recording(
     from specan.analysis.transfer_function import TransferFunction
 
     vibrometer, microphones = _channels_of(recording, model)
-    rate = vibrometer.sampling_rate
+    rate, settle = vibrometer.sampling_rate, settling_s(vibrometer.duration_s)
     settings = TransferFunction(
         reference=vibrometer.name,
         channels=tuple(m.name for m in microphones),
@@ -62,13 +64,14 @@ def observe_recording(
         window="hann",
         overlap=0.5,
         align=False,
-        start_s=SETTLE_S,
+        start_s=settle,
     )
-    block, hop, start = settings.block, settings.block // 2, round(SETTLE_S * rate)
-    if vibrometer.n_samples < start + 4 * block:
+    block, hop, start = settings.block, settings.block // 2, round(settle * rate)
+    if vibrometer.n_samples < start + LEAST_BLOCKS * block:
+        least = settle + LEAST_BLOCKS * block / rate
         raise InputError(
             f"{recording.label} lasts {vibrometer.duration_s:.1f} s",
-            expected=f"at least {SETTLE_S + 4 * block / rate:.1f} s for lines {rate / block:.2g} Hz apart",
+            expected=f"at least {least:.1f} s for lines {rate / block:.2g} Hz apart",
         )
     found = settings(recording).between(f_min_hz, f_max_hz)
     _check_coherence(recording, found.coherence, f_min_hz, f_max_hz)
@@ -98,6 +101,18 @@ def observe_recording(
         kept=np.repeat(wanted[:, None], len(lines), axis=1),
     )
     return replace(plain, **_before_a_fit(model, plain))
+
+
+def settling_s(duration_s: float) -> float:
+    """Time at the beginning of a record that is not analysed, s.
+
+    Examples
+    --------
+    >>> [settling_s(t) for t in (4.0, 5.0, 30.0)]
+    [0.5, 1.0, 2.0]
+    """
+    left = duration_s - LEAST_BLOCKS * BLOCK_S
+    return max(SETTLE_S[0], min(SETTLE_SHARE * duration_s, left, SETTLE_S[1]))
 
 
 def _before_a_fit(model: Model, plain: FrfObservation) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """Where a room's model fails, and where the next microphone should stand: on a room that the model itself made."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -99,7 +101,10 @@ def test_a_true_model_fails_nowhere(model):
 
 def test_sums_over_cells_are_what_the_whole_residual_says(model):
     """The chi-square of a set of cells, by the algebra of whole rows."""
-    problem, best = located(model, recorded(model, lambda h: 1.02 * h))
+    seen = recorded(model, lambda h: 1.02 * h)
+    slope = np.gradient(seen.response, FREQUENCY, axis=1)
+    seen = replace(seen, modal=0.05 * slope[..., None] * np.array([1, 1j]))
+    problem, best = located(model, seen)
     algebra = LeftOut(problem, best)
     cells = Cells(algebra)
     channels, bands = [1, 4], [0, 3]

@@ -47,8 +47,16 @@ class CommonErrors:
 
     def columns(
         self, responses: Responses, assembly: Assembly, values: Mapping[str, Any], frequency_hz: Array
-    ) -> tuple[Complex, Complex]:
-        """One standard deviation of each error (microphones, lines, errors); slopes a metre (3, microphones, lines).
+    ) -> tuple[Complex, Complex, Complex]:
+        """One standard deviation of each error, array (microphones, lines, errors), and slopes a metre.
+
+        Returns
+        -------
+        of_each : array (microphones, lines, errors)
+            Errors that each microphone has for itself.
+        of_all : array (microphones, lines, errors)
+            Errors of the modes, which every microphone sees: their natural frequencies and bandwidths.
+        slopes : array (3, microphones, lines)
 
         The errors are taken where a fit has brought the model: by the measured response, a line that noise has made
         small would seem to be known better, and by the drawn room a microphone near a nodal plane that has moved
@@ -60,11 +68,13 @@ class CommonErrors:
             response * (np.log(10) / 20 * self.calibration_dB),
             1j * response * np.radians(self.calibration_phase_deg),
         ]
+        of_all: list[Complex] = []
         for hat in _hats(frequency_hz):
             level = np.sqrt(np.mean(hat * np.abs(response) ** 2) / np.mean(hat))
             of = [self.discrepancy * response, 0.5 * self.discrepancy * level + 0 * response]
-            found += [hat * size * turn for size in (*of, self.detuning * detuned) for turn in (1, 1j)]
-        return np.stack(found, axis=-1), np.stack(moved)
+            found += [hat * size * turn for size in of for turn in (1, 1j)]
+            of_all += [hat * self.detuning * detuned * turn for turn in (1, 1j)]
+        return np.stack(found, axis=-1), np.stack(of_all, axis=-1), np.stack(moved)
 
 
 def _with_slopes(

@@ -56,6 +56,8 @@ class FrfObservation:
     shared : array (microphones, lines, r), complex
         What is uncertain but common to a microphone's lines, one standard deviation a column: its place,
         its calibration, the model's declared discrepancy.
+    modal : array (microphones, lines, s), complex
+        What is uncertain of the modes, and so common to all microphones, one standard deviation a column.
     kept : bool array (microphones, lines)
         Rows in use; the real and the imaginary part of a line go together.
     declared : CommonErrors, optional
@@ -82,6 +84,7 @@ class FrfObservation:
     declared: CommonErrors | None = None
     moved: Array | None = None
     offset: Complex | float = 0.0
+    modal: Complex | None = None
 
     @property
     def n(self) -> int:
@@ -121,7 +124,8 @@ class FrfObservation:
     @cached_property
     def sigma(self) -> Array:
         """Standard uncertainty of every row, what is common to a microphone's lines included."""
-        common = [np.sum(part**2, axis=-1) for part in (self.shared.real, self.shared.imag)]
+        every = self.shared if self.modal is None else np.concatenate([self.shared, self.modal], axis=-1)
+        common = [np.sum(part**2, axis=-1) for part in (every.real, every.imag)]
         return np.concatenate([np.sqrt(self.noise**2 + c)[self.kept] for c in common])
 
     @cached_property
@@ -173,14 +177,29 @@ class FrfObservation:
 
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0."""
-        flat = array.reshape(self.n, -1)
+        flat = self.whiten_each(array.reshape(self.n, -1))
+        basis, shrink = self.of_all
+        if basis.size:
+            flat -= basis @ (shrink[:, None] * (basis.T @ flat))
+        return flat.reshape(array.shape)
+
+    def whiten_each(self, flat: Array) -> Array:
+        """V^(-1/2) without what the microphones have in common, along axis 0 of a matrix."""
         out = np.empty_like(flat, dtype=float)
         half = self.n // 2
         for (first, last), whitener in zip(self._spans, self._whiteners, strict=True):
             both = np.stack([flat[first:last], flat[half + first : half + last]])
             both = whitener(both)
             out[first:last], out[half + first : half + last] = both
-        return out.reshape(array.shape)
+        return out
+
+    @cached_property
+    def of_all(self) -> tuple[Array, Array]:
+        """Directions that the errors of the modes widen, orthonormal, and by how much each is shortened."""
+        if self.modal is None or not self.n:
+            return np.empty((self.n, 0)), np.empty(0)
+        columns = np.concatenate([self.modal.real[self.kept], self.modal.imag[self.kept]])
+        return widened(self.whiten_each(columns))
 
     def take(self, mask: NDArray[np.bool_]) -> FrfObservation:
         """Some of the rows; a line stays where either of its parts does."""
@@ -204,15 +223,17 @@ class FrfObservation:
         if self.declared is None:
             return self
         drawn = replace(self, noise=self.random, moved=None, offset=0.0)
-        shared, _ = self.declared.columns(drawn.responses, assembly, values, self.frequency_hz)
-        found = replace(drawn, shared=shared)
+        shared, modal, _ = self.declared.columns(drawn.responses, assembly, values, self.frequency_hz)
+        found = replace(drawn, shared=shared, modal=modal)
         if not seen:
             return found
         for _ in range(PLACED):
             moved = self.declared.position_m * found._places(assembly, values)
             there = replace(drawn, moved=moved)
-            shared, slopes = self.declared.columns(there.responses, assembly, values, self.frequency_hz)
-            found = replace(there, shared=shared, offset=-np.einsum("ma,aml->ml", moved, slopes))
+            shared, modal, slopes = self.declared.columns(
+                there.responses, assembly, values, self.frequency_hz
+            )
+            found = replace(there, shared=shared, modal=modal, offset=-np.einsum("ma,aml->ml", moved, slopes))
         return found
 
     def _places(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
@@ -252,6 +273,7 @@ class FrfObservation:
             noise=self.noise[:, lines],
             random=self.random[:, lines],
             shared=self.shared[:, lines],
+            modal=None if self.modal is None else self.modal[:, lines],
             kept=self.kept[:, lines],
             folding=Folding.none(frequency),
             offset=self.offset if np.ndim(self.offset) == 0 else np.asarray(self.offset)[:, lines],
@@ -285,6 +307,7 @@ class FrfObservation:
             kept=kept,
             folding=Folding.none(self.frequency_hz[lines]),
             conditions_at_nodes=self._conditions_at(self.frequency_hz[lines]),
+            modal=None,
             declared=None,
             moved=None,
             offset=0.0,
@@ -338,9 +361,8 @@ class _Whitener:
         if not len(number) or not shared.shape[1]:
             return plain
         both = plain(np.stack([shared.real, shared.imag]))
-        left, size, _ = np.linalg.svd(both.reshape(2 * len(number), -1), full_matrices=False)
-        seen = size > 1e-6
-        return replace(plain, basis=left[:, seen], shrink=1 - 1 / np.sqrt(1 + size[seen] ** 2))
+        basis, shrink = widened(both.reshape(2 * len(number), -1))
+        return replace(plain, basis=basis, shrink=shrink)
 
     def __call__(self, both: Array) -> Array:
         """Whiten an array (2, lines, columns)."""
@@ -355,6 +377,13 @@ class _Whitener:
         if self.basis.size:
             white = white - self.basis @ (self.shrink[:, None] * (self.basis.T @ white))
         return white.reshape(2, lines, -1)
+
+
+def widened(columns: Array) -> tuple[Array, Array]:
+    """Basis U and shrink s for which I - U s U^T = (I + C C^T)^(-1/2), C the columns (n, r)."""
+    left, size, _ = np.linalg.svd(columns, full_matrices=False)
+    seen = size > 1e-6
+    return left[:, seen], 1 - 1 / np.sqrt(1 + size[seen] ** 2)
 
 
 def _changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[str, ...]:
