@@ -1,0 +1,122 @@
+"""Fits that set out from far off: coarse views, stages, shapes of what is new."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from specan.models import Use
+from specan.models.catalogue import load_model
+from specan.study.coarse import coarse, coarse_fit
+from specan.study.observation.common_errors import CommonErrors
+from specan.study.observation.folding import Folding
+from specan.study.observation.frf import FrfObservation
+from specan.study.problem import base_problem
+from specan.study.ways_in import kept_values, ways_in
+
+RIG = {
+    "room": {"dims_m": [0.9, 0.6, 0.7]},
+    "piston": {"wall": "x0", "centre_m": [0.0, 0.246, 0.3229], "radius_m": 0.05},
+    "band": {"f_max_hz": 400.0},
+    "mics": {
+        "position_m": [[0.1548, 0.0931, 0.1376], [0.62, 0.41, 0.29], [0.45, 0.31, 0.36], [0.8, 0.5, 0.6]]
+    },
+}
+FREQUENCY = np.arange(60.0, 400.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_model("room", RIG)
+
+
+def recorded(model, uses, values):
+    """A recording with 0.2 % of noise, without windows."""
+    conditions = {"frequency": FREQUENCY, "velocity_psd": np.ones(FREQUENCY.size)}
+    true = model.assemble(uses).evaluate(conditions, values, wanted=["indicated_frf"])["indicated_frf"]
+    rng = np.random.default_rng(8)
+    noise = np.full(true.shape, 0.002 * np.sqrt(np.mean(np.abs(true) ** 2)))
+    return FrfObservation(
+        name="a",
+        recording="a",
+        quantity="indicated_frf",
+        frequency_hz=FREQUENCY,
+        line_hz=0.25,
+        channels=model.axes["microphone"],
+        response=true + noise * (rng.standard_normal(true.shape) + 1j * rng.standard_normal(true.shape)),
+        noise=noise,
+        random=noise,
+        folding=Folding.none(FREQUENCY),
+        conditions_at_nodes=conditions,
+        shared=np.empty((*true.shape, 0), dtype=complex),
+        kept=np.ones(true.shape, dtype=bool),
+        declared=CommonErrors(0.0, 0.1, 0.3, 0.005, 5e-5, 293.15),
+    )
+
+
+LINING = {
+    "wall-impedance@y1.conductance": 0.06,
+    "wall-impedance@y1.mass": 1.2,
+    "wall-impedance@y1.stiffness": 9e6,
+}
+
+
+def test_a_coarse_view_has_few_lines_and_the_level_around_them_as_its_measure(model):
+    o = recorded(model, [], {})
+    view = o.coarse(10.0)
+    assert view.frequency_hz.tolist() == FREQUENCY[::3].tolist()
+    assert view.coarse(10.0).n == view.n  # it is not thinned again
+    assert not view.about_model
+    peak = np.argmax(np.abs(view.response).mean(axis=0))
+    assert 0.03 < view.noise[0, peak] / np.abs(view.response[:, peak]).mean() < 0.1
+    assert np.all(view.noise > o.noise[0, 0])
+
+
+def test_what_is_held_out_does_not_weigh(model):
+    o = recorded(model, [], {})
+    part = o.take(o.labels["channel"] != "Mic 2")
+    louder = np.where(np.arange(4)[:, None] == 1, 50.0, 1.0)
+    other = replace(part, response=part.response * louder)
+    np.testing.assert_array_equal(part.coarse(5.0).noise[0], other.coarse(5.0).noise[0])
+
+
+def test_stages_find_a_lining_and_leave_the_instruments_alone(model):
+    problem = base_problem(model, [recorded(model, ["wall-impedance@y1"], LINING)]).with_uses(
+        ["wall-impedance@y1"]
+    )
+    found = coarse_fit(problem)
+    for name, value in LINING.items():
+        assert found[name] == pytest.approx(value, rel=0.1), name
+    instruments = [n for n in problem.free if n in problem.priors]
+    assert all(abs(found[n] - problem.priors[n][0]) < 1.5 * problem.priors[n][1] for n in instruments)
+
+
+def test_a_new_resonance_is_looked_for_over_its_range(model):
+    """Declared at 150 Hz, it lies at 255 Hz."""
+    use = "helmholtz-resonator@z1"
+    true = {f"{use}.neck_area": 1.5e-3, f"{use}.resonance": 255.0, f"{use}.quality": 12.0}
+    problem = base_problem(model, [recorded(model, [use], true)]).with_uses([use])
+    starts = ways_in(problem, [Use.parse(use)], {})
+    assert min(abs(s.get(f"{use}.resonance", 150.0) - 255.0) for s in starts) < 30.0
+    found = coarse_fit(problem, starts)
+    assert found[f"{use}.resonance"] == pytest.approx(255.0, abs=3.0)
+
+
+def test_nothing_is_looked_for_where_nothing_is_new(model):
+    problem = base_problem(model, [recorded(model, [], {})])
+    assert ways_in(problem, [], {"wall_admittance.common": 0.01}) == [{}, {"wall_admittance.common": 0.01}]
+
+
+def test_values_of_a_step_come_back_in_si_without_what_is_gone(model):
+    problem = base_problem(model, [recorded(model, [], {})])
+    table = {
+        "wall_admittance.common": {"value": 0.012},
+        "temperature.offset": {"value": 1.5},
+        "leak@y0.area": {"value": 1e-3},
+    }
+    assert kept_values(problem, table) == {"wall_admittance.common": 0.012, "temperature.offset": 1.5}
+
+
+def test_the_view_of_a_problem_is_of_all_its_recordings(model):
+    o = recorded(model, [], {})
+    assert coarse(base_problem(model, [o, o])).n_data == 2 * o.coarse(5.0).n
