@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-REACH = 10  # lines to either side from which a window lets energy through: Hann has fallen by 67 dB
+REACH = 25  # lines to either side from which a window lets energy through: Hann has fallen by 90 dB
 NODES_PER_LINE = 2  # for responses of up to a block
 _ORDER = 12  # points of the Lagrange interpolation between nodes
 _MIDDLE = 0.35  # blocks: between nodes a response turns about as quickly as one that comes so late
