@@ -99,6 +99,11 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
     if best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
         verdict = "The model fits as a whole, and yet:"
     click.echo(verdict)
+    if study.shown is not study.best:
+        click.echo(
+            f"It fits best, reduced chi-square {study.best.reduced_chi2:.2f}, with instruments far beyond their "
+            "certificates; it is shown with these held."
+        )
     for text in where.sentences():
         click.echo(f"  {text}")
     blocks = where.fails_at[:8]

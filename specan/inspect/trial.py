@@ -65,7 +65,7 @@ def as_it_is(study: Study) -> Trial:
         return _trial(
             (), study.problem, fit(study.problem, start=kept_values(study.problem, last.parameters))
         )
-    return _trial((), study.problem, study.best)
+    return _trial((), study.problem, study.shown)
 
 
 def candidates_of(study: Study) -> tuple[list[Candidate], dict[str, str]]:

@@ -137,7 +137,7 @@ def _curves(level: Axes, phase: Axes, study: Study, errors: RoomErrors, shown: i
     """Magnitude and phase of one microphone, measured with its 95 % band and the model's."""
     number = [o.name for o in study.problem.observations].index(errors.recording)
     observation = study.problem.observations[number]
-    predicted = study.problem.predictions(study.best.theta)[number]
+    predicted = study.problem.predictions(study.shown.theta)[number]
     found = measured_transfer(observation, predicted)  # type: ignore[arg-type]
     f, (low, high) = found.frequency_hz, found.band_db()
     level.fill_between(f, low[shown], high[shown], color="0.6", alpha=0.6, lw=0, label="measured, 95 %")

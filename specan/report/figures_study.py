@@ -60,7 +60,7 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
         return figure_compare_frf(study, channel)
     if channel is not None:
         raise RequestError("a table has no channels", remedy="leave out --channel")
-    predicted = study.problem.predictions(study.best.theta)[0]
+    predicted = study.problem.predictions(study.shown.theta)[0]
     panels = _panels(observation)
     figure = Figure(figsize=(1.0 + 3.8 * len(panels), 5.6), layout="constrained")
     grid = figure.subplots(2, len(panels), squeeze=False, height_ratios=[2, 1])
@@ -161,7 +161,7 @@ def _predict(
     study: Study, observation: TableObservation, conditions: Mapping[str, NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     moved = replace(observation, conditions=dict(conditions), series=None, position=None)
-    return moved.predict(study.problem.assembly, study.problem.values_at(study.best.theta))
+    return moved.predict(study.problem.assembly, study.problem.values_at(study.shown.theta))
 
 
 def _curve(
@@ -176,7 +176,7 @@ def _curve(
     at = {n: np.full(POINTS, v[first]) for n, v in _at_levels(study, observation, panel.x).items()}
     at[name] = np.asarray(convert(along, condition.column_unit, condition.unit))
     line = replace(observation.take(np.full(POINTS, first)), conditions=at, series=None, position=None)
-    return along, line.predict(study.problem.assembly, study.problem.values_at(study.best.theta))
+    return along, line.predict(study.problem.assembly, study.problem.values_at(study.shown.theta))
 
 
 def figure_map(study: Study) -> Figure:
@@ -190,7 +190,7 @@ def figure_map(study: Study) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    found = residual_map(study.problem, study.best)
+    found = residual_map(study.problem, study.shown)
     if found is None:
         raise RequestError("a map needs an operating variable that varies")
     size = (3.4 + 0.25 * max(len(found.columns), 12), 1.6 + 0.22 * max(len(found.rows), 8))

@@ -30,7 +30,7 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
 
     observation = study.problem.observations[0]
     assert isinstance(observation, FrfObservation)
-    found = measured_transfer(observation, study.problem.predictions(study.best.theta)[0])
+    found = measured_transfer(observation, study.problem.predictions(study.shown.theta)[0])
     chosen = found.by_misfit()[:MOST_CHANNELS] if channel is None else [_number(found, channel)]
     unit = study.model.observables[observation.observable].unit
     figure = Figure(figsize=(1.0 + 4.2 * len(chosen), 7.0), layout="constrained")

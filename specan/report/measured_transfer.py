@@ -78,7 +78,7 @@ def measured_transfer(observation: FrfObservation, predicted: Array) -> Measured
     half = observation.n // 2
     model[kept] = predicted[:half] + 1j * predicted[half:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        turned = observation.shared / measured[..., None]
+        turned = observation.common / measured[..., None]
         noise = observation.noise / np.abs(measured)
     along = np.sqrt(noise**2 + np.sum(turned.real**2, axis=-1))
     across = np.sqrt(noise**2 + np.sum(turned.imag**2, axis=-1))

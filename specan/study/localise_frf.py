@@ -71,7 +71,7 @@ class Cells:
     """
 
     def __init__(self, algebra: LeftOut) -> None:
-        observations = algebra.problem.observations
+        observations = [o for o in algebra.problem.observations if isinstance(o, FrfObservation)]
         band = np.concatenate([o.labels["third_octave_hz"] for o in observations])
         channel = np.concatenate([o.labels["channel"] for o in observations])
         self.bands = np.unique(band)

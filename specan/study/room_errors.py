@@ -117,7 +117,7 @@ class RoomErrors:
 
 def study_errors(study: Study) -> list[RoomErrors]:
     """Errors of every recording that a study fits; none if it fits none."""
-    predictions = study.problem.predictions(study.best.theta)
+    predictions = study.problem.predictions(study.shown.theta)
     places = np.array(study.model.settings.get("rig", {}).get("mics", {}).get("position_m", np.empty((0, 3))))
     return [
         room_errors(o, predicted, places)
@@ -144,7 +144,7 @@ def room_errors(observation: FrfObservation, predicted: Array, position_m: Array
     labels[kept] = observation.labels["third_octave_hz"][: observation.n // 2]
     bands = np.unique(labels[kept])
     parts = np.full((4, len(kept), len(bands)), np.nan)
-    common = np.zeros((len(kept), len(bands), observation.shared.shape[-1]), dtype=complex)
+    common = np.zeros((len(kept), len(bands), observation.common.shape[-1]), dtype=complex)
     for m in np.flatnonzero(kept.any(axis=1)).tolist():
         for b, band in enumerate(bands):
             lines = np.flatnonzero(labels[m] == band)
@@ -179,7 +179,7 @@ def _cell(
     )
     noisy = weight * observation.noise[mic, lines]
     random = float(np.real(np.conj(noisy) @ correlation @ noisy))
-    common = weight @ observation.shared[mic, lines]
+    common = weight @ observation.common[mic, lines]
     spread = [np.sqrt(random + np.sum(part**2)) for part in (common.real, common.imag)]
     return (level, DB * spread[0], phase, np.degrees(spread[1])), common
 

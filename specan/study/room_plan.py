@@ -60,6 +60,7 @@ def few_lines(observation: FrfObservation) -> FrfObservation:
         noise=random,
         random=random,
         shared=observation.shared[:, lines],
+        modal=None if observation.modal is None else observation.modal[:, lines],
         kept=observation.kept[:, lines],
         folding=Folding.none(frequency),
         conditions_at_nodes={
@@ -83,6 +84,7 @@ def planned(observation: FrfObservation, names: Sequence[str]) -> FrfObservation
         noise=noise,
         random=noise,
         shared=np.zeros((old + new, lines, 0), dtype=complex),
+        modal=None,
         kept=np.repeat(np.arange(old + new)[:, None] >= old, lines, axis=1),
     )
 

@@ -15,9 +15,10 @@ from specan.models import Model, Use
 from specan.models.catalogue import load_model
 from specan.models.rig_file import read_rig_file
 from specan.study.assemble import assemble, parameter_table
+from specan.study.coarse import coarse_fit
 from specan.study.diagnosis import Diagnosis
 from specan.study.error import HeldOut, ObservableError, held_out_error, observable_errors
-from specan.study.fit import Fit, fit
+from specan.study.fit import Fit, describe, fit
 from specan.study.history import History, Step
 from specan.study.kinds import DataFile, DataRequest, open_data
 from specan.study.linearised import linearised
@@ -35,6 +36,7 @@ from specan.study.study_file import (
 )
 from specan.study.ways_in import kept_values, ways_in
 
+BENT = 10.0
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 
 
@@ -186,9 +188,20 @@ class Study:
         return fit(self.problem, starts=STARTS)
 
     @cached_property
+    def shown(self) -> Fit:
+        """The fit that a person sees: `best`, unless that bends instruments far beyond their certificates.
+
+        A model of resonances that lacks much fits best with absurd instruments, and then fails everywhere a little
+        instead of where it fails. It is shown as a coarse fit leaves it, which certificates hold.
+        """
+        if not self.problem.resonant or not _bent(self.problem, self.best):
+            return self.best
+        return describe(self.problem, self.problem.start(coarse_fit(self._assembled)))
+
+    @cached_property
     def errors(self) -> tuple[ObservableError, ...]:
         """Errors on the fitted data."""
-        predictions = self.problem.predictions(self.best.theta)
+        predictions = self.problem.predictions(self.shown.theta)
         return tuple(observable_errors(self.problem, self.problem.observations, predictions))
 
     @cached_property
@@ -196,14 +209,14 @@ class Study:
         """Errors on the data that were put aside; None without such."""
         if not self.data.held_out:
             return None
-        values = self.problem.values_at(self.best.theta)
+        values = self.problem.values_at(self.shown.theta)
         unseen = [o.about(self.problem.assembly, values, seen=False) for o in self.data.held_out]
-        return held_out_error(self.problem, self.best, unseen)
+        return held_out_error(self.problem, self.shown, unseen)
 
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
-        where = localise(self.problem, self.best) if self.data.known else None
-        return Comparison(self.best, self.errors, where, parameter_table(self.problem, self.best))
+        where = localise(self.problem, self.shown) if self.data.known else None
+        return Comparison(self.shown, self.errors, where, parameter_table(self.problem, self.shown))
 
     def diagnose(
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
@@ -245,11 +258,11 @@ class Study:
                 "fit": [e.as_dict() for e in self.errors],
                 "held_out": [e.as_dict() for e in held.errors] if held else [],
             },
-            reduced_chi2=self.best.reduced_chi2 if known else None,
-            p_value=self.best.p_value if known else None,
+            reduced_chi2=self.shown.reduced_chi2 if known else None,
+            p_value=self.shown.p_value if known else None,
             held_out_reduced_chi2=held.reduced_chi2 if held and known else None,
-            parameters=parameter_table(self.problem, self.best),
-            at_bound=self.best.at_bound,
+            parameters=parameter_table(self.problem, self.shown),
+            at_bound=self.shown.at_bound,
             model_discrepancy_percent=self.data.discrepancy_percent,
             hashes=self.hashes,
             version=__version__,
@@ -262,6 +275,13 @@ class Study:
         step = self.step("data" if self.accepted else "edit", because=", ".join(self.accepted))
         self.history.append(step)
         return step
+
+
+def _bent(problem: Problem, best: Fit) -> bool:
+    """Whether a fit has an instrument more than `BENT` standard uncertainties off its certificate."""
+    owners = [name.split("[")[0] for name in best.names]
+    held = [(k, *problem.priors[o]) for k, o in enumerate(owners) if o in problem.priors]
+    return any(abs(best.theta[k] - mean) > BENT * sd for k, mean, sd in held)
 
 
 def relative_to(directory: Path, path: Path) -> str:

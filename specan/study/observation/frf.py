@@ -124,9 +124,13 @@ class FrfObservation:
     @cached_property
     def sigma(self) -> Array:
         """Standard uncertainty of every row, what is common to a microphone's lines included."""
-        every = self.shared if self.modal is None else np.concatenate([self.shared, self.modal], axis=-1)
-        common = [np.sum(part**2, axis=-1) for part in (every.real, every.imag)]
+        common = [np.sum(part**2, axis=-1) for part in (self.common.real, self.common.imag)]
         return np.concatenate([np.sqrt(self.noise**2 + c)[self.kept] for c in common])
+
+    @property
+    def common(self) -> Complex:
+        """Everything that lines share, (microphones, lines, r + s): `shared`, then `modal`."""
+        return self.shared if self.modal is None else np.concatenate([self.shared, self.modal], axis=-1)
 
     @cached_property
     def measured(self) -> Array:
