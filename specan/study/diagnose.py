@@ -129,8 +129,6 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     """Measurements between the rivals; between the best and the next in rank where there are none."""
     if verdict == "unknown-effect":
         return explore(search.best, fails_at)
-    if not search.best.uses and search.base.problem.dear:  # nothing to tell apart: not worth a minute
-        return ()
     others = [
         r
         for r in search.refits.of_size(1)

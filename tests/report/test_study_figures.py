@@ -15,7 +15,7 @@ from specan.study.localise import Block, Localisation
 class Measured:
     """What of an observation a figure looks at: two microphones over three lines, one of them not in use."""
 
-    shared: np.ndarray
+    common: np.ndarray
     response: np.ndarray = field(
         default_factory=lambda: np.array([[1 + 0j, 2j, -3 + 0j], [4 + 4j, 5 + 0j, 1j]])
     )
@@ -29,7 +29,7 @@ class Measured:
 
 def observation(share):
     one = Measured(np.zeros(0))
-    one.shared = share * one.response[..., None]
+    one.common = share * one.response[..., None]
     return one
 
 
