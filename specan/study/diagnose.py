@@ -129,16 +129,13 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     """Measurements between the rivals; between the best and the next in rank where there are none."""
     if verdict == "unknown-effect":
         return explore(search.best, fails_at)
-    others = [
-        r
-        for r in search.refits.of_size(1)
-        if r not in sets and search.believable(r) and not search.refits.out_of_reach(r.chi2, search.best.chi2)
-    ]
+    others = [r for r in search.refits.of_size(1) if r not in sets and search.believable(r)]
     others.sort(key=lambda r: r.bic(search.best.scale))
     if len(sets) > 1:
         return propose(sets)
-    most = 1 if search.base.problem.dear else MOST_OTHERS
-    return propose([search.best, *others[:most]], other_kinds=False)
+    if search.base.problem.dear:
+        others = [r for r in others[:1] if not search.refits.out_of_reach(r.chi2, search.best.chi2)]
+    return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
 
 
 def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
