@@ -77,4 +77,5 @@ def _envelope(
         lows.append(low)
         highs.append(high)
     low, high = np.concatenate(lows), np.concatenate(highs)
-    return (first + (np.arange(low.size) + 0.5) * step) / rate, low, high
+    middles = first + (np.arange(low.size, dtype=np.float64) + 0.5) * step
+    return middles / rate, low, high
