@@ -18,6 +18,7 @@ from specan.study.projection import Projection
 from specan.study.refit import FORM, Refit
 from specan.study.score import best_of_each, score, score_pairs
 from specan.study.search import Search
+from specan.study.ways_in import ways
 
 TELLING = 10.0  # D below which two explanations are not told apart
 WIDE = 30.0  # D of the linearised distance within which a rival is refitted
@@ -73,9 +74,11 @@ def refit_rivals(search: Search) -> None:
     dear = search.best.problem.dear  # then the search has refitted few, and none for its place in the ranking
     limit = max(WIDE * best.scale, FORM**2 * (search.base.chi2 - search.best.chi2) if dear else 0.0)
     near = [members for d, members in options[: MOST_DEAR_RIVALS if dear else MOST_RIVALS] if d < limit]
-    near += [m for _, m in options if m not in near and {i.use for i in m} <= _declared(search.best)]
     for members in near:
         search.refits.fit(there, [members])
+    declared = [u for u in _declared(search.best) if u in search.step(search.base).by_use]
+    for items in ways(there, declared).values() if declared else ():
+        search.refits.fit(there, [[item] for item in items])
 
 
 def _declared(best: Refit) -> set[Use]:

@@ -21,6 +21,7 @@ from specan.study.problem import Problem
 from specan.study.refit import FAR, Refit, Refits
 from specan.study.score import Scored, best_of_each, score
 from specan.study.traces import Known, traces
+from specan.study.ways_in import ways
 
 TRIED = 4  # candidates that are refitted
 MOST = 2  # effects
@@ -50,11 +51,15 @@ def approached(start: Refit, progress: Callable[[str], None]) -> Approach:
     progress("looking for a field that is near the measured one")
     tried = _tried(start.problem)
     near = min(tried, key=lambda r: r.bic(1.0))
-    problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
-    base = replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
     single = sorted((r for r in tried if len(r.uses) == 1), key=lambda r: r.bic(1.0))
     likely = [*(use for r in single[:LIKELY] for use in r.uses), *sorted(near.uses)]
-    return Approach(base, tuple(dict.fromkeys(likely)))
+    return Approach(seen_about(start, near), tuple(dict.fromkeys(likely)))
+
+
+def seen_about(start: Refit, near: Refit) -> Refit:
+    """The base with covariances about the field of another fit, fitted."""
+    problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
+    return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
 
 
 def _tried(problem: Problem) -> list[Refit]:
@@ -72,7 +77,9 @@ def _tried(problem: Problem) -> list[Refit]:
         order = sorted(scored.values(), key=lambda items: _promised(best, items[0]))[:TRIED]
         better = best
         for items in order:
-            refit = refits.fit(best, [[items[0]]])
+            refit = refits.fit(
+                best, [[item] for item in ways(best, [items[0].use]).get(items[0].use, items[:1])]
+            )
             if refit is not None and refit.bic(1.0) < better.bic(1.0):
                 better = refit
             if better.reduced < 1:  # within the few per cent of the view

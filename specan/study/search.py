@@ -16,6 +16,7 @@ from specan.study.refit import EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, different, family, score, score_pairs
 from specan.study.thinning import thinned
 from specan.study.traces import Known, Point, Trace, carried, changes, default_value, traces
+from specan.study.ways_in import ways
 
 REFITTED, DEAR_REFITTED = 5, 3  # candidates that are always refitted
 WINDOW = 10.0  # and all whose BIC lies within this of the best
@@ -80,12 +81,14 @@ class Search:
         """The fit that something may be missing from."""
         return self.refits.base
 
-    def run(self) -> None:
-        """Search."""
+    def run(self, pairs: bool = True) -> None:
+        """Search; for single effects only, if pairs are not asked for."""
         self.best = self.base
         single = self._best_single()
         if single is not None:
             self.best = single
+        if not pairs:
+            return
         pair = self._best_pair(single)
         if pair is not None:
             self.best = pair
@@ -159,8 +162,14 @@ class Search:
     def _extend(self, step: Step, use: Use) -> Refit | None:
         """Refit a set with one more effect."""
         self.progress(f"refitting with {use}")
-        starts = [[s] for s in different(step.by_use[use], STARTS)]
+        starts = [[s] for s in self._ways(step, use)]
         return self.refits.fit(step.seen, starts)
+
+    def _ways(self, step: Step, use: Use) -> list[Scored]:
+        """Traces to start a refit from; dear candidates were scored at few shapes, and are looked at closer."""
+        if step.start.problem.dear and any(item.trace.shapes for item in step.by_use[use]):
+            return ways(step.seen, [use]).get(use) or step.by_use[use][:1]
+        return different(step.by_use[use], STARTS)
 
     def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
         passed = [r for r in found if self.passage(r).passed]

@@ -19,7 +19,7 @@ from specan.study.fit import fit
 from specan.study.plan import plan
 from specan.study.problem import Problem
 from specan.study.refit import Refit, start_from
-from specan.study.score import best_of_each, different, score
+from specan.study.score import Scored, best_of_each, different, score
 from specan.study.traces import Known, traces
 
 STARTS = 3
@@ -39,14 +39,19 @@ def ways_in(problem: Problem, new: Sequence[Use], known: Mapping[str, Any]) -> l
         return starts
     view = coarse(lean)
     base = Refit(frozenset(), view, fit(view, start=values))
-    seen: Known = {}
-    found = [c for c in candidates(view)[0] if c.use in new]
-    points = plan(view, base.fit, found, seen)
-    scored = best_of_each(score(base.linear, traces(view, base.fit, found, points, seen), base.weights))
-    ways = [different(items, STARTS) for items in scored.values()]
-    for k in range(max((len(w) for w in ways), default=0)):
-        starts.append(start_from(base, [w[min(k, len(w) - 1)] for w in ways], problem))
+    found = list(ways(base, new).values())
+    for k in range(max((len(w) for w in found), default=0)):
+        starts.append(start_from(base, [w[min(k, len(w) - 1)] for w in found], problem))
     return starts
+
+
+def ways(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
+    """Traces of few candidates over all of their shapes: the best of each, and others that lie apart."""
+    known: Known = {}
+    found = [c for c in candidates(refit.problem)[0] if c.use in uses]
+    points = plan(refit.problem, refit.fit, found, known)
+    scored = score(refit.linear, traces(refit.problem, refit.fit, found, points, known), refit.weights)
+    return {use: different(items, STARTS) for use, items in best_of_each(scored).items()}
 
 
 def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

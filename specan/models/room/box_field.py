@@ -22,6 +22,9 @@ from specan.models.room.remainder import Remainder, join, remainder
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
+# Ratio of the radii at which an opening's remainder elsewhere in the room is worked out: a hundredth of the remainder,
+# which is itself a hundredth of the field. What it does to itself is had exactly.
+OPENINGS = 1.1
 _LINES_AT_ONCE = 64  # keeps the (lines, nx, ny, nz) array in the cache
 
 
@@ -47,6 +50,8 @@ class Port:
         Averaged over a ball instead of a patch.
     slope : int or None
         Number of the axis along which the field's derivative is meant instead of the field.
+    opening : bool
+        A patch whose radius a fit may change: see `OPENINGS`.
     """
 
     position: tuple[float, float, float]
@@ -54,6 +59,7 @@ class Port:
     radius: float = 0.0
     ball: bool = False
     slope: int | None = None
+    opening: bool = False
 
 
 @dataclass
@@ -99,7 +105,7 @@ class BoxField:
         position[axis] = self.lengths[axis] if wall[1] == "1" else 0.0
         for other, part in zip((i for i in range(3) if i != axis), (across, along), strict=True):
             position[other] = part * self.lengths[other]
-        return self.patch(wall, position, radius)
+        return Port(point(position), axis, radius, opening=True)
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
@@ -135,15 +141,23 @@ class BoxField:
 
     def _rest(self, source: Port, points: Real, radii: Real) -> Complex:
         counts = tuple(a.w.shape[1] for a in self.axes)
-        room = (self.drawn, counts, self.k2_max, source.position, source.axis, source.radius)
-        places = [(room, *p, r) for p, r in zip(points.tolist(), radii.tolist(), strict=True)]
-        new = [i for i, place in enumerate(places) if place not in _REMAINDERS]
+        rough = source.radius
+        if source.opening and source.radius > 0:
+            rough = float(OPENINGS ** np.round(np.log(source.radius) / np.log(OPENINGS)))
+        places = []
+        for p, r in zip(points.tolist(), radii.tolist(), strict=True):
+            radius = source.radius if tuple(p) == source.position else rough
+            room = (self.drawn, counts, self.k2_max, source.position, source.axis, radius)
+            places.append((room, (*p, r)))
+        new = [place for place in dict.fromkeys(places) if place not in _REMAINDERS]
         if len(_REMAINDERS) + len(new) > _KEPT:
             _REMAINDERS.clear()
-            new = list(range(len(places)))
-        if new:
-            found = remainder(*room, points[new], radii[new])
-            _REMAINDERS.update(zip([places[i] for i in new], found.split(), strict=True))
+            new = list(dict.fromkeys(places))
+        for room in dict.fromkeys(room for room, _ in new):
+            mine = [place for place in new if place[0] == room]
+            at = np.array([p for _, p in mine])
+            found = remainder(*room, at[:, :3], at[:, 3])
+            _REMAINDERS.update(zip(mine, found.split(), strict=True))
         near = 0 if source.position[source.axis] < self.lengths[source.axis] / 2 else 1
         return join([_REMAINDERS[p] for p in places]).at(self.k2, self.soft[2 * source.axis + near])
 
