@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from specan.models import Use
-from specan.study.candidates import candidates
+from specan.study.candidates import candidates, taken_for
 from specan.study.gate import DECISIVE
 from specan.study.projection import Projection
 from specan.study.refit import FORM, Refit
@@ -76,19 +75,11 @@ def refit_rivals(search: Search) -> None:
     near = [members for d, members in options[: MOST_DEAR_RIVALS if dear else MOST_RIVALS] if d < limit]
     for members in near:
         search.refits.fit(there, [members])
-    declared = [u for u in _declared(search.best) if u in search.step(search.base).by_use]
-    for items in ways(there, declared).values() if declared else ():
-        search.refits.fit(there, [[item] for item in items])
-
-
-def _declared(best: Refit) -> set[Use]:
-    """What the catalogue itself says is easily taken for a dear best effect, at its place."""
-    if len(best.uses) != 1 or not best.problem.dear:
-        return set()
-    (use,) = best.uses
-    effects = best.problem.assembly.model.effects
-    names = [n for n, e in effects.items() if n in effects[use.name].aliases or use.name in e.aliases]
-    return {replace(use, name=name) for name in names}
+    if dear and len(search.best.uses) == 1:
+        declared = taken_for(there.problem.assembly.model, *search.best.uses)
+        missing = [u for u in declared if frozenset({u}) not in search.refits.done]
+        for items in ways(there, missing).values():
+            search.refits.fit(there, [[item] for item in items])
 
 
 def replace_residual(linear: Projection, residual: np.ndarray) -> Projection:

@@ -6,19 +6,22 @@ looked at anew. Only which of them are looked at first is taken over.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
+from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.candidates import candidates
+from specan.study.candidates import candidates, taken_for
 from specan.study.coarse import coarse, coarse_fit
+from specan.study.descent import descend, descend_a_little
 from specan.study.fit import fit
 from specan.study.linearised import about
 from specan.study.plan import plan
 from specan.study.problem import Problem
-from specan.study.refit import FAR, Refit, Refits
+from specan.study.refit import FAR, OUT_OF_REACH, EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, score
 from specan.study.traces import Known, traces
 from specan.study.ways_in import ways
@@ -26,6 +29,7 @@ from specan.study.ways_in import ways
 TRIED = 4  # candidates that are refitted
 MOST = 2  # effects
 LIKELY = 2  # effects that a search should look at first
+JACOBIANS = 3  # of all lines, from where a sketch leads
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +42,13 @@ class Approach:
         Fitted with covariances about a field that is near the measured one.
     likely : tuple of Use
         What came nearest by itself, the nearest first, and what the nearest pair has besides.
+    known : mapping
+        SI values that led near the data, by the set of effects that was added.
     """
 
     base: Refit
     likely: tuple[Use, ...] = ()
+    known: Mapping[EffectSet, Mapping[str, Any]] = field(default_factory=dict)
 
 
 def approached(start: Refit, progress: Callable[[str], None]) -> Approach:
@@ -51,14 +58,42 @@ def approached(start: Refit, progress: Callable[[str], None]) -> Approach:
     progress("looking for a field that is near the measured one")
     tried = _tried(start.problem)
     near = min(tried, key=lambda r: r.bic(1.0))
-    single = sorted((r for r in tried if len(r.uses) == 1), key=lambda r: r.bic(1.0))
-    likely = [*(use for r in single[:LIKELY] for use in r.uses), *sorted(near.uses)]
-    return Approach(seen_about(start, near), tuple(dict.fromkeys(likely)))
+    beside = [r for r in tried if len(r.uses) == 1 and r.chi2 < OUT_OF_REACH * near.chi2]
+    single = sorted(beside, key=lambda r: r.bic(1.0))[:LIKELY]
+    likely = dict.fromkeys([*(use for r in single for use in r.uses), *sorted(near.uses)])
+    known = {r.uses: r.problem.values_at(r.fit.theta) for r in tried if r.uses}
+    found, values = _on_all_lines(start, near, {r.uses: r for r in [*single, near]})
+    return Approach(_seen_about(start, found, values[found]), tuple(likely), {**known, **values})
 
 
-def seen_about(start: Refit, near: Refit) -> Refit:
-    """The base with covariances about the field of another fit, fitted."""
+def _on_all_lines(
+    start: Refit, near: Refit, sets: Mapping[EffectSet, Refit]
+) -> tuple[EffectSet, dict[EffectSet, dict[str, Any]]]:
+    """Where some steps on all lines lead each of a few sets, and which of them comes nearest.
+
+    What seems nearest to the few lines of a coarse view need not be the field, and covariances about another let
+    a microphone's place or gain seem to be missing as well.
+    """
     problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
+    price = float(np.log(problem.n_effective))
+    values: dict[EffectSet, dict[str, Any]] = {}
+    bic: dict[EffectSet, float] = {}
+    for uses, refit in sets.items():
+        whole = problem.with_uses(sorted(uses))
+        theta = whole.start(refit.problem.values_at(refit.fit.theta))
+        try:
+            theta = descend(whole.sketched(theta), theta).theta
+            theta = descend_a_little(whole, theta, JACOBIANS)
+        except ComputationError:  # it stays where the coarse view has it
+            pass
+        values[uses] = whole.values_at(theta)
+        bic[uses] = float(np.sum(whole.residual(theta) ** 2)) + refit.count * price
+    return min(bic, key=lambda uses: bic[uses]), values
+
+
+def _seen_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
+    """The base with covariances about the field of a model with further effects, fitted."""
+    problem = about(start.problem, start.problem.with_uses(sorted(uses)).assembly, values)
     return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
 
 
@@ -74,20 +109,30 @@ def _tried(problem: Problem) -> list[Refit]:
         scored = best_of_each(
             score(best.linear, traces(best.problem, best.fit, found, points, known), best.weights)
         )
-        order = sorted(scored.values(), key=lambda items: _promised(best, items[0]))[:TRIED]
-        better = best
-        for items in order:
-            refit = refits.fit(
-                best, [[item] for item in ways(best, [items[0].use]).get(items[0].use, items[:1])]
-            )
-            if refit is not None and refit.bic(1.0) < better.bic(1.0):
-                better = refit
-            if better.reduced < 1:  # within the few per cent of the view
-                return list(refits.done.values())
+        better = _best_of_few(refits, best, scored)
+        if better.reduced < 1:  # within the few per cent of the view
+            break
         if better is best:
             break
         best = better
     return list(refits.done.values())
+
+
+def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]]) -> Refit:
+    """The best set with one effect more, of those that promise most and of what is easily taken for the best."""
+    queue = sorted(scored, key=lambda use: _promised(best, scored[use][0]))[:TRIED]
+    looked_at: set[Use] = set()
+    better = best
+    while queue and better.reduced >= 1:
+        use = queue.pop(0)
+        if use in looked_at or use not in scored:
+            continue
+        looked_at.add(use)
+        refit = refits.fit(best, [[item] for item in ways(best, [use]).get(use, scored[use][:1])])
+        if refit is not None and refit.bic(1.0) < better.bic(1.0):
+            better = refit
+            queue = [*taken_for(best.problem.assembly.model, use), *queue]
+    return better
 
 
 def _promised(best: Refit, item: Scored) -> float:

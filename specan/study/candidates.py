@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from specan.models import Effect, Parameter, Use
+from specan.models import Effect, Model, Parameter, Use
 from specan.study.problem import Problem
 
 
@@ -108,6 +108,16 @@ def candidates(problem: Problem) -> tuple[list[Candidate], dict[str, str]]:
             continue
         found.append(candidate)
     return found, {name: why for name, why in sorted(not_testable.items()) if not _has(problem, name)}
+
+
+def taken_for(model: Model, use: Use) -> list[Use]:
+    """What the catalogue itself says is easily taken for an effect, at its place."""
+    effects = model.effects
+    return [
+        replace(use, name=name)
+        for name, effect in effects.items()
+        if name in effects[use.name].aliases or use.name in effect.aliases
+    ]
 
 
 def _has(problem: Problem, name: str) -> bool:

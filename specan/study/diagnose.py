@@ -10,7 +10,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.alternatives import alternatives
-from specan.study.approach import approached, seen_about
+from specan.study.approach import approached
 from specan.study.diagnosis import Diagnosis, LackOfFit, Ranked
 from specan.study.error import observable_errors
 from specan.study.fit import Fit, fit
@@ -65,12 +65,7 @@ def diagnose(
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
     near = approached(start, progress)
-    search = Search(Refits(near.base), near.likely, bootstrap, progress)
-    if search.refits.far:
-        search.run(pairs=False)
-        progress("once more, with covariances about the field that was found")
-        likely = [*sorted(search.best.uses), *near.likely]
-        search = Search(Refits(seen_about(start, search.best)), likely, bootstrap, progress)
+    search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress)
     search.run()
     sets = alternatives(search)
     _check_failures(search)

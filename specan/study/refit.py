@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.coarse import coarse_fit
-from specan.study.descent import STALLED, Minimum, descend, unit
+from specan.study.descent import STALLED, Minimum, descend, descend_a_little, unit
 from specan.study.fit import Fit, describe
 from specan.study.problem import Problem
 from specan.study.projection import Projection
@@ -27,6 +27,7 @@ EffectSet = frozenset[Use]
 FAR = 1.5  # reduced chi-square above which a base is too far from the data to set out from
 FORM = 0.2  # share of its trace to which the equation of an effect is trusted
 OUT_OF_REACH = 3.0  # times the best chi-square so far, beyond what an equation may be off
+JACOBIANS = 3  # of all lines, before a set is given up
 SLOPE_STEP = 1e-3  # of a parameter's typical size
 
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
@@ -132,11 +133,14 @@ class Refits:
 
     Attributes
     ----------
+    known : mapping
+        SI values near the minimum of some sets, from where they are begun.
     failed : dict
         Sets whose fit did not converge from any start, with the reason.
     """
 
     base: Refit
+    known: Mapping[EffectSet, Mapping[str, Any]] = field(default_factory=dict)
     done: dict[EffectSet, Refit] = field(default_factory=dict)
     failed: dict[EffectSet, str] = field(default_factory=dict)
 
@@ -164,8 +168,12 @@ class Refits:
         if uses in self.done or uses in self.failed:
             return self.done.get(uses)
         problem = self.base.problem.with_uses(sorted(uses))
-        starts = [start_from(start, members, problem) for members in traces]
-        near = self._nearer(problem, start, [*starts, *self._from_afar(problem, uses, starts)])
+        if uses in self.known:
+            starts = [dict(self.known[uses])]
+        else:
+            starts = [start_from(start, members, problem) for members in traces]
+            starts = self._from_afar(problem, uses, starts) or starts
+        near = self._nearer(problem, start, starts)
         best, reason = self._lost(uses, problem, near), ""
         if best is None:
             best, reason = self._lowest(problem, near)
@@ -222,17 +230,22 @@ class Refits:
         return [min(reached, key=lambda r: r[0])[1]] if reached else starts
 
     def _lost(self, uses: EffectSet, problem: Problem, near: Sequence[Mapping[str, Any]]) -> Minimum | None:
-        """Where a dear refit was led on the sketch, if that is so bad that its exact minimum is of no interest."""
+        """Where a dear refit was led, if that is so bad that its exact minimum is of no interest.
+
+        A sketch has the windows of the place where it began: some steps on all lines come before the judgement.
+        """
         if not problem.dear or len(near) > 1:
             return None
         others = [r.fit.chi2 for other, r in self.done.items() if len(other) <= len(uses)]
         if self._best_within(uses).fit.chi2 <= min(others):
             return None
         theta = problem.start(near[0])
-        residual = problem.residual(theta)
-        chi2 = float(residual @ residual)
-        if not self.out_of_reach(chi2, min(others)):
-            return None
+        for jacobians in (0, JACOBIANS):
+            theta = descend_a_little(problem, theta, jacobians)
+            residual = problem.residual(theta)
+            chi2 = float(residual @ residual)
+            if not self.out_of_reach(chi2, min(others)):
+                return None
         return Minimum(theta, residual, problem.jacobian(theta), chi2)
 
     def _lowest(

@@ -81,14 +81,12 @@ class Search:
         """The fit that something may be missing from."""
         return self.refits.base
 
-    def run(self, pairs: bool = True) -> None:
-        """Search; for single effects only, if pairs are not asked for."""
+    def run(self) -> None:
+        """Search."""
         self.best = self.base
         single = self._best_single()
         if single is not None:
             self.best = single
-        if not pairs:
-            return
         pair = self._best_pair(single)
         if pair is not None:
             self.best = pair
@@ -167,6 +165,8 @@ class Search:
 
     def _ways(self, step: Step, use: Use) -> list[Scored]:
         """Traces to start a refit from; dear candidates were scored at few shapes, and are looked at closer."""
+        if step.start.uses | {use} in self.refits.known:
+            return step.by_use[use][:1]
         if step.start.problem.dear and any(item.trace.shapes for item in step.by_use[use]):
             return ways(step.seen, [use]).get(use) or step.by_use[use][:1]
         return different(step.by_use[use], STARTS)

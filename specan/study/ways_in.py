@@ -49,6 +49,8 @@ def ways(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     """Traces of few candidates over all of their shapes: the best of each, and others that lie apart."""
     known: Known = {}
     found = [c for c in candidates(refit.problem)[0] if c.use in uses]
+    if not found:
+        return {}
     points = plan(refit.problem, refit.fit, found, known)
     scored = score(refit.linear, traces(refit.problem, refit.fit, found, points, known), refit.weights)
     return {use: different(items, STARTS) for use, items in best_of_each(scored).items()}

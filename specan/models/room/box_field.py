@@ -22,9 +22,6 @@ from specan.models.room.remainder import Remainder, join, remainder
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
-# Ratio of the radii at which an opening's remainder elsewhere in the room is worked out: a hundredth of the remainder,
-# which is itself a hundredth of the field. What it does to itself is had exactly.
-OPENINGS = 1.1
 _LINES_AT_ONCE = 64  # keeps the (lines, nx, ny, nz) array in the cache
 
 
@@ -50,8 +47,8 @@ class Port:
         Averaged over a ball instead of a patch.
     slope : int or None
         Number of the axis along which the field's derivative is meant instead of the field.
-    opening : bool
-        A patch whose radius a fit may change: see `OPENINGS`.
+    drawn : tuple of float or None
+        Where a place in parts of a wall's edges lies in the room as drawn, whose remainder serves it.
     """
 
     position: tuple[float, float, float]
@@ -59,7 +56,7 @@ class Port:
     radius: float = 0.0
     ball: bool = False
     slope: int | None = None
-    opening: bool = False
+    drawn: tuple[float, float, float] | None = None
 
 
 @dataclass
@@ -101,11 +98,12 @@ class BoxField:
     def place(self, wall: str, across: float, along: float, radius: float) -> Port:
         """A round patch in parts of a wall's edges."""
         axis = "xyz".index(wall[0])
-        position = [0.0, 0.0, 0.0]
-        position[axis] = self.lengths[axis] if wall[1] == "1" else 0.0
+        parts = [0.0, 0.0, 0.0]
+        parts[axis] = float(wall[1])
         for other, part in zip((i for i in range(3) if i != axis), (across, along), strict=True):
-            position[other] = part * self.lengths[other]
-        return Port(point(position), axis, radius, opening=True)
+            parts[other] = part
+        here, drawn = (point(np.multiply(parts, edges)) for edges in (self.lengths, self.drawn))
+        return Port(here, axis, radius, drawn=drawn)
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
@@ -115,9 +113,7 @@ class BoxField:
             # A ball averages away what lies above the truncation.
             plain = [i for i, port in enumerate(new) if not port.ball]
             if not source.ball and plain:
-                points = np.array([new[i].position for i in plain])
-                radii = np.array([new[i].radius for i in plain])
-                found[:, plain] += self._rest(source, points, radii)
+                found[:, plain] += self._rest(source, [new[i] for i in plain])
             self._done |= {(source, port): column for port, column in zip(new, found.T, strict=True)}
         return np.stack([self._done[source, port] for port in receivers], axis=1)
 
@@ -139,25 +135,18 @@ class BoxField:
                 out[part, i] = here.port_sum(amplitudes, [x[part] for x in along], receivers[i])
         return out
 
-    def _rest(self, source: Port, points: Real, radii: Real) -> Complex:
+    def _rest(self, source: Port, receivers: Sequence[Port]) -> Complex:
         counts = tuple(a.w.shape[1] for a in self.axes)
-        rough = source.radius
-        if source.opening and source.radius > 0:
-            rough = float(OPENINGS ** np.round(np.log(source.radius) / np.log(OPENINGS)))
-        places = []
-        for p, r in zip(points.tolist(), radii.tolist(), strict=True):
-            radius = source.radius if tuple(p) == source.position else rough
-            room = (self.drawn, counts, self.k2_max, source.position, source.axis, radius)
-            places.append((room, (*p, r)))
+        room = (self.drawn, counts, self.k2_max, source.drawn or source.position, source.axis, source.radius)
+        places = [(room, *(port.drawn or port.position), port.radius) for port in receivers]
         new = [place for place in dict.fromkeys(places) if place not in _REMAINDERS]
         if len(_REMAINDERS) + len(new) > _KEPT:
             _REMAINDERS.clear()
             new = list(dict.fromkeys(places))
-        for room in dict.fromkeys(room for room, _ in new):
-            mine = [place for place in new if place[0] == room]
-            at = np.array([p for _, p in mine])
+        if new:
+            at = np.array([place[1:] for place in new])
             found = remainder(*room, at[:, :3], at[:, 3])
-            _REMAINDERS.update(zip(mine, found.split(), strict=True))
+            _REMAINDERS.update(zip(new, found.split(), strict=True))
         near = 0 if source.position[source.axis] < self.lengths[source.axis] / 2 else 1
         return join([_REMAINDERS[p] for p in places]).at(self.k2, self.soft[2 * source.axis + near])
 

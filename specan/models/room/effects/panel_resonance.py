@@ -19,14 +19,18 @@ def panel_resonance(
     density,
     sound_speed,
     *,
-    coverage=Parameter(0.5, "1", min=0.05, max=1.0, lower=0.0, upper=1.5, doc="vibrating part of the wall"),
-    mass=Parameter(5.0, "kg/m^2", min=1.0, max=20.0, doc="surface mass"),
+    coverage=Parameter(
+        0.5, "1", min=0.01, max=5.0, lower=0.0, doc="vibrating part of the wall, at that mass"
+    ),
+    mass=Parameter(5.0, "kg/m^2", min=1.0, max=20.0, fixed=True, doc="surface mass, as known"),
     resonance=Parameter(150.0, "Hz", min=40.0, max=400.0, doc="resonance frequency"),
     loss_factor=Parameter(0.1, "1", min=0.01, max=0.5, doc="loss factor of the panel"),
 ):
     """A panel on the air behind it is a mass on a spring: it takes sound around its resonance only.
 
     Below the resonance it is a spring (modes fall), above it a mass (modes rise), at it an absorber.
+    A sound field shows the ratio of coverage and mass only: the mass is held, and a coverage above one says
+    that the panel is lighter than declared.
     """
     omega, omega0 = 2 * np.pi * frequency, 2 * np.pi * resonance
     impedance = mass * (loss_factor * omega0 + 1j * (omega - omega0**2 / omega))
