@@ -26,7 +26,8 @@ from specan.study.score import Scored, best_of_each, score
 from specan.study.traces import Known, traces
 from specan.study.ways_in import ways
 
-TRIED = 4  # candidates that are refitted
+LOOKED_AT = 10  # candidates that are looked at over all of their shapes
+TRIED = 4  # of them that are refitted
 MOST = 2  # effects
 LIKELY = 2  # effects that a search should look at first
 JACOBIANS = 3  # of all lines, from where a sketch leads
@@ -44,11 +45,14 @@ class Approach:
         What came nearest by itself, the nearest first, and what the nearest pair has besides.
     known : mapping
         SI values that led near the data, by the set of effects that was added.
+    found : set of Use
+        The set that the covariances are about.
     """
 
     base: Refit
     likely: tuple[Use, ...] = ()
     known: Mapping[EffectSet, Mapping[str, Any]] = field(default_factory=dict)
+    found: EffectSet = frozenset()
 
 
 def approached(start: Refit, progress: Callable[[str], None]) -> Approach:
@@ -63,7 +67,7 @@ def approached(start: Refit, progress: Callable[[str], None]) -> Approach:
     likely = dict.fromkeys([*(use for r in single for use in r.uses), *sorted(near.uses)])
     known = {r.uses: r.problem.values_at(r.fit.theta) for r in tried if r.uses}
     found, values = _on_all_lines(start, near, {r.uses: r for r in [*single, near]})
-    return Approach(_seen_about(start, found, values[found]), tuple(likely), {**known, **values})
+    return Approach(seen_about(start, found, values[found]), tuple(likely), {**known, **values}, found)
 
 
 def _on_all_lines(
@@ -91,7 +95,7 @@ def _on_all_lines(
     return min(bic, key=lambda uses: bic[uses]), values
 
 
-def _seen_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
+def seen_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
     """The base with covariances about the field of a model with further effects, fitted."""
     problem = about(start.problem, start.problem.with_uses(sorted(uses)).assembly, values)
     return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
@@ -120,7 +124,9 @@ def _tried(problem: Problem) -> list[Refit]:
 
 def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]]) -> Refit:
     """The best set with one effect more, of those that promise most and of what is easily taken for the best."""
-    queue = sorted(scored, key=lambda use: _promised(best, scored[use][0]))[:TRIED]
+    first = sorted(scored, key=lambda use: _promised(best, scored[use][0]))
+    closer = ways(best, first[:LOOKED_AT])
+    queue = sorted(closer, key=lambda use: _promised(best, closer[use][0]))[:TRIED]
     looked_at: set[Use] = set()
     better = best
     while queue and better.reduced >= 1:
@@ -128,7 +134,8 @@ def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scor
         if use in looked_at or use not in scored:
             continue
         looked_at.add(use)
-        refit = refits.fit(best, [[item] for item in ways(best, [use]).get(use, scored[use][:1])])
+        items = closer.get(use) or ways(best, [use]).get(use) or scored[use][:1]
+        refit = refits.fit(best, [[item] for item in items])
         if refit is not None and refit.bic(1.0) < better.bic(1.0):
             better = refit
             queue = [*taken_for(best.problem.assembly.model, use), *queue]

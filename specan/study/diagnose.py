@@ -10,7 +10,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.alternatives import alternatives
-from specan.study.approach import approached
+from specan.study.approach import Approach, approached, seen_about
 from specan.study.diagnosis import Diagnosis, LackOfFit, Ranked
 from specan.study.error import observable_errors
 from specan.study.fit import Fit, fit
@@ -65,11 +65,29 @@ def diagnose(
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
     near = approached(start, progress)
-    search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress)
+    search = _nearer(start, near, Search(Refits(near.base, near.known), near.likely, bootstrap, progress))
     search.run()
     sets = alternatives(search)
     _check_failures(search)
     return _conclude(search, sets)
+
+
+def _nearer(start: Refit, near: Approach, search: Search) -> Search:
+    """The search with covariances about the single effect that it finds best, where they were about another field.
+
+    About another field, what the best effect leaves seems to be a microphone's place or gain.
+    """
+    if not search.refits.far:
+        return search
+    single = search.single
+    if single is None or single.uses == near.found:
+        return search
+    search.progress("once more, with covariances about the field that was found")
+    done = {uses: r.problem.values_at(r.fit.theta) for uses, r in search.refits.done.items() if uses}
+    order = sorted(search.refits.of_size(1), key=lambda r: r.chi2)
+    likely = [use for r in order[:MOST_OTHERS] for use in r.uses]
+    base = seen_about(start, single.uses, done[single.uses])
+    return Search(Refits(base, {**near.known, **done}), likely, search.bootstrap, search.progress, only=True)
 
 
 def _untestable(start: Refit) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from specan.study.traces import Known, Point, Trace, carried, changes, default_v
 from specan.study.ways_in import ways
 
 REFITTED, DEAR_REFITTED = 5, 3  # candidates that are always refitted
+LOOKED_AT = 8  # dear ones that are looked at closer before
 WINDOW = 10.0  # and all whose BIC lies within this of the best
 MOST_PAIRS, MOST_DEAR_PAIRS = 8, 4
 STARTS = 2
@@ -52,6 +54,8 @@ class Search:
     ----------
     likely : sequence of Use
         What to look at first.
+    only : bool
+        Refit no other single effect.
     best : Refit
         The set that passed, the base where none did.
     extensions : list of Refit
@@ -68,6 +72,7 @@ class Search:
     likely: Sequence[Use] = ()
     bootstrap: bool = False
     progress: Progress = lambda text: None
+    only: bool = False
     steps: dict[EffectSet, Step] = field(default_factory=dict)
     passages: dict[EffectSet, Passage] = field(default_factory=dict)
     points: dict[Use, list[Point]] = field(default_factory=dict)
@@ -84,7 +89,7 @@ class Search:
     def run(self) -> None:
         """Search."""
         self.best = self.base
-        single = self._best_single()
+        single = self.single
         if single is not None:
             self.best = single
         pair = self._best_pair(single)
@@ -142,13 +147,22 @@ class Search:
         self.tried = traces(seen.problem, seen.fit, found, self.points, known)
         return self.tried
 
-    def _best_single(self) -> Refit | None:
+    @cached_property
+    def single(self) -> Refit | None:
+        """The best single effect that passes, of those that are worth a refit."""
         step = self.step(self.base)
         first = [use for use in self.likely if use in step.by_use]
+        if step.start.problem.dear and not self.only:
+            self._look_closer(step)
         for use in dict.fromkeys([*first, *_worth_refitting(step)]):
-            if use in first or not self._out_of_reach(step, use):
+            if use in first or not (self.only or self._out_of_reach(step, use)):
                 self._extend(step, use)
         return self._best_passed(self.refits.of_size(1))
+
+    def _look_closer(self, step: Step) -> None:
+        """Dear candidates were scored at few shapes: those that promise most are looked at over all of them."""
+        uses = [u for u in _by_promise(step)[:LOOKED_AT] if frozenset({u}) not in self.refits.known]
+        step.by_use |= ways(step.seen, uses)
 
     def _out_of_reach(self, step: Step, use: Use) -> bool:
         """Whether a set was found that is so much better than the linearised promise that a dear refit is spared."""
@@ -160,16 +174,7 @@ class Search:
     def _extend(self, step: Step, use: Use) -> Refit | None:
         """Refit a set with one more effect."""
         self.progress(f"refitting with {use}")
-        starts = [[s] for s in self._ways(step, use)]
-        return self.refits.fit(step.seen, starts)
-
-    def _ways(self, step: Step, use: Use) -> list[Scored]:
-        """Traces to start a refit from; dear candidates were scored at few shapes, and are looked at closer."""
-        if step.start.uses | {use} in self.refits.known:
-            return step.by_use[use][:1]
-        if step.start.problem.dear and any(item.trace.shapes for item in step.by_use[use]):
-            return ways(step.seen, [use]).get(use) or step.by_use[use][:1]
-        return different(step.by_use[use], STARTS)
+        return self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
 
     def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
         passed = [r for r in found if self.passage(r).passed]
@@ -274,15 +279,22 @@ def _not_finite(start: Refit, found: Sequence[Candidate]) -> dict[str, str]:
     return reasons
 
 
+def _by_promise(step: Step) -> list[Use]:
+    return sorted(step.by_use, key=lambda use: _promised(step, use))
+
+
+def _promised(step: Step, use: Use) -> float:
+    """Change of BIC that the best trace of a candidate promises."""
+    item = step.by_use[use][0]
+    return -item.gain / step.start.scale + _count(item) * float(np.log(step.start.problem.n_effective))
+
+
 def _worth_refitting(step: Step) -> list[Use]:
-    price = float(np.log(step.start.problem.n_effective))
-    scale = step.start.scale
-    bic = {use: -items[0].gain / scale + price * _count(items[0]) for use, items in step.by_use.items()}
-    order = sorted(bic, key=lambda use: bic[use])
+    order = _by_promise(step)
     # Where an evaluation is dear, what promises nothing is not refitted only because nothing else promises more.
-    limit = min(bic[order[0]] + WINDOW, 0.0 if step.start.problem.dear else np.inf)
+    limit = min(_promised(step, order[0]) + WINDOW, 0.0 if step.start.problem.dear else np.inf)
     always = DEAR_REFITTED if step.start.problem.dear else REFITTED
-    return [use for k, use in enumerate(order) if k < always or bic[use] < limit]
+    return [use for k, use in enumerate(order) if k < always or _promised(step, use) < limit]
 
 
 def _count(item: Scored) -> int:

@@ -13,16 +13,19 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.candidates import candidates
+from specan.study.candidates import Candidate, candidates, grid
 from specan.study.coarse import coarse, coarse_fit
+from specan.study.descent import descend_a_little
 from specan.study.fit import fit
+from specan.study.linearised import JACOBIANS, about
 from specan.study.plan import plan
 from specan.study.problem import Problem
 from specan.study.refit import Refit, start_from
 from specan.study.score import Scored, best_of_each, different, score
-from specan.study.traces import Known, traces
+from specan.study.traces import Known, Point, traces
 
 STARTS = 3
+WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
 
 
 def ways_in(problem: Problem, new: Sequence[Use], known: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -37,23 +40,70 @@ def ways_in(problem: Problem, new: Sequence[Use], known: Mapping[str, Any]) -> l
         values = coarse_fit(lean, [known])
     except ComputationError:  # without what is new nothing fits: the declared values must do
         return starts
-    view = coarse(lean)
-    base = Refit(frozenset(), view, fit(view, start=values))
+    base = _seen_from(lean, values)
     found = list(ways(base, new).values())
     for k in range(max((len(w) for w in found), default=0)):
         starts.append(start_from(base, [w[min(k, len(w) - 1)] for w in found], problem))
     return starts
 
 
+def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
+    """The model without what is new on a coarse view; on a sketch where that view is met already."""
+    view = coarse(lean)
+    seen = Refit(frozenset(), view, fit(view, start=values))
+    if seen.reduced > 1:
+        return seen
+    near = about(lean, lean.assembly, values)
+    theta = descend_a_little(near, near.start(values), JACOBIANS)
+    sketch = about(lean, lean.assembly, near.values_at(theta)).sketched(theta)
+    return Refit(frozenset(), sketch, fit(sketch, start=theta))
+
+
 def ways(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     """Traces of few candidates over all of their shapes: the best of each, and others that lie apart."""
     known: Known = {}
-    found = [c for c in candidates(refit.problem)[0] if c.use in uses]
+    found = {c.use: c for c in candidates(refit.problem)[0] if c.use in uses}
     if not found:
         return {}
-    points = plan(refit.problem, refit.fit, found, known)
-    scored = score(refit.linear, traces(refit.problem, refit.fit, found, points, known), refit.weights)
-    return {use: different(items, STARTS) for use, items in best_of_each(scored).items()}
+    points = plan(refit.problem, refit.fit, list(found.values()), known)
+    scored = _scored(refit, list(found.values()), points, known)
+    return {
+        use: [_climbed(refit, found[use], items[0], known), *different(items, STARTS)[1:]]
+        for use, items in best_of_each(scored).items()
+    }
+
+
+def _climbed(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> Scored:
+    """The best trace that is reached by moving one shape at a time: over its range, then about the best.
+
+    A resonator's place shows near its resonance only, and the resonance where the place is not a node.
+    """
+    if candidate.released or not best.trace.shapes:
+        return best
+    fixed = dict(zip(best.trace.names, best.trace.neutral + best.trace.size)) if best.amplitudes == 1 else {}
+    tried = {name: list(grid(*candidate.plausible(name), WIDE)) for name in best.trace.shapes}
+    for _ in range(ROUNDS):
+        for name, values in tried.items():
+            here = best.trace.shapes
+            points = [{**fixed, **here, name: float(v)} for v in values]
+            found = _scored(refit, [candidate], {candidate.use: points}, known)
+            best = max([best, *found], key=lambda s: s.gain)
+            tried[name] = _between(values, best.trace.shapes[name])
+    return best
+
+
+def _between(values: Sequence[float], best: float) -> list[float]:
+    """Values about the best one, up to its neighbours."""
+    below = max((v for v in values if v < best), default=best)
+    above = min((v for v in values if v > best), default=best)
+    return [*np.linspace(below, best, NEAR + 1)[1:], *np.linspace(best, above, NEAR + 1)[1:-1]]
+
+
+def _scored(
+    refit: Refit, found: Sequence[Candidate], points: Mapping[Use, Sequence[Point]], known: Known
+) -> list[Scored]:
+    tried = traces(refit.problem, refit.fit, found, points, known)
+    return score(refit.linear, tried, refit.weights)
 
 
 def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -14,6 +14,9 @@ Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
 
+DIED = 37.0  # exp(-37) is no more than rounding
+
+
 @dataclass(frozen=True)
 class Remainder:
     """Polynomials in ``(k^2 - centre) / radius``, one a receiver.
@@ -205,11 +208,29 @@ def _bessel_mean(kt2: Real, radius: float) -> Real:
 
 
 def _closed_form(kappa: Complex, length: float, x: float, y: float) -> Complex:
-    """Rigid axis summed over all its modes between `x` and `y`."""
+    """Rigid axis summed over all its modes between `x` and `y`; `kappa` (values of k^2, modes) rises."""
     low, high = min(x, y), max(x, y)
-    spread = (1 + np.exp(-2 * kappa * low)) * (1 + np.exp(-2 * kappa * (length - high)))
-    found: Complex = np.exp(-kappa * (high - low)) * spread / (2 * kappa * (1 - np.exp(-2 * kappa * length)))
+    found: Complex = _echoed(kappa, low) * _echoed(kappa, length - high) / (2 * kappa)
+    if high > low:
+        found *= np.exp(-kappa * (high - low))
+    some = _alive(kappa, length)
+    found[:, some] /= 1 - np.exp(-2 * kappa[:, some] * length)
     return found
+
+
+def _echoed(kappa: Complex, distance: float) -> Complex | float:
+    """1 + exp(-2 kappa distance): a port and its mirror image behind a wall."""
+    if distance == 0.0:
+        return 2.0
+    total = np.ones_like(kappa)
+    some = _alive(kappa, distance)
+    total[:, some] += np.exp(-2 * kappa[:, some] * distance)
+    return total
+
+
+def _alive(kappa: Complex, distance: float) -> slice:
+    """Modes that have not died out on the way to a wall and back."""
+    return slice(0, int(np.searchsorted(kappa.real.min(axis=0), DIED / (2 * distance))))
 
 
 def _modes_of_axis(modes: AxisModes, gap: NDArray[np.complexfloating], x: float, y: float) -> Complex:

@@ -22,9 +22,9 @@ def flanking_source(
     ratio=Parameter(
         0.1, "1", min=-0.5, max=0.5, lower=-2.0, upper=2.0, doc="volume velocity over the piston's"
     ),
-    delay=Parameter(0.0, "s", min=0.0, max=2e-3, doc="of the second path", fixed=True),
-    across=Parameter(0.5, "1", min=0.0, max=1.0, doc="place over the wall's first edge", fixed=True),
-    along=Parameter(0.5, "1", min=0.0, max=1.0, doc="place over the wall's second edge", fixed=True),
+    delay=Parameter(0.0, "s", min=0.0, max=2e-3, lower=0.0, doc="of the second path"),
+    across=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's first edge"),
+    along=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's second edge"),
 ):
     """The cabinet, a port or the rear of the cone radiates too: an addition with the pattern of its place."""
     strength = ratio * np.pi * piston_radius**2 * np.exp(-2j * np.pi * frequency * delay)

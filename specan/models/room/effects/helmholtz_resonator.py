@@ -25,8 +25,8 @@ def helmholtz_resonator(
     resonance=Parameter(150.0, "Hz", min=50.0, max=500.0, doc="resonance frequency"),
     quality=Parameter(15.0, "1", min=3.0, max=60.0, doc="quality factor"),
     neck_length=Parameter(0.03, "m", min=0.005, max=0.1, doc="with end corrections", fixed=True),
-    across=Parameter(0.5, "1", min=0.0, max=1.0, doc="place over the wall's first edge", fixed=True),
-    along=Parameter(0.5, "1", min=0.0, max=1.0, doc="place over the wall's second edge", fixed=True),
+    across=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's first edge"),
+    along=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's second edge"),
 ):
     """The air in a neck swings against the volume behind it and splits a mode near its own frequency.
 
