@@ -112,11 +112,11 @@ def candidates(problem: Problem) -> tuple[list[Candidate], dict[str, str]]:
 
 def taken_for(model: Model, use: Use) -> list[Use]:
     """What the catalogue itself says is easily taken for an effect, at its place."""
-    effects = model.effects
+    own = model.effects[use.name]
     return [
         replace(use, name=name)
-        for name, effect in effects.items()
-        if name in effects[use.name].aliases or use.name in effect.aliases
+        for name, effect in model.effects.items()
+        if effect.at == own.at and (name in own.aliases or use.name in effect.aliases)
     ]
 
 

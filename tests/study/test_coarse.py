@@ -7,7 +7,10 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
+from specan.study.candidates import taken_for
 from specan.study.coarse import coarse, coarse_fit
+from specan.study.fit import fit
+from specan.study.linearised import linearised
 from specan.study.observation.common_errors import CommonErrors
 from specan.study.observation.folding import Folding
 from specan.study.observation.frf import FrfObservation
@@ -100,6 +103,59 @@ def test_a_new_resonance_is_looked_for_over_its_range(model):
     assert min(abs(s.get(f"{use}.resonance", 150.0) - 255.0) for s in starts) < 30.0
     found = coarse_fit(problem, starts)
     assert found[f"{use}.resonance"] == pytest.approx(255.0, abs=3.0)
+
+
+def test_an_opening_is_looked_for_all_over_its_wall(model):
+    use = "helmholtz-resonator@z1"
+    true = {f"{use}.neck_area": 1.5e-3, f"{use}.resonance": 255.0, f"{use}.quality": 12.0}
+    place = {f"{use}.across": 0.75, f"{use}.along": 0.15}
+    problem = base_problem(model, [recorded(model, [use], true | place)]).with_uses([use])
+    found = coarse_fit(problem, ways_in(problem, [Use.parse(use)], {}))
+    for name, value in place.items():
+        assert found[name] == pytest.approx(value, abs=0.03), name
+
+
+def test_a_small_effect_is_looked_for_on_all_its_lines(model):
+    """A coarse view of the base is met already, to 5 %; its gain would be found anywhere."""
+    use = "flanking-source@y0"
+    true = {
+        f"{use}.ratio": 0.02,
+        f"{use}.delay": 1.2e-3,
+        f"{use}.across": 0.8,
+        f"{use}.along": 0.6,
+    }
+    problem = base_problem(model, [recorded(model, [use], true)]).with_uses([use])
+    found = fit(linearised(problem, ways_in(problem, [Use.parse(use)], {})))
+    assert found.reduced_chi2 < 1.1
+    for name, width in (("ratio", 5e-4), ("across", 0.02), ("along", 0.02), ("delay", 2e-5)):
+        assert found.values[f"{use}.{name}"] == pytest.approx(true[f"{use}.{name}"], abs=width), name
+
+
+def test_what_is_easily_taken_for_an_effect_acts_at_its_place(model):
+    found = {str(use) for use in taken_for(model, Use.parse("wall-impedance@y1"))}
+    assert found == {"porous-absorber@y1", "panel-resonance@y1"}
+
+
+def test_a_panel_is_a_wall_of_resistance_mass_and_stiffness(model):
+    """So that data cannot tell them apart, and of coverage and mass they show the ratio only."""
+    omega0, conditions = 2 * np.pi * 140.0, {"frequency": FREQUENCY, "velocity_psd": np.ones(FREQUENCY.size)}
+    panel = {"coverage": 0.4, "mass": 8.0, "resonance": 140.0, "loss_factor": 0.2}
+    base = model.assemble().evaluate(conditions)
+    unit = base["density"] * base["sound_speed"]
+    wall = {
+        "conductance": unit * 0.4 / (8.0 * 0.2 * omega0),
+        "mass": 8.0 / 0.4,
+        "stiffness": 8.0 / 0.4 * omega0**2,
+    }
+    uses = {"panel-resonance@x1": panel, "wall-impedance@x1": wall}
+    one, two = (
+        model.assemble([use]).evaluate(conditions, {f"{use}.{n}": v for n, v in values.items()})[
+            "wall_admittance"
+        ]
+        for use, values in uses.items()
+    )
+    np.testing.assert_allclose(one, two, rtol=1e-12)
+    assert model.effects["panel-resonance"].parameters["mass"].fixed
 
 
 def test_nothing_is_looked_for_where_nothing_is_new(model):

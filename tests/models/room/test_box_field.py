@@ -1,11 +1,14 @@
 """The sound field of a box against solutions that are found in another way."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import j1
 
 from specan.models.room.axis_modes import axis_modes
 from specan.models.room.box_field import BoxField, Port, ball_mean, disc_mean
+from specan.models.room.remainder import _closed_form
 
 LENGTHS = (0.9, 0.6, 0.7)
 PISTON = Port((0.0, 0.246, 0.3229), 0, 0.05)
@@ -84,6 +87,36 @@ def test_a_patchs_own_coupling_does_not_depend_on_the_truncation(radius):
     )
     np.testing.assert_allclose(few, many, rtol=3e-4 * np.abs(many).max() / np.abs(many).min())
     assert np.max(np.abs(few - many)) < 1e-3 * np.median(np.abs(many))
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.9, 0.9), (0.0, 0.3), (0.2, 0.7), (0.45, 0.9)])
+def test_the_closed_form_of_an_axis_is_its_sum_over_all_modes(x, y):
+    kt2 = np.concatenate([np.linspace(0.0, 40.0, 9), [300.0, 3e3, 2e4]]) ** 2
+    k2 = np.array([300.0 + 250.0j, 120.0 + 90.0j])
+    n = np.arange(400_000)
+    got = _closed_form(np.sqrt(kt2 - k2[:, None]), 0.9, x, y)
+    waves = np.where(n == 0, 1, 2) / 0.9 * np.cos(np.pi * n * x / 0.9) * np.cos(np.pi * n * y / 0.9)
+    few = [(waves / ((np.pi * n / 0.9) ** 2 + one - k2[0])).sum() for one in kt2[:9]]
+    np.testing.assert_allclose(got[0, :9], few, rtol=1e-6, atol=1e-6)
+    kappa = np.sqrt(kt2 - k2[:, None])
+    low, high = min(x, y), max(x, y)
+    plain = (np.exp(-kappa * (high - low)) + np.exp(-kappa * (high + low))) * (
+        1 + np.exp(-2 * kappa * (0.9 - high))
+    )
+    np.testing.assert_allclose(got, plain / (2 * kappa * (1 - np.exp(-2 * kappa * 0.9))), rtol=1e-12)
+
+
+def test_a_place_of_a_wall_moves_with_it_and_keeps_the_remainder_of_the_drawn_room():
+    drawn = field_of((0.01,) * 6, (14, 10, 12))
+    longer = replace(drawn, lengths=(0.909, 0.6, 0.7), axes=drawn.axes, _done={})
+    place = longer.place("z1", 0.4, 0.8, 0.01)
+    assert place.position == pytest.approx((0.3636, 0.48, 0.7))
+    there = Port((0.2, 0.3, 0.3), 0)
+    as_drawn = drawn.place("z1", 0.4, 0.8, 0.01)
+    assert as_drawn.position == pytest.approx((0.36, 0.48, 0.7))
+    np.testing.assert_array_equal(longer._rest(place, [there]), drawn._rest(as_drawn, [there]))
+    patch = Port(as_drawn.position, 2, 0.01)
+    np.testing.assert_allclose(drawn.coupling(as_drawn, [there]), drawn.coupling(patch, [there]), rtol=1e-12)
 
 
 def test_coupling_is_reciprocal():
