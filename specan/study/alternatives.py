@@ -76,10 +76,13 @@ def refit_rivals(search: Search) -> None:
     for members in near:
         search.refits.fit(there, [members])
     if dear and len(search.best.uses) == 1:
-        declared = taken_for(there.problem.assembly.model, *search.best.uses)
-        missing = [u for u in declared if frozenset({u}) not in search.refits.done]
-        for items in ways(there, missing).values():
-            search.refits.fit(there, [[item] for item in items])
+        declared = [
+            use
+            for use in taken_for(there.problem.assembly.model, *search.best.uses)
+            if (done := search.refits.done.get(frozenset({use}))) is None or done.chi2 > best.chi2 + WIDE
+        ]
+        for items in ways(there, declared).values():
+            search.refits.fit(there, [[item] for item in items], again=True)
 
 
 def replace_residual(linear: Projection, residual: np.ndarray) -> Projection:

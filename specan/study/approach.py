@@ -7,6 +7,7 @@ looked at anew. Only which of them are looked at first is taken over.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -27,9 +28,11 @@ from specan.study.traces import Known, traces
 from specan.study.ways_in import ways
 
 LOOKED_AT = 10  # candidates that are looked at over all of their shapes
-TRIED = 4  # of them that are refitted
+TRIED = 3  # of them that are refitted
+MOST_TRIED = 6  # with those that are easily taken for the best so far
+SURE = 0.05  # reduced chi-square on the coarse view below which nothing else is tried
 MOST = 2  # effects
-LIKELY = 2  # effects that a search should look at first
+LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
 JACOBIANS = 3  # of all lines, from where a sketch leads
 
 
@@ -63,36 +66,41 @@ def approached(start: Refit, progress: Callable[[str], None]) -> Approach:
     tried = _tried(start.problem)
     near = min(tried, key=lambda r: r.bic(1.0))
     beside = [r for r in tried if len(r.uses) == 1 and r.chi2 < OUT_OF_REACH * near.chi2]
-    single = sorted(beside, key=lambda r: r.bic(1.0))[:LIKELY]
-    likely = dict.fromkeys([*(use for r in single for use in r.uses), *sorted(near.uses)])
     known = {r.uses: r.problem.values_at(r.fit.theta) for r in tried if r.uses}
-    found, values = _on_all_lines(start, near, {r.uses: r for r in [*single, near]})
+    found, values = _on_all_lines(start, near, {r.uses: r for r in [*beside, near]})
+    single = sorted((uses for uses in values if len(uses) == 1), key=lambda uses: uses != found)
+    likely = dict.fromkeys(use for uses in [*single, near.uses] for use in sorted(uses))
     return Approach(seen_about(start, found, values[found]), tuple(likely), {**known, **values}, found)
 
 
 def _on_all_lines(
     start: Refit, near: Refit, sets: Mapping[EffectSet, Refit]
 ) -> tuple[EffectSet, dict[EffectSet, dict[str, Any]]]:
-    """Where some steps on all lines lead each of a few sets, and which of them comes nearest.
+    """Where some steps on all lines lead the likeliest of some sets, and which of them comes nearest.
 
-    What seems nearest to the few lines of a coarse view need not be the field, and covariances about another let
-    a microphone's place or gain seem to be missing as well.
+    What seems nearest to the few lines of a coarse view, which has no windows, need not be the field. A sketch has
+    them: it says which sets are worth the steps.
     """
     problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
     price = float(np.log(problem.n_effective))
-    values: dict[EffectSet, dict[str, Any]] = {}
-    bic: dict[EffectSet, float] = {}
+    problems = {uses: problem.with_uses(sorted(uses)) for uses in sets}
+    sketched: dict[EffectSet, tuple[float, dict[str, Any]]] = {}
     for uses, refit in sets.items():
-        whole = problem.with_uses(sorted(uses))
-        theta = whole.start(refit.problem.values_at(refit.fit.theta))
-        try:
-            theta = descend(whole.sketched(theta), theta).theta
-            theta = descend_a_little(whole, theta, JACOBIANS)
-        except ComputationError:  # it stays where the coarse view has it
-            pass
-        values[uses] = whole.values_at(theta)
-        bic[uses] = float(np.sum(whole.residual(theta) ** 2)) + refit.count * price
-    return min(bic, key=lambda uses: bic[uses]), values
+        whole, values = problems[uses], refit.problem.values_at(refit.fit.theta)
+        theta = whole.start(values)
+        sketch = whole.sketched(theta)
+        with suppress(ComputationError):  # it stays where the coarse view has it
+            theta = descend(sketch, theta).theta
+        chi2 = float(np.sum(sketch.residual(theta) ** 2)) * problem.n_data / sketch.n_data
+        sketched[uses] = chi2 + refit.count * price, whole.values_at(theta)
+    bic: dict[EffectSet, float] = {}
+    reached: dict[EffectSet, dict[str, Any]] = {}
+    for uses in sorted(sketched, key=lambda uses: sketched[uses][0])[:LIKELY]:
+        whole = problems[uses]
+        theta = descend_a_little(whole, whole.start(sketched[uses][1]), JACOBIANS)
+        reached[uses] = whole.values_at(theta)
+        bic[uses] = float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price
+    return min(bic, key=lambda uses: bic[uses]), reached
 
 
 def seen_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
@@ -103,8 +111,9 @@ def seen_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refi
 
 def _tried(problem: Problem) -> list[Refit]:
     """Sets of up to two effects that a greedy search on a coarse view fits, the empty one included."""
-    view = coarse(problem)
-    best = Refit(frozenset(), view, fit(view, start=coarse_fit(problem)))
+    values = coarse_fit(problem)
+    view = coarse(problem, values=values)
+    best = Refit(frozenset(), view, fit(view, start=values))
     refits = Refits(best)
     for _ in range(MOST):
         found, _ = candidates(best.problem)
@@ -129,7 +138,7 @@ def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scor
     queue = sorted(closer, key=lambda use: _promised(best, closer[use][0]))[:TRIED]
     looked_at: set[Use] = set()
     better = best
-    while queue and better.reduced >= 1:
+    while queue and better.reduced > SURE and len(looked_at) < MOST_TRIED:
         use = queue.pop(0)
         if use in looked_at or use not in scored:
             continue

@@ -18,9 +18,15 @@ from specan.study.problem import Problem
 STAGES = (20.0, 5.0)  # per cent of the RMS over microphones
 
 
-def coarse(problem: Problem, percent: float = STAGES[-1]) -> Problem:
-    """The problem on few lines of recordings, each known to so many per cent of the level around it."""
-    return problem.over([o.coarse(percent) for o in problem.observations])
+def coarse(problem: Problem, percent: float = STAGES[-1], values: Mapping[str, Any] | None = None) -> Problem:
+    """The problem on few lines of recordings, each known to so many per cent of the level around it.
+
+    No windows are in it; where values of a fit are given, what the windows do to that fit is taken off the data.
+    """
+    seen = problem.observations
+    if values is not None:
+        seen = tuple(o.unfolded(problem.assembly, problem.seen_by(o, values)) for o in seen)
+    return problem.over([o.coarse(percent) for o in seen])
 
 
 def coarse_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> dict[str, Any]:

@@ -147,7 +147,7 @@ class Refits:
     def __post_init__(self) -> None:
         self.done[frozenset()] = self.base
 
-    def fit(self, start: Refit, traces: Sequence[Sequence[Scored]]) -> Refit | None:
+    def fit(self, start: Refit, traces: Sequence[Sequence[Scored]], again: bool = False) -> Refit | None:
         """Add the uses of the traces to a fitted set and refit everything.
 
         A descent that ends above a fit with fewer effects has missed the minimum: it is begun anew from there.
@@ -158,6 +158,8 @@ class Refits:
             Set to which the traces were scored.
         traces : sequence of sequence of Scored
             Alternative starts: each names one trace for every effect that is added.
+        again : bool
+            From these starts, though the set was fitted or its values are known: the better fit is kept.
 
         Returns
         -------
@@ -165,14 +167,14 @@ class Refits:
             None where no start converged; the reason stands in `failed`.
         """
         uses = start.uses | {s.use for s in traces[0]}
-        if uses in self.done or uses in self.failed:
-            return self.done.get(uses)
+        before = self.done.get(uses)
+        if not again and (before is not None or uses in self.failed):
+            return before
         problem = self.base.problem.with_uses(sorted(uses))
-        if uses in self.known:
-            starts = [dict(self.known[uses])]
-        else:
-            starts = [start_from(start, members, problem) for members in traces]
-            starts = self._from_afar(problem, uses, starts) or starts
+        starts = [start_from(start, members, problem) for members in traces]
+        if not again:
+            known = [dict(self.known[uses])] if uses in self.known else []
+            starts = known or self._from_afar(problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
         best, reason = self._lost(uses, problem, near), ""
         if best is None:
@@ -180,9 +182,10 @@ class Refits:
             nested = self._best_within(uses)
             if best is None or best.chi2 > nested.fit.chi2 + STALLED * unit(problem, best.chi2):
                 best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)])
-        if best is None:
-            self.failed[uses] = reason
-            return None
+        if best is None or (before is not None and before.fit.chi2 <= best.chi2):
+            if before is None:
+                self.failed[uses] = reason
+            return before
         fitted = describe(problem, best.theta, best.residual, best.jacobian)
         self.done[uses] = self._describe(uses, problem, fitted)
         return self.done[uses]

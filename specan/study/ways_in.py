@@ -49,7 +49,7 @@ def ways_in(problem: Problem, new: Sequence[Use], known: Mapping[str, Any]) -> l
 
 def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
     """The model without what is new on a coarse view; on a sketch where that view is met already."""
-    view = coarse(lean)
+    view = coarse(lean, values=values)
     seen = Refit(frozenset(), view, fit(view, start=values))
     if seen.reduced > 1:
         return seen

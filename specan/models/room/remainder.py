@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ Real = NDArray[np.float64]
 
 
 DIED = 37.0  # exp(-37) is no more than rounding
+FAR = 6.0  # times the wave number, above which a mode is taken in powers of the ratio squared
+_ROOTS = (1.0, 1 / 2, 3 / 8, 5 / 16, 35 / 128)  # of (1 - x)^(-1/2); those of 1 / (1 - x) are all one
 
 
 @dataclass(frozen=True)
@@ -98,29 +101,86 @@ def remainder(
     return Remainder(centre, circle, coefficients[0], coefficients[1])
 
 
-@dataclass(frozen=True)
-class _Terms:
-    """In-plane modes in rising order of their wave number."""
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """In-plane modes of a box across one axis, in rising order of their wave number; of the geometry alone."""
 
     lengths: tuple[float, float, float]
-    counts: tuple[int, ...]
-    source: tuple[float, float, float]
     axis: int
-    radius: float
     plane: tuple[int, int]
-    qm: Real
-    qn: Real
+    m: NDArray[np.intp]
+    n: NDArray[np.intp]
     kt2: Real
-    weight: Real
+    double: Real
     low: NDArray[np.bool_]
     top: float
+
+    LIMIT = 900.0  # 1/m; beyond, only ports less than 3 cm apart couple
+
+    @classmethod
+    @lru_cache(maxsize=12)
+    def across(cls, lengths: tuple[float, float, float], counts: tuple[int, ...], axis: int) -> _Plane:
+        i, j = (a for a in range(3) if a != axis)
+        limit = max(cls.LIMIT, 1.5 * np.pi * counts[i] / lengths[i], 1.5 * np.pi * counts[j] / lengths[j])
+        most = [int(limit * lengths[a] / np.pi) + 1 for a in (i, j)]
+        m, n = (np.ravel(number) for number in np.indices(most))
+        kt2 = (np.pi * m / lengths[i]) ** 2 + (np.pi * n / lengths[j]) ** 2
+        order = np.argsort(kt2, kind="stable")
+        order = order[kt2[order] <= limit**2]
+        m, n, kt2 = m[order], n[order], kt2[order]
+        double = np.where(m == 0, 1.0, 2.0) * np.where(n == 0, 1.0, 2.0) / (lengths[i] * lengths[j])
+        low = (m < counts[i]) & (n < counts[j])
+        return cls(lengths, axis, (i, j), m, n, kt2, double, low, limit)
+
+    def shape(self, point: Sequence[float] | Real, some: slice = slice(None)) -> Real:
+        """Mode shapes at a point."""
+        found = 1.0
+        for edge, number in zip(self.plane, (self.m[some], self.n[some]), strict=True):
+            along = np.arange(int(number.max()) + 1) * (np.pi * point[edge] / self.lengths[edge])
+            found = found * np.cos(along)[number]
+        return np.asarray(found)
+
+    @lru_cache(maxsize=24)  # noqa: B019 - planes are few, and kept anyway
+    def mean(self, radius: float) -> Real:
+        """Mean of each mode over a patch, relative to its centre."""
+        return _bessel_mean(self.kt2, radius)
+
+    @cached_property
+    def fade(self) -> Real:
+        """What is left of each mode before the top wave number."""
+        return _fade(np.sqrt(self.kt2), self.top)
+
+    def far(self, k2: float, last: int) -> int:
+        """The first mode far above a wave number, and above what is kept."""
+        first = int(np.searchsorted(self.kt2, FAR**2 * k2))
+        return min(max(first, int(np.flatnonzero(self.low)[-1]) + 1), last)
+
+    def beside(self, first: int, last: int, weight: Real, k2: Complex) -> Complex:
+        """Far modes between two places of one wall: ``1 / kappa`` and ``-1 / kappa^2`` in powers of k^2 / k_t^2."""
+        inverse = 1 / self.kt2[first:last]
+        part = weight[first:last] * np.sqrt(inverse)
+        rigid, soft = np.zeros((2, len(k2)), dtype=complex)
+        for power, root in enumerate(_ROOTS):
+            rigid += root * k2**power * part.sum()
+            soft -= k2**power * (part * np.sqrt(inverse)).sum()
+            part = part * inverse
+        return np.stack([rigid, soft])
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """The modes that a source drives."""
+
+    flat: _Plane
+    source: tuple[float, float, float]
+    radius: float
+    weight: Real
     rigid: AxisModes  # along the closed axis
     softer: AxisModes  # the same with the source's wall a little soft, and a little active
     harder: AxisModes
 
     STEP = 1e-4  # 1/m, of j k beta: for a derivative
-    REACH = 30.0  # exp(-30): a mode that has died out
-    LIMIT = 900.0  # 1/m; beyond, only ports less than 3 cm apart couple
+    REACH = 18.0  # exp(-18) of a hundredth of the field: a mode that has died out
 
     @classmethod
     def prepare(
@@ -131,51 +191,45 @@ class _Terms:
         axis: int,
         radius: float,
     ) -> _Terms:
-        i, j = (a for a in range(3) if a != axis)
-        limit = max(cls.LIMIT, 1.5 * np.pi * counts[i] / lengths[i], 1.5 * np.pi * counts[j] / lengths[j])
-        m, n = np.arange(int(limit * lengths[i] / np.pi) + 1), np.arange(int(limit * lengths[j] / np.pi) + 1)
-        qm, qn = (
-            np.ravel(q) for q in np.meshgrid(np.pi * m / lengths[i], np.pi * n / lengths[j], indexing="ij")
-        )
-        kt2 = qm**2 + qn**2
-        order = np.argsort(kt2, kind="stable")
-        order = order[kt2[order] <= limit**2]
-        qm, qn, kt2 = qm[order], qn[order], kt2[order]
-        double = np.where(qm == 0, 1.0, 2.0) * np.where(qn == 0, 1.0, 2.0) / (lengths[i] * lengths[j])
-        weight = double * _bessel_mean(kt2, radius) * np.cos(qm * source[i]) * np.cos(qn * source[j])
-        low = (qm < np.pi * (counts[i] - 0.5) / lengths[i]) & (qn < np.pi * (counts[j] - 0.5) / lengths[j])
+        flat = _Plane.across(lengths, counts, axis)
+        weight = flat.double * flat.shape(source) * flat.mean(radius)
         nearby = source[axis] < lengths[axis] / 2
         modes = [
             axis_modes(lengths[axis], *((step, 0.0) if nearby else (0.0, step)), counts[axis])
             for step in (0.0, cls.STEP * lengths[axis], -cls.STEP * lengths[axis])
         ]
-        return cls(lengths, counts, source, axis, radius, (i, j), qm, qn, kt2, weight, low, limit, *modes)
+        return cls(flat, source, radius, weight, *modes)
 
     def sums(self, k2: Complex, point: Real, radius: float) -> tuple[Complex, Complex]:
         """Remainder of the rigid box, and its change by a soft source wall, at some squared wave numbers."""
-        length, here, there = self.lengths[self.axis], self.source[self.axis], float(point[self.axis])
+        flat, axis = self.flat, self.flat.axis
+        length, here, there = flat.lengths[axis], self.source[axis], float(point[axis])
         gap = abs(there - here)
-        last = int(np.searchsorted(self.kt2, (self.REACH / max(gap, 1e-9)) ** 2))
-        last = max(last, int(np.flatnonzero(self.low)[-1]) + 1)
+        last = int(np.searchsorted(flat.kt2, (self.REACH / max(gap, 1e-9)) ** 2))
+        last = max(last, int(np.flatnonzero(flat.low)[-1]) + 1)
         some = slice(0, last)
-        kt2, low = self.kt2[some], self.low[some]
-        i, j = self.plane
-        weight = self.weight[some] * np.cos(self.qm[some] * point[i]) * np.cos(self.qn[some] * point[j])
+        weight = self.weight[some] * flat.shape(point, some)
         if radius > 0:
-            weight = weight * _bessel_mean(kt2, radius)
-        if last == len(self.kt2):
-            weight = weight * _fade(np.sqrt(kt2), self.top)
+            weight = weight * flat.mean(radius)[some]
+        if last == len(flat.kt2):
+            weight = weight * flat.fade
+        wall = 0.0 if here < length / 2 else length
+        rest = np.zeros((2, len(k2)), dtype=complex)
+        if radius > 0 and tuple(point) == self.source:
+            rest[0] = _beyond(flat.top, tuple(k2.tolist()), radius)
+        if here == there == wall:
+            far = flat.far(float(np.abs(k2).max()), last)
+            rest += flat.beside(far, last, weight, k2)
+            some, weight = slice(0, far), weight[:far]
+        kt2, low = flat.kt2[some], flat.low[some]
         kappa = np.sqrt(kt2 - k2[:, None] + 0j)
         along = _closed_form(kappa, length, here, there)
-        wall = 0.0 if here < length / 2 else length
         softer = -_closed_form(kappa, length, here, wall) * _closed_form(kappa, length, wall, there)
         gaps = kt2[low] - k2[:, None]
         along[:, low] -= _modes_of_axis(self.rigid, gaps, here, there)
         stepped = [_modes_of_axis(modes, gaps, here, there) for modes in (self.softer, self.harder)]
         softer[:, low] -= (stepped[0] - stepped[1]) / (2 * self.STEP)
-        itself = radius > 0 and tuple(point) == self.source
-        rest = np.array([_beyond(self.top, one, radius) if itself else 0.0 for one in k2])
-        return along @ weight + rest, softer @ weight
+        return along @ weight + rest[0], softer @ weight + rest[1]
 
 
 def _fade(kappa: Real, top: float) -> Real:
@@ -184,7 +238,8 @@ def _fade(kappa: Real, top: float) -> Real:
     return 0.5 + 0.5 * np.cos(np.pi * part)
 
 
-def _beyond(top: float, k2: complex, radius: float) -> complex:
+@lru_cache(maxsize=24)
+def _beyond(top: float, k2: tuple[complex, ...], radius: float) -> Complex:
     """What the faded sum leaves out of a patch's coupling with itself: there the room is a half-space.
 
     ``(1 / 2 pi) int (1 - fade) (2 J1(kappa a)/(kappa a))^2 kappa / sqrt(kappa^2 - k^2) dkappa``; without
@@ -192,11 +247,11 @@ def _beyond(top: float, k2: complex, radius: float) -> complex:
     """
     edge = np.linspace(top / 2, top, 400)
     far = np.geomspace(top, max(400 / radius, 10 * top), 20_000)
-    total = 0j
+    total = np.zeros(len(k2), dtype=complex)
     for kappa, left in ((edge, 1 - _fade(edge, top)), (far, np.ones_like(far))):
-        value = left * _bessel_mean(kappa**2, radius) ** 2 * kappa / np.sqrt(kappa**2 - k2)
-        total += np.trapezoid(value, kappa)
-    return complex(total / (2 * np.pi))
+        value = left * _bessel_mean(kappa**2, radius) ** 2 * kappa
+        total += np.trapezoid(value / np.sqrt(kappa**2 - np.array(k2)[:, None]), kappa)
+    return np.asarray(total / (2 * np.pi), dtype=np.complex128)
 
 
 def _bessel_mean(kt2: Real, radius: float) -> Real:

@@ -95,6 +95,9 @@ class Observation(Protocol):
     def coarse(self, percent: float) -> Observation:
         """The same with every row uncertain by so much of the level around it; itself where nothing is `resonant`."""
 
+    def unfolded(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
+        """The same without windows, as far as the model at these values knows what they do; itself where none are."""
+
     @property
     def about_model(self) -> bool:
         """Whether the covariance depends on where the model is."""

@@ -317,6 +317,17 @@ class FrfObservation:
             offset=0.0,
         )
 
+    def unfolded(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:
+        """The same without windows, as far as the model at these values knows what they do."""
+        drawn = replace(self, moved=None, offset=0.0)
+        plain = replace(
+            drawn,
+            folding=Folding.none(self.frequency_hz),
+            conditions_at_nodes=self._conditions_at(self.frequency_hz),
+        )
+        windows = drawn.responses(assembly, [values])[0] - plain.responses(assembly, [values])[0]
+        return replace(plain, response=self.response - windows)
+
     # --- how it is done -----------------------------------------------------------------------
 
     def _conditions_at(self, frequency: Array) -> dict[str, Array]:

@@ -121,6 +121,10 @@ class TableObservation:
         """Itself."""
         return self
 
+    def unfolded(self, assembly: Assembly, values: Mapping[str, Any]) -> TableObservation:
+        """Itself."""
+        return self
+
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
         """Keep some of the rows; effects that look at earlier readings still see those left out.
 
