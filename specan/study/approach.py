@@ -29,6 +29,7 @@ from specan.study.ways_in import ways
 
 LOOKED_AT = 10  # candidates that are looked at over all of their shapes
 TRIED = 3  # of them that are refitted
+CLEAR = 0.7  # share of the base's chi-square on the coarse view that may be left by what is nearer
 MOST_TRIED = 6  # with those that are easily taken for the best so far
 SURE = 0.05  # reduced chi-square on the coarse view below which nothing else is tried
 MOST = 2  # effects
@@ -64,7 +65,10 @@ def approached(start: Refit, progress: Callable[[str], None]) -> Approach:
         return Approach(start)
     progress("looking for a field that is near the measured one")
     tried = _tried(start.problem)
+    bare = next(r for r in tried if not r.uses)
     near = min(tried, key=lambda r: r.bic(1.0))
+    if near.chi2 > CLEAR * bare.chi2:  # the base is as near as the view can tell
+        return Approach(start)
     beside = [r for r in tried if len(r.uses) == 1 and r.chi2 < OUT_OF_REACH * near.chi2]
     known = {r.uses: r.problem.values_at(r.fit.theta) for r in tried if r.uses}
     found, values = _on_all_lines(start, near, {r.uses: r for r in [*beside, near]})

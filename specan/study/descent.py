@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 SETTLED = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
 STALLED = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
+SLIDING = 0.05  # share by which the last five may lower chi-square where an evaluation is dear and the model far off
 COARSE = 20.0  # times of that where an evaluation is dear
 MOST_JACOBIANS = 25
 MOST_SECANTS = 12
@@ -52,7 +53,8 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
     Raises
     ------
     ComputationError
-        Not finite at the start, or not settled after 25 Jacobians.
+        Not finite at the start, or not settled after 25 Jacobians. A model that is far from dear data and slides
+        along a valley is taken where it is: nothing is concluded from its exact minimum.
     """
     descent = _Descent(problem, np.asarray(start, dtype=float))
     history: list[float] = []
@@ -66,6 +68,8 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
         found = descent.minimum(jacobian) if stalled else descent.follow(jacobian, guessed)
         if found is not None:
             return found
+    if problem.dear and history[-6] - descent.chi2 < SLIDING * descent.chi2:
+        return descent.minimum(problem.jacobian(descent.theta))
     raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
 
 
