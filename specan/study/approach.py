@@ -1,7 +1,7 @@
 """A model brought near the data by whatever means, for covariances that depend on where the field is.
 
 No verdict comes from here: the covariance is taken about the field that was found, and then every candidate is
-looked at anew. Only which of them are looked at first is taken over.
+looked at anew. Only which of them are looked at first, and where their fits begin, is taken over.
 """
 
 from __future__ import annotations
@@ -127,9 +127,7 @@ def _tried(problem: Problem) -> list[Refit]:
             score(best.linear, traces(best.problem, best.fit, found, points, known), best.weights)
         )
         better = _best_of_few(refits, best, scored)
-        if better.reduced < 1:  # within the few per cent of the view
-            break
-        if better is best:
+        if better is best or better.reduced < 1:  # within the few per cent of the view
             break
         best = better
     return list(refits.done.values())

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 SETTLED = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
 STALLED = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
+FAR_OFF = 10.0  # reduced chi-square above which the exact minimum of a dear fit is of no interest
 SLIDING = 0.05  # share by which the last five may lower chi-square where an evaluation is dear and the model far off
 COARSE = 20.0  # times of that where an evaluation is dear
 MOST_JACOBIANS = 25
@@ -68,7 +69,8 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
         found = descent.minimum(jacobian) if stalled else descent.follow(jacobian, guessed)
         if found is not None:
             return found
-    if problem.dear and history[-6] - descent.chi2 < SLIDING * descent.chi2:
+    far_off = problem.dear and descent.chi2 > FAR_OFF * (problem.n_data + problem.n_priors)
+    if far_off and history[-6] - descent.chi2 < SLIDING * descent.chi2:
         return descent.minimum(problem.jacobian(descent.theta))
     raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
 
