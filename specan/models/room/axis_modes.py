@@ -4,13 +4,41 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import ComputationError
+from specan.models.room.few_lines import FewLines
 
 Complex = NDArray[np.complex128]
+
+HELD = 1e-8  # step by which a mode known from few lines may be off, part of its squared wave number and one
+CHECKED = 8  # every so manieth line is looked at, whether modes known at few lines are modes there
+
+
+class Axis(Protocol):
+    """Modes along one axis, however they are had."""
+
+    @property
+    def length(self) -> float:
+        """Length of the axis, m."""
+
+    @property
+    def w(self) -> Complex:
+        """Squared dimensionless wave numbers, array (lines, modes)."""
+
+    @property
+    def norm(self) -> Complex:
+        """Integral of the squared eigenfunctions, array (lines, modes), m."""
+
+    def at(self, x: NDArray[np.float64]) -> Complex:
+        """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
+
+    def slope_at(self, x: NDArray[np.float64]) -> Complex:
+        """Their derivatives, 1/m."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +64,18 @@ class AxisModes:
     a0: Complex
     norm: Complex
     _at: dict[bytes, Complex] = field(default_factory=dict, repr=False, compare=False)
+    _everywhere: dict[object, SeenEverywhere] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def q2(self) -> Complex:
         """Squared wave numbers, 1/m^2."""
         return self.w / self.length**2
+
+    def everywhere(self, few: FewLines, count: int) -> SeenEverywhere:
+        """The first `count` modes at all lines, of modes that are known at few."""
+        if (few, count) not in self._everywhere:
+            self._everywhere[few, count] = SeenEverywhere(self, few, count)
+        return self._everywhere[few, count]
 
     def slope_at(self, x: NDArray[np.float64]) -> Complex:
         """Derivatives of the eigenfunctions at positions `x`: array (lines, modes, positions), 1/m."""
@@ -64,6 +99,50 @@ class AxisModes:
         back = 1 / wave
         found: Complex = 0.5 * (wave + back) - (0.5j * self.a0[..., None] / u) * (wave - back)
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class SeenEverywhere:
+    """The first modes of an axis at all lines, from those at few."""
+
+    axis: AxisModes
+    few: FewLines
+    count: int
+    _at: dict[bytes, Complex] = field(default_factory=dict, repr=False)
+
+    @property
+    def length(self) -> float:
+        """Length of the axis, m."""
+        return self.axis.length
+
+    @cached_property
+    def w(self) -> Complex:
+        """Squared dimensionless wave numbers, array (lines, modes)."""
+        return self.few.everywhere(self.axis.w[:, : self.count])
+
+    @cached_property
+    def norm(self) -> Complex:
+        """Integral of the squared eigenfunctions, array (lines, modes), m."""
+        return self.few.everywhere(self.axis.norm[:, : self.count])
+
+    def at(self, x: NDArray[np.float64]) -> Complex:
+        """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
+        key = np.asarray(x, dtype=float).tobytes()
+        if key not in self._at:
+            if len(self._at) >= 4:
+                self._at.clear()
+            self._at[key] = self.few.everywhere(self.axis.at(x)[:, : self.count])
+        return self._at[key]
+
+    def slope_at(self, x: NDArray[np.float64]) -> Complex:
+        """Their derivatives, 1/m."""
+        return self.few.everywhere(self.axis.slope_at(x)[:, : self.count])
+
+    def holds(self, a0: Complex, a1: Complex) -> bool:
+        """Whether these are modes between walls with ``j k beta L`` of (lines,), where it is looked at."""
+        w = self.w[CHECKED // 2 :: CHECKED]
+        value, slope = _characteristic(w, *(a[CHECKED // 2 :: CHECKED, None] for a in (a0, a1)))
+        return bool(np.max(np.abs(value / slope) / (1 + np.abs(w))) < HELD)
 
 
 # A fit changes one wall or one edge at a time; the other axes stay.

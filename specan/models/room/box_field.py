@@ -4,7 +4,8 @@ With ``exp(+j w t)`` and ``dp/dn = -j k beta p`` on the walls, the field of a so
 
     G(r, s) = sum_N Psi_N(r) Psi_N(s) / (Lambda_N (K_N^2 - k^2)),
 
-where ``Psi_N`` is a product of three axis modes. What lies above the truncation is added by
+where ``Psi_N`` is a product of three axis modes. Modes that resonate in the band are summed at every line, those
+above it at few lines only (`specan.models.room.few_lines`); what lies above the truncation is added by
 `specan.models.room.remainder`.
 """
 
@@ -16,12 +17,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.room.axis_modes import AxisModes
+from specan.models.room.axis_modes import Axis, AxisModes, axis_modes
+from specan.models.room.few_lines import FewLines, few_lines
 from specan.models.room.remainder import Remainder, join, remainder
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
+NEAR = 1.25  # times the largest wave number, up to which modes are summed at every line
 _LINES_AT_ONCE = 64  # keeps the (lines, nx, ny, nz) array in the cache
 
 
@@ -59,6 +62,46 @@ class Port:
     drawn: tuple[float, float, float] | None = None
 
 
+@dataclass(frozen=True)
+class Modes:
+    """Modes of the box at some lines.
+
+    Attributes
+    ----------
+    axes : three axes
+        Eigenvalues and eigenfunctions along the edges.
+    k2 : array (lines,)
+        Squared wave number with the air's attenuation in it, 1/m^2.
+    but : tuple of int
+        How many of the first of each axis make modes that are summed elsewhere.
+    """
+
+    axes: tuple[Axis, Axis, Axis]
+    k2: Complex
+    but: tuple[int, int, int] = (0, 0, 0)
+
+    def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
+        """Sum of the modes, averaged over both ports: array (lines, receivers)."""
+        points = np.array([port.position for port in receivers])
+        at = [axis.at(points[:, i]) for i, axis in enumerate(self.axes)]
+        out = np.empty((len(self.k2), len(receivers)), dtype=complex)
+        special = [i for i, port in enumerate(receivers) if port.radius > 0 or port.slope is not None]
+        from_source = _along(self.axes, source)
+        to_special = [_along(self.axes, receivers[i]) for i in special]
+        nx, ny, nz = self.but
+        for first in range(0, len(self.k2), _LINES_AT_ONCE):
+            part = slice(first, first + _LINES_AT_ONCE)
+            here = _Lines.of(self.axes, self.k2, part)
+            amplitudes = here.amplitudes([x[part] for x in from_source], source)
+            amplitudes[:, :nx, :ny, :nz] = 0
+            along_z = amplitudes @ at[2][part][:, None]
+            along_y = np.einsum("fxyr,fyr->fxr", along_z, at[1][part])
+            out[part] = np.einsum("fxr,fxr->fr", along_y, at[0][part])
+            for i, along in zip(special, to_special, strict=True):
+                out[part, i] = here.port_sum(amplitudes, [x[part] for x in along], receivers[i])
+        return out
+
+
 @dataclass
 class BoxField:
     """The box at given lines; couplings between ports are computed on demand.
@@ -67,10 +110,8 @@ class BoxField:
     ----------
     lengths : tuple of float
         Edges in m.
-    k2 : array (lines,)
-        Squared wave number with the air's attenuation in it, 1/m^2.
-    axes : three AxisModes
-        From the walls' admittances.
+    near : Modes
+        Those that may resonate in the band, at all lines.
     soft : array (6, lines)
         ``j k beta`` of the walls x0, x1, y0 ... in 1/m.
     drawn : tuple of float
@@ -78,14 +119,22 @@ class BoxField:
         that is off by a percent changes that by some hundredths of a percent of the field.
     k2_max : float
         Largest squared wave number for which the remainder is to hold.
+    counts : tuple of int
+        Modes along the edges at the truncation.
+    far : Modes, optional
+        The others up to the truncation, at few lines.
+    few : FewLines, optional
+        Which lines these are.
     """
 
     lengths: tuple[float, float, float]
-    k2: Complex
-    axes: tuple[AxisModes, AxisModes, AxisModes]
+    near: Modes
     soft: Complex
     drawn: tuple[float, float, float]
     k2_max: float
+    counts: tuple[int, ...]
+    far: Modes | None = None
+    few: FewLines | None = None
     _done: dict[object, Complex] = field(default_factory=dict, repr=False)
 
     def prepare(self, ports: Sequence[Port]) -> None:
@@ -118,26 +167,13 @@ class BoxField:
         return np.stack([self._done[source, port] for port in receivers], axis=1)
 
     def _modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
-        points = np.array([port.position for port in receivers])
-        at = [axis.at(points[:, i]) for i, axis in enumerate(self.axes)]
-        out = np.empty((len(self.k2), len(receivers)), dtype=complex)
-        special = [i for i, port in enumerate(receivers) if port.radius > 0 or port.slope is not None]
-        from_source = _along(self.axes, source)
-        to_special = [_along(self.axes, receivers[i]) for i in special]
-        for first in range(0, len(self.k2), _LINES_AT_ONCE):
-            part = slice(first, first + _LINES_AT_ONCE)
-            here = _Lines.of(self.axes, self.k2, part)
-            amplitudes = here.amplitudes([x[part] for x in from_source], source)
-            along_z = amplitudes @ at[2][part][:, None]
-            along_y = np.einsum("fxyr,fyr->fxr", along_z, at[1][part])
-            out[part] = np.einsum("fxr,fxr->fr", along_y, at[0][part])
-            for i, along in zip(special, to_special, strict=True):
-                out[part, i] = here.port_sum(amplitudes, [x[part] for x in along], receivers[i])
-        return out
+        found = self.near.coupling(source, receivers)
+        if self.far is not None and self.few is not None:
+            found += self.few.everywhere(self.far.coupling(source, receivers))
+        return found
 
     def _rest(self, source: Port, receivers: Sequence[Port]) -> Complex:
-        counts = tuple(a.w.shape[1] for a in self.axes)
-        room = (self.drawn, counts, self.k2_max, source.drawn or source.position, source.axis, source.radius)
+        room = (self.drawn, self.counts, self.k2_max, source.drawn or source.position, source.axis, source.radius)
         places = [(room, *(port.drawn or port.position), port.radius) for port in receivers]
         new = [place for place in dict.fromkeys(places) if place not in _REMAINDERS]
         if len(_REMAINDERS) + len(new) > _KEPT:
@@ -148,7 +184,61 @@ class BoxField:
             found = remainder(*room, at[:, :3], at[:, 3])
             _REMAINDERS.update(zip(new, found.split(), strict=True))
         near = 0 if source.position[source.axis] < self.lengths[source.axis] / 2 else 1
-        return join([_REMAINDERS[p] for p in places]).at(self.k2, self.soft[2 * source.axis + near])
+        return join([_REMAINDERS[p] for p in places]).at(self.near.k2, self.soft[2 * source.axis + near])
+
+
+def box(
+    frequency: Real,
+    lengths: tuple[float, float, float],
+    k2: Complex,
+    soft: Complex,
+    drawn: tuple[float, float, float],
+    k_max: float,
+    counts: tuple[int, ...],
+) -> BoxField:
+    """A box with `counts` modes along its edges, most of them at few lines where these tell the others.
+
+    Parameters
+    ----------
+    frequency : array (lines,)
+    lengths, k2, soft, drawn, counts
+        See `BoxField`, `Modes`.
+    k_max : float
+        Largest wave number of the band for the drawn room, 1/m.
+    """
+    k2_max = max(k_max, float(np.sqrt(k2).real.max())) ** 2
+    near = near_counts(drawn, k_max)
+    for few in few_lines(frequency):
+        if few.meets(soft.T):
+            axes = _axes(lengths, soft[:, few.chosen], counts)
+            everywhere = [axis.everywhere(few, count) for axis, count in zip(axes, near, strict=True)]
+            if all(axis.holds(*walls) for axis, walls in zip(everywhere, _dimensionless(lengths, soft))):
+                x, y, z = everywhere
+                far = Modes(axes, k2[few.chosen], but=near)
+                return BoxField(lengths, Modes((x, y, z), k2), soft, drawn, k2_max, counts, far, few)
+    return BoxField(lengths, Modes(_axes(lengths, soft, counts), k2), soft, drawn, k2_max, counts)
+
+
+def near_counts(lengths: tuple[float, ...], k_max: float) -> tuple[int, int, int]:
+    """Modes along each axis beyond which none resonates below `NEAR` times the largest wave number.
+
+    A soft wall may lower a mode by half an order.
+    """
+    x, y, z = (int(NEAR * k_max * length / np.pi + 0.5) + 1 for length in lengths)
+    return x, y, z
+
+
+def _dimensionless(lengths: tuple[float, ...], soft: Complex) -> list[tuple[Complex, Complex]]:
+    """``j k beta L`` of the two walls of every axis."""
+    return [(soft[2 * i] * length, soft[2 * i + 1] * length) for i, length in enumerate(lengths)]
+
+
+def _axes(
+    lengths: tuple[float, ...], soft: Complex, counts: Sequence[int]
+) -> tuple[AxisModes, AxisModes, AxisModes]:
+    walls = _dimensionless(lengths, soft)
+    x, y, z = (axis_modes(lengths[i], *walls[i], counts[i]) for i in range(3))
+    return x, y, z
 
 
 # The remainder depends on geometry alone; fits ask for the same geometry hundreds of times.
@@ -191,7 +281,7 @@ def ball_mean(big_k2: NDArray, radius: float) -> NDArray:
     return np.where(small, 1 - z2 / 10 + z2**2 / 280, 3 * (np.sin(safe) - safe * np.cos(safe)) / safe**3)
 
 
-def _along(axes: Sequence[AxisModes], port: Port) -> list[Complex]:
+def _along(axes: Sequence[Axis], port: Port) -> list[Complex]:
     """Axis functions, or the derivative along one axis, at a port; ready to be multiplied."""
     return [
         (axis.slope_at if port.slope == i else axis.at)(np.array([port.position[i]]))[..., 0]
@@ -210,7 +300,7 @@ class _Lines:
     _means: dict[tuple[int, float, bool], NDArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, axes: Sequence[AxisModes], k2: Complex, part: slice) -> _Lines:
+    def of(cls, axes: Sequence[Axis], k2: Complex, part: slice) -> _Lines:
         q = [(axis.w[part] / axis.length**2)[where] for axis, where in zip(axes, _ALONG, strict=True)]
         norm = [axis.norm[part][where] for axis, where in zip(axes, _ALONG, strict=True)]
         own = k2[part][:, None, None, None]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from specan.models.parameter import Parameter
 from specan.models.quantity import quantity
-from specan.models.room.axis_modes import axis_modes
-from specan.models.room.box_field import BoxField, Port, point
+from specan.models.room.box_field import BoxField, Port, box, point
 
 Complex = NDArray[np.complex128]
 COLD = 325.0  # m/s, at -11 degC
@@ -135,19 +134,7 @@ def _make_box(
     # is fitted they must not jump.
     k_max = 2 * np.pi * float(np.max(frequency)) / COLD
     counts = mode_counts(as_drawn, k_max, float(margin))
-    soft = 1j * k * admittance
-    axes = [
-        axis_modes(lengths[i], soft[2 * i] * lengths[i], soft[2 * i + 1] * lengths[i], counts[i])
-        for i in range(3)
-    ]
-    return BoxField(
-        lengths,
-        (k - 1j * attenuation) ** 2,
-        (axes[0], axes[1], axes[2]),
-        soft,
-        as_drawn,
-        max(k_max, float(k.max())) ** 2,
-    )
+    return box(frequency, lengths, (k - 1j * attenuation) ** 2, 1j * k * admittance, as_drawn, k_max, counts)
 
 
 @quantity(unit="Pa*s/m", axes=("microphone",))

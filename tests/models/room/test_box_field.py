@@ -6,22 +6,20 @@ import numpy as np
 import pytest
 from scipy.special import j1
 
+from specan.models.room import box_field
 from specan.models.room.axis_modes import axis_modes
-from specan.models.room.box_field import BoxField, Port, ball_mean, disc_mean
+from specan.models.room.box_field import Port, ball_mean, box, disc_mean
 from specan.models.room.remainder import _closed_form
 
 LENGTHS = (0.9, 0.6, 0.7)
 PISTON = Port((0.0, 0.246, 0.3229), 0, 0.05)
 K = np.linspace(0.5, 27.0, 40)
+FINE = np.linspace(0.5, 15.0, 600)
 
 
 def field_of(beta, counts, k=K):
     soft = np.array([1j * k * b for b in beta])
-    axes = tuple(
-        axis_modes(LENGTHS[i], soft[2 * i] * LENGTHS[i], soft[2 * i + 1] * LENGTHS[i], counts[i])
-        for i in range(3)
-    )
-    return BoxField(LENGTHS, (k**2).astype(complex), axes, soft, LENGTHS, 1.05 * K.max() ** 2)
+    return box(k, LENGTHS, (k**2).astype(complex), soft, LENGTHS, 1.025 * K.max(), counts)
 
 
 def summed_across(beta0, beta1, points):
@@ -108,7 +106,7 @@ def test_the_closed_form_of_an_axis_is_its_sum_over_all_modes(x, y):
 
 def test_a_place_of_a_wall_moves_with_it_and_keeps_the_remainder_of_the_drawn_room():
     drawn = field_of((0.01,) * 6, (14, 10, 12))
-    longer = replace(drawn, lengths=(0.909, 0.6, 0.7), axes=drawn.axes, _done={})
+    longer = replace(drawn, lengths=(0.909, 0.6, 0.7), _done={})
     place = longer.place("z1", 0.4, 0.8, 0.01)
     assert place.position == pytest.approx((0.3636, 0.48, 0.7))
     there = Port((0.2, 0.3, 0.3), 0)
@@ -117,6 +115,36 @@ def test_a_place_of_a_wall_moves_with_it_and_keeps_the_remainder_of_the_drawn_ro
     np.testing.assert_array_equal(longer._rest(place, [there]), drawn._rest(as_drawn, [there]))
     patch = Port(as_drawn.position, 2, 0.01)
     np.testing.assert_allclose(drawn.coupling(as_drawn, [there]), drawn.coupling(patch, [there]), rtol=1e-12)
+
+
+WIDE, NARROW = (0.1 * d / (d + 1j * (FINE / 11.0 - 11.0 / FINE)) for d in (1.0, 0.01))
+WALLS = [
+    pytest.param(np.full((6, 1), 0.01), 24, id="hard"),
+    pytest.param(np.array([0.3, 0.02, 0.1 + 0.2j, 0.0, -0.3j, 0.05])[:, None], 24, id="soft"),
+    pytest.param(np.array([0.01, WIDE, 0, 0, 0.1, 0], dtype=object)[:, None], 48, id="resonant"),
+    pytest.param(np.array([0.01, NARROW, 0, 0, 0.1, 0], dtype=object)[:, None], None, id="narrow"),
+]
+
+
+@pytest.mark.parametrize(("beta", "few"), WALLS)
+def test_few_lines_tell_the_others_or_are_not_used(beta, few, monkeypatch):
+    beta = np.array([np.broadcast_to(b[0], FINE.shape) for b in beta], dtype=complex)
+    arguments = (FINE, LENGTHS, (FINE - 0.01j) ** 2, 1j * FINE * beta, LENGTHS, FINE.max(), (14, 10, 12))
+    source = Port((0.0, 0.246, 0.3229), 0, 0.05)
+    receivers = [
+        source,
+        Port((0.4, 0.0, 0.2), 1, 0.01),
+        Port((0.31, 0.2, 0.5), 0, 0.04, ball=True),
+        Port((0.31, 0.2, 0.5), 0, slope=1),
+        Port((0.7, 0.5, 0.1), 0),
+    ]
+    sparse = box(*arguments)
+    assert (len(sparse.few.chosen) if sparse.few else None) == few
+    got = sparse.coupling(source, receivers)
+    monkeypatch.setattr(box_field, "few_lines", lambda frequency: ())
+    expected = box(*arguments).coupling(source, receivers)
+    size = np.sqrt(np.mean(np.abs(expected) ** 2, axis=0))
+    assert np.max(np.abs(got - expected) / size) < 1e-8
 
 
 def test_coupling_is_reciprocal():
