@@ -17,7 +17,7 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.candidates import candidates, taken_for
 from specan.study.coarse import coarse, coarse_fit
-from specan.study.descent import descend, descend_a_little
+from specan.study.descent import descend_a_little
 from specan.study.fit import fit
 from specan.study.linearised import about
 from specan.study.plan import plan
@@ -34,6 +34,7 @@ MOST_TRIED = 6  # with those that are easily taken for the best so far
 SURE = 0.05  # reduced chi-square on the coarse view below which nothing else is tried
 MOST = 2  # effects
 LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
+SKETCHED = 5  # Jacobians of a sketch
 JACOBIANS = 3  # of all lines, from where a sketch leads
 
 
@@ -94,7 +95,7 @@ def _on_all_lines(
         theta = whole.start(values)
         sketch = whole.sketched(theta)
         with suppress(ComputationError):  # it stays where the coarse view has it
-            theta = descend(sketch, theta).theta
+            theta = descend_a_little(sketch, theta, SKETCHED)
         chi2 = float(np.sum(sketch.residual(theta) ** 2)) * problem.n_data / sketch.n_data
         sketched[uses] = chi2 + refit.count * price, whole.values_at(theta)
     bic: dict[EffectSet, float] = {}

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from specan.errors import ComputationError
-from specan.study.descent import descend
+from specan.study.descent import descend, led_lowest
 from specan.study.observation import Array
 from specan.study.problem import Problem
 
@@ -37,27 +37,18 @@ def coarse_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
     ComputationError
         No start leads anywhere.
     """
-    views = [coarse(problem, percent) for percent in STAGES]
-    best: tuple[float, Array] | None = None
+    first, last = (coarse(problem, percent) for percent in STAGES)
+    near: list[Array] = []
     reason = ""
     for values in starts:
         try:
-            chi2, theta = _staged(views, problem.start(values))
+            near.append(descend(first, problem.start(values)).theta)
         except ComputationError as fault:
             reason = fault.found
-            continue
-        if best is None or chi2 < best[0]:
-            best = chi2, theta
-    if best is None:
+    try:
+        return problem.values_at(descend(last, led_lowest(last, near)).theta)
+    except ComputationError as fault:
         raise ComputationError(
-            f"a first fit failed: {reason}", remedy="give other start values or narrower bounds"
-        )
-    return problem.values_at(best[1])
-
-
-def _staged(views: Sequence[Problem], theta: Array) -> tuple[float, Array]:
-    chi2 = float("inf")
-    for view in views:
-        found = descend(view, theta)
-        chi2, theta = found.chi2, found.theta
-    return chi2, theta
+            f"a first fit failed: {reason or fault.found}",
+            remedy="give other start values or narrower bounds",
+        ) from fault

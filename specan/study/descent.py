@@ -7,6 +7,7 @@ minimum is accepted only on an exact Jacobian.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ FAR_OFF = 10.0  # reduced chi-square above which the exact minimum of a dear fit
 SLIDING = 0.05  # share by which the last five may lower chi-square where an evaluation is dear and the model far off
 COARSE = 20.0  # times of that where an evaluation is dear
 MOST_JACOBIANS = 25
+LED = 3  # Jacobians that each of several starts is led by before the others are left
 MOST_SECANTS = 12
 MOST_DOUBLINGS = 8
 NEXT_TO_NONE = 1e-6  # damping with which a minimum is confirmed: a large one must not pass for it
@@ -82,6 +84,31 @@ def descend_a_little(problem: Problem, start: Array, jacobians: int) -> Array:
         if descent.follow(problem.jacobian(descent.theta), guessed=False) is not None:
             break
     return descent.theta
+
+
+def led_lowest(problem: Problem, starts: Sequence[Array]) -> Array:
+    """Where some Jacobians lead that of several starts from which they lead lowest.
+
+    Raises
+    ------
+    ComputationError
+        None is finite.
+    """
+    if len(starts) == 1:
+        return starts[0]
+    reached: list[tuple[float, Array]] = []
+    reason = ""
+    for start in starts:
+        try:
+            theta = descend_a_little(problem, start, LED)
+        except ComputationError as fault:
+            reason = fault.found
+            continue
+        residual = problem.residual(theta)
+        reached.append((float(residual @ residual), theta))
+    if not reached:
+        raise ComputationError(reason)
+    return min(reached, key=lambda r: r[0])[1]
 
 
 def unit(problem: Problem, chi2: float) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.coarse import coarse_fit
-from specan.study.descent import STALLED, Minimum, descend, descend_a_little, unit
+from specan.study.descent import STALLED, Minimum, descend, descend_a_little, led_lowest, unit
 from specan.study.fit import Fit, describe
 from specan.study.problem import Problem
 from specan.study.projection import Projection
@@ -96,6 +96,11 @@ class Refit:
         return self.lack / self.dof
 
     @property
+    def far(self) -> bool:
+        """Whether it is so far from peaks that nothing may be concluded from its parameters."""
+        return self.problem.resonant and self.reduced > FAR
+
+    @property
     def scale(self) -> float:
         """Denominator of every test: the reduced chi-square, never below one."""
         return max(self.reduced, 1.0)
@@ -174,14 +179,14 @@ class Refits:
         starts = [start_from(start, members, problem) for members in traces]
         if not again:
             known = [dict(self.known[uses])] if uses in self.known else []
-            starts = known or self._from_afar(problem, uses, starts) or starts
+            starts = known or self._from_afar(start, problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
         best, reason = self._lost(uses, problem, near), ""
         if best is None:
-            best, reason = self._lowest(problem, near)
+            best, reason = self._lowest(problem, near, self.done.get(start.uses))
             nested = self._best_within(uses)
             if best is None or best.chi2 > nested.fit.chi2 + STALLED * unit(problem, best.chi2):
-                best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)])
+                best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
         if best is None or (before is not None and before.fit.chi2 <= best.chi2):
             if before is None:
                 self.failed[uses] = reason
@@ -193,17 +198,17 @@ class Refits:
     @property
     def far(self) -> bool:
         """Whether the base is so far from the data that nothing may be concluded from its parameters."""
-        return self.base.problem.resonant and self.base.reduced > FAR
+        return self.base.far
 
     def out_of_reach(self, chi2: float, best: float) -> bool:
         """Whether a chi-square is too far above the best for an exact minimum, and an exact equation, to help."""
         return chi2 > OUT_OF_REACH * best + FORM**2 * max(self.base.fit.chi2 - best, 0.0)
 
     def _from_afar(
-        self, problem: Problem, uses: EffectSet, starts: list[dict[str, float | Array]]
+        self, start: Refit, problem: Problem, uses: EffectSet, starts: list[dict[str, float | Array]]
     ) -> list[dict[str, float | Array]]:
-        """A start from a coarse fit, where what the base has wrong has dragged its parameters away."""
-        if not self.far:
+        """A start from a coarse fit, where what the set has wrong has dragged its parameters away."""
+        if not start.far:
             return []
         own = [{n: v for n, v in s.items() if n.rpartition(".")[0] in map(str, uses)} for s in starts]
         try:
@@ -216,21 +221,18 @@ class Refits:
     ) -> list[dict[str, Any]]:
         """Of many rows, the start that leads lowest on a sketch, led there.
 
-        The sketch is the one that the traces were scored on; about the last start where the base is far off.
+        The sketch is the one that the traces were scored on; about the last start where that set is far off.
         """
         seen = problem.over(start.problem.observations)
-        if self.far:
+        if start.far:
             seen = problem.sketched(problem.start(starts[-1]))
         if seen.n_data == problem.n_data:
             return starts
-        reached: list[tuple[float, dict[str, Any]]] = []
-        for values in starts:
-            try:
-                there = descend(seen, problem.start(values))
-            except ComputationError:  # the whole data may do better
-                continue
-            reached.append((there.chi2, problem.values_at(there.theta)))
-        return [min(reached, key=lambda r: r[0])[1]] if reached else starts
+        try:
+            there = descend(seen, led_lowest(seen, [problem.start(values) for values in starts]))
+        except ComputationError:  # the whole data may do better
+            return starts
+        return [problem.values_at(there.theta)]
 
     def _lost(self, uses: EffectSet, problem: Problem, near: Sequence[Mapping[str, Any]]) -> Minimum | None:
         """Where a dear refit was led, if that is so bad that its exact minimum is of no interest.
@@ -252,15 +254,23 @@ class Refits:
         return Minimum(theta, residual, problem.jacobian(theta), chi2)
 
     def _lowest(
-        self, problem: Problem, starts: Sequence[Mapping[str, float | Array]]
+        self, problem: Problem, starts: Sequence[Mapping[str, float | Array]], fewer: Refit | None
     ) -> tuple[Minimum | None, str]:
-        """Lowest minimum that a descent from one of the starts reaches; None, and why not, where none does."""
+        """Lowest minimum that a descent from one of the starts reaches; None, and why not, where none does.
+
+        `fewer` is a fit with fewer effects, whose slopes serve where new ones are dear.
+        """
         best: Minimum | None = None
         reason = ""
-        for values in starts:
-            theta = problem.start(values)
+        thetas = [problem.start(values) for values in starts]
+        if problem.resonant:  # many starts, and most of them lead astray slowly
             try:
-                found = descend(problem, theta, self._slopes(problem, theta))
+                thetas = [led_lowest(problem, thetas)]
+            except ComputationError as fault:
+                return None, fault.found
+        for theta in thetas:
+            try:
+                found = descend(problem, theta, _slopes(fewer, problem, theta))
             except ComputationError as fault:
                 reason = fault.found
                 continue
@@ -271,36 +281,6 @@ class Refits:
     def _best_within(self, uses: EffectSet) -> Refit:
         """The best fit so far that a set contains: with the other effects at nothing the set is as good."""
         return min((r for part, r in self.done.items() if part < uses), key=lambda r: r.fit.chi2)
-
-    def _slopes(self, problem: Problem, theta: Array) -> Array | None:
-        """Jacobian to begin with where an exact one is dear: the base's, and slopes of what is new."""
-        base = self.base
-        if not problem.dear or self.far:
-            return None
-        known = {name: base.fit.jacobian[:, k] for k, name in enumerate(base.fit.names)}
-        rows = [*range(problem.n_data), *self._prior_rows(problem)]
-        here = problem.residual(theta)
-        low, high = problem.bounds()
-        columns = []
-        for k, name in enumerate(problem.names):
-            if name in known and name.split("[")[0] in base.problem.free:
-                columns.append(known[name][rows])
-                continue
-            step = (
-                SLOPE_STEP
-                * problem.scale[k]
-                * (1 if theta[k] + SLOPE_STEP * problem.scale[k] <= high[k] else -1)
-            )
-            moved = theta.copy()
-            moved[k] = np.clip(theta[k] + step, low[k], high[k])
-            columns.append((problem.residual(moved) - here) / (moved[k] - theta[k]))
-        return np.column_stack(columns)
-
-    def _prior_rows(self, problem: Problem) -> list[int]:
-        """Rows of the base that hold the priors of another problem over it."""
-        base = self.base.problem
-        held = [n for n in base.names if n.split("[")[0] in base.priors]
-        return [base.n_data + held.index(n) for n in problem.names if n.split("[")[0] in problem.priors]
 
     def _describe(self, uses: EffectSet, problem: Problem, best: Fit) -> Refit:
         own = {u: [n for n in problem.names if n.rpartition(".")[0] == str(u)] for u in uses}
@@ -319,6 +299,34 @@ class Refits:
     def of_size(self, size: int) -> list[Refit]:
         """Sets with so many effects that were fitted."""
         return [r for uses, r in self.done.items() if len(uses) == size]
+
+
+def _slopes(fewer: Refit | None, problem: Problem, theta: Array) -> Array | None:
+    """Jacobian to begin with where an exact one is dear: of a fit with fewer effects, and slopes of what is new."""
+    if fewer is None or not problem.dear or fewer.far:
+        return None
+    known = {name: fewer.fit.jacobian[:, k] for k, name in enumerate(fewer.fit.names)}
+    rows = [*range(problem.n_data), *_prior_rows(fewer.problem, problem)]
+    here = problem.residual(theta)
+    low, high = problem.bounds()
+    columns = []
+    for k, name in enumerate(problem.names):
+        if name in known and name.split("[")[0] in fewer.problem.free:
+            columns.append(known[name][rows])
+            continue
+        step = (
+            SLOPE_STEP * problem.scale[k] * (1 if theta[k] + SLOPE_STEP * problem.scale[k] <= high[k] else -1)
+        )
+        moved = theta.copy()
+        moved[k] = np.clip(theta[k] + step, low[k], high[k])
+        columns.append((problem.residual(moved) - here) / (moved[k] - theta[k]))
+    return np.column_stack(columns)
+
+
+def _prior_rows(base: Problem, problem: Problem) -> list[int]:
+    """Rows of a problem that hold the priors of another one over it."""
+    held = [n for n in base.names if n.split("[")[0] in base.priors]
+    return [base.n_data + held.index(n) for n in problem.names if n.split("[")[0] in problem.priors]
 
 
 def start_nested(

@@ -25,7 +25,7 @@ Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
 NEAR = 1.25  # times the largest wave number, up to which modes are summed at every line
-_LINES_AT_ONCE = 64  # keeps the (lines, nx, ny, nz) array in the cache
+_TERMS_AT_ONCE = 30_000  # of the modal sum: an array (lines, nx, ny, nz) in the cache
 
 
 def point(values: Sequence[float] | Real) -> tuple[float, float, float]:
@@ -89,8 +89,9 @@ class Modes:
         from_source = _along(self.axes, source)
         to_special = [_along(self.axes, receivers[i]) for i in special]
         nx, ny, nz = self.but
-        for first in range(0, len(self.k2), _LINES_AT_ONCE):
-            part = slice(first, first + _LINES_AT_ONCE)
+        step = max(1, _TERMS_AT_ONCE // int(np.prod([axis.w.shape[1] for axis in self.axes])))
+        for first in range(0, len(self.k2), step):
+            part = slice(first, first + step)
             here = _Lines.of(self.axes, self.k2, part)
             amplitudes = here.amplitudes([x[part] for x in from_source], source)
             amplitudes[:, :nx, :ny, :nz] = 0
@@ -173,7 +174,14 @@ class BoxField:
         return found
 
     def _rest(self, source: Port, receivers: Sequence[Port]) -> Complex:
-        room = (self.drawn, self.counts, self.k2_max, source.drawn or source.position, source.axis, source.radius)
+        room = (
+            self.drawn,
+            self.counts,
+            self.k2_max,
+            source.drawn or source.position,
+            source.axis,
+            source.radius,
+        )
         places = [(room, *(port.drawn or port.position), port.radius) for port in receivers]
         new = [place for place in dict.fromkeys(places) if place not in _REMAINDERS]
         if len(_REMAINDERS) + len(new) > _KEPT:

@@ -93,9 +93,10 @@ def remainder(
     centre, circle = k2_max / 2, 0.6 * k2_max
     nodes = 2 * order + 4
     angles = 2 * np.pi * (np.arange(nodes // 2) + 0.5) / nodes  # the lower half is the conjugate
-    terms = _Terms.prepare(lengths, counts, source, axis, radius)
     k2 = centre + circle * np.exp(1j * angles)
-    values = np.array([terms.sums(k2, p, r) for p, r in zip(points, radii, strict=True)])
+    closed = _Closed.along(lengths, counts, axis, source[axis] < lengths[axis] / 2, tuple(k2.tolist()))
+    terms = _Terms.prepare(closed, source, radius)
+    values = np.array([terms.sums(p, r) for p, r in zip(points, radii, strict=True)])
     powers = np.exp(-1j * np.outer(np.arange(order + 1), angles))
     coefficients = np.einsum("on,rsn->sor", powers, values).real * (2 / nodes)
     return Remainder(centre, circle, coefficients[0], coefficients[1])
@@ -167,43 +168,90 @@ class _Plane:
         return np.stack([rigid, soft])
 
 
+@dataclass(frozen=True, eq=False)
+class _Closed:
+    """The closed axis between the modes of a plane, at some squared wave numbers; of the geometry alone."""
+
+    flat: _Plane
+    near: bool  # whether the soft wall is the one at 0
+    k2: Complex
+    modes: tuple[AxisModes, AxisModes, AxisModes]  # rigid; with that wall a little soft, and a little active
+
+    STEP = 1e-4  # 1/m, of j k beta: for a derivative
+
+    @classmethod
+    @lru_cache(maxsize=24)
+    def along(
+        cls,
+        lengths: tuple[float, float, float],
+        counts: tuple[int, ...],
+        axis: int,
+        near: bool,
+        k2: tuple[complex, ...],
+    ) -> _Closed:
+        rigid, softer, harder = (
+            axis_modes(lengths[axis], *((step, 0.0) if near else (0.0, step)), counts[axis])
+            for step in (0.0, cls.STEP * lengths[axis], -cls.STEP * lengths[axis])
+        )
+        return cls(_Plane.across(lengths, counts, axis), near, np.array(k2), (rigid, softer, harder))
+
+    @property
+    def length(self) -> float:
+        return self.flat.lengths[self.flat.axis]
+
+    @property
+    def wall(self) -> float:
+        return 0.0 if self.near else self.length
+
+    @cached_property
+    def _kept(self) -> dict[str, Complex]:
+        return {}
+
+    def kappa(self, last: int) -> Complex:
+        """``sqrt(k_t^2 - k^2)`` of the first modes of the plane, array (k2, modes)."""
+        if "kappa" not in self._kept or self._kept["kappa"].shape[1] < last:
+            self._kept["kappa"] = np.sqrt(self.flat.kt2[:last] - self.k2[:, None] + 0j)
+        return self._kept["kappa"][:, :last]
+
+    def from_wall(self, last: int, there: float) -> Complex:
+        """All modes of the rigid axis between its soft wall and a place."""
+        if there != self.wall:
+            return _closed_form(self.kappa(last), self.length, self.wall, there)
+        if "wall" not in self._kept or self._kept["wall"].shape[1] < last:
+            self._kept["wall"] = _closed_form(self.kappa(last), self.length, there, there)
+        return self._kept["wall"][:, :last]
+
+    @cached_property
+    def _resolvents(self) -> list[Complex]:
+        gap = self.flat.kt2[self.flat.low] - self.k2[:, None]
+        return [1 / ((modes.q2[0] + gap[..., None]) * modes.norm[0]) for modes in self.modes]
+
+    def truncated(self, x: float, y: float) -> tuple[Complex, Complex]:
+        """What a truncated sum has of the axis between two places, and its change by the soft wall."""
+        at = [modes.at(np.array([x, y]))[0] for modes in self.modes]
+        rigid, softer, harder = (r @ (a[:, 0] * a[:, 1]) for r, a in zip(self._resolvents, at, strict=True))
+        return rigid, (softer - harder) / (2 * self.STEP)
+
+
 @dataclass(frozen=True)
 class _Terms:
     """The modes that a source drives."""
 
-    flat: _Plane
+    closed: _Closed
     source: tuple[float, float, float]
-    radius: float
     weight: Real
-    rigid: AxisModes  # along the closed axis
-    softer: AxisModes  # the same with the source's wall a little soft, and a little active
-    harder: AxisModes
 
-    STEP = 1e-4  # 1/m, of j k beta: for a derivative
     REACH = 18.0  # exp(-18) of a hundredth of the field: a mode that has died out
 
     @classmethod
-    def prepare(
-        cls,
-        lengths: tuple[float, float, float],
-        counts: tuple[int, ...],
-        source: tuple[float, float, float],
-        axis: int,
-        radius: float,
-    ) -> _Terms:
-        flat = _Plane.across(lengths, counts, axis)
-        weight = flat.double * flat.shape(source) * flat.mean(radius)
-        nearby = source[axis] < lengths[axis] / 2
-        modes = [
-            axis_modes(lengths[axis], *((step, 0.0) if nearby else (0.0, step)), counts[axis])
-            for step in (0.0, cls.STEP * lengths[axis], -cls.STEP * lengths[axis])
-        ]
-        return cls(flat, source, radius, weight, *modes)
+    def prepare(cls, closed: _Closed, source: tuple[float, float, float], radius: float) -> _Terms:
+        flat = closed.flat
+        return cls(closed, source, flat.double * flat.shape(source) * flat.mean(radius))
 
-    def sums(self, k2: Complex, point: Real, radius: float) -> tuple[Complex, Complex]:
-        """Remainder of the rigid box, and its change by a soft source wall, at some squared wave numbers."""
-        flat, axis = self.flat, self.flat.axis
-        length, here, there = flat.lengths[axis], self.source[axis], float(point[axis])
+    def sums(self, point: Real, radius: float) -> tuple[Complex, Complex]:
+        """Remainder of the rigid box, and its change by a soft source wall."""
+        closed, flat = self.closed, self.closed.flat
+        here, there, k2 = self.source[flat.axis], float(point[flat.axis]), closed.k2
         gap = abs(there - here)
         last = int(np.searchsorted(flat.kt2, (self.REACH / max(gap, 1e-9)) ** 2))
         last = max(last, int(np.flatnonzero(flat.low)[-1]) + 1)
@@ -213,22 +261,23 @@ class _Terms:
             weight = weight * flat.mean(radius)[some]
         if last == len(flat.kt2):
             weight = weight * flat.fade
-        wall = 0.0 if here < length / 2 else length
         rest = np.zeros((2, len(k2)), dtype=complex)
         if radius > 0 and tuple(point) == self.source:
             rest[0] = _beyond(flat.top, tuple(k2.tolist()), radius)
-        if here == there == wall:
-            far = flat.far(float(np.abs(k2).max()), last)
-            rest += flat.beside(far, last, weight, k2)
-            some, weight = slice(0, far), weight[:far]
-        kt2, low = flat.kt2[some], flat.low[some]
-        kappa = np.sqrt(kt2 - k2[:, None] + 0j)
-        along = _closed_form(kappa, length, here, there)
-        softer = -_closed_form(kappa, length, here, wall) * _closed_form(kappa, length, wall, there)
-        gaps = kt2[low] - k2[:, None]
-        along[:, low] -= _modes_of_axis(self.rigid, gaps, here, there)
-        stepped = [_modes_of_axis(modes, gaps, here, there) for modes in (self.softer, self.harder)]
-        softer[:, low] -= (stepped[0] - stepped[1]) / (2 * self.STEP)
+        if here == there == closed.wall:
+            last = flat.far(float(np.abs(k2).max()), last)
+            rest += flat.beside(last, len(weight), weight, k2)
+            weight = weight[:last]
+        if here == closed.wall:
+            along = closed.from_wall(last, there).copy()
+            softer = -closed.from_wall(last, here) * along
+        else:
+            along = _closed_form(closed.kappa(last), closed.length, here, there)
+            softer = -closed.from_wall(last, here) * closed.from_wall(last, there)
+        low = np.flatnonzero(flat.low[:last])
+        rigid, change = closed.truncated(here, there)
+        along[:, low] -= rigid
+        softer[:, low] -= change
         return along @ weight + rest[0], softer @ weight + rest[1]
 
 
@@ -286,11 +335,3 @@ def _echoed(kappa: Complex, distance: float) -> Complex | float:
 def _alive(kappa: Complex, distance: float) -> slice:
     """Modes that have not died out on the way to a wall and back."""
     return slice(0, int(np.searchsorted(kappa.real.min(axis=0), DIED / (2 * distance))))
-
-
-def _modes_of_axis(modes: AxisModes, gap: NDArray[np.complexfloating], x: float, y: float) -> Complex:
-    """The terms of the same sum that the truncated one has."""
-    at = modes.at(np.array([x, y]))[0]
-    weight = at[:, 0] * at[:, 1] / modes.norm[0]
-    found: Complex = (weight / (modes.q2[0] + gap[..., None])).sum(axis=-1)
-    return found
