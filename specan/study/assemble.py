@@ -213,13 +213,14 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
     for k, name in enumerate(problem.names):
         parameter = problem.assembly.parameters[name.split("[")[0]]
         value, sd = float(best.theta[k]), best.standard_error(name) * widen
+        least, most = problem.plausible(name.split("[")[0])
         ends = max(value - 1.96 * sd, low[k]), min(value + 1.96 * sd, high[k])
         table[name] = {
             "value": parameter.from_si(value),
             "low": parameter.from_si(float(ends[0])),
             "high": parameter.from_si(float(ends[1])),
             "unit": parameter.unit,
-            "plausible": bool(parameter.si.min - 2 * sd <= value <= parameter.si.max + 2 * sd),
+            "plausible": bool(least - 2 * sd <= value <= most + 2 * sd),
             "at_bound": name in best.at_bound,
             "nuisance": name.split("[")[0] in problem.priors,
         }

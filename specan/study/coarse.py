@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from specan.errors import ComputationError
-from specan.study.descent import descend, led_lowest
+from specan.study.descent import LED, descend, descend_a_little, led_lowest
 from specan.study.observation import Array
 from specan.study.problem import Problem
 
@@ -32,6 +32,9 @@ def coarse(problem: Problem, percent: float = STAGES[-1], values: Mapping[str, A
 def coarse_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> dict[str, Any]:
     """SI values where a fit in stages ends, the best of several starts.
 
+    A coarse view is blind to small effects: of starts, and of what it makes of them, that meet it equally well, a
+    sketch with the windows chooses.
+
     Raises
     ------
     ComputationError
@@ -46,9 +49,30 @@ def coarse_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
         except ComputationError as fault:
             reason = fault.found
     try:
-        return problem.values_at(descend(last, led_lowest(last, near)).theta)
+        theta = descend(last, led_lowest(last, near)).theta
     except ComputationError as fault:
         raise ComputationError(
             f"a first fit failed: {reason or fault.found}",
             remedy="give other start values or narrower bounds",
         ) from fault
+    if len(starts) == 1:
+        return problem.values_at(theta)
+    met = max(_chi2(last, theta), last.n_data)
+    given = [problem.start(values) for values in starts]
+    alike = [theta, *(t for t in (*given, *near) if _chi2(last, t) <= met)]
+    return problem.values_at(_nearest(problem, alike) if len(alike) > 1 else theta)
+
+
+def _nearest(problem: Problem, thetas: Sequence[Array]) -> Array:
+    """That of several places from where some Jacobians lead lowest, each on a sketch of its own."""
+    reached: list[tuple[float, Array]] = []
+    for theta in thetas:
+        sketch = problem.sketched(theta)
+        there = descend_a_little(sketch, theta, LED)
+        reached.append((_chi2(sketch, there), there))
+    return min(reached, key=lambda r: r[0])[1]
+
+
+def _chi2(problem: Problem, theta: Array) -> float:
+    residual = problem.residual(theta)
+    return float(residual @ residual)

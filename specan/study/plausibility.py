@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from specan.models import Use
 from specan.study.refit import FORM, Refit
 
 WIDTHS = 2.0  # standard errors by which a range may be missed
@@ -37,7 +36,7 @@ def _excess(refit: Refit, name: str) -> float:
     if plain in problem.priors:
         mean, width = problem.priors[plain]
         return abs(value - mean) / width - PRIOR_WIDTHS
-    low, high = _range(refit, plain)
+    low, high = problem.plausible(plain)
     error = fit.standard_error(name) * float(np.sqrt(refit.scale))
     miss = max(low - value, value - high)
     if miss <= 0:
@@ -45,15 +44,3 @@ def _excess(refit: Refit, name: str) -> float:
     if error <= 0:
         return np.inf
     return miss / error - WIDTHS
-
-
-def _range(refit: Refit, plain: str) -> tuple[float, float]:
-    """Plausible range of a parameter, SI; that of an amplitude reaches to where the effect vanishes.
-
-    A leak that is smaller than those one usually finds is a leak nevertheless.
-    """
-    assembly = refit.problem.assembly
-    si = assembly.parameters[plain].si
-    owner, _, own = plain.rpartition(".")
-    neutral = {u: assembly.model.effects[u.name].neutral_si for u in refit.uses}.get(Use.parse(owner), {})
-    return min(si.min, neutral.get(own, si.min)), max(si.max, neutral.get(own, si.max))

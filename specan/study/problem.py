@@ -200,6 +200,19 @@ class Problem:
         si = self.assembly.parameters[name].si
         return self.domains.get(name, (si.lower, si.upper))
 
+    def plausible(self, name: str) -> tuple[float, float]:
+        """Where a parameter is expected, SI; an amplitude of an effect beyond the base also where it vanishes.
+
+        A leak that is smaller than those one usually finds is a leak nevertheless.
+        """
+        si, model = self.assembly.parameters[name].si, self.assembly.model
+        owner, _, own = name.rpartition(".")
+        acting = {str(use): use for use in self.assembly.uses}
+        if owner not in acting or owner in map(str, model.base_effects):
+            return si.min, si.max
+        neutral = model.effects[acting[owner].name].neutral_si.get(own, si.min)
+        return min(si.min, neutral), max(si.max, neutral)
+
     @cached_property
     def scale(self) -> Array:
         """Typical size of each element of theta: the prior's width, a quarter of the range, the default."""

@@ -160,9 +160,17 @@ class Search:
         return self._best_passed(self.refits.of_size(1))
 
     def _look_closer(self, step: Step) -> None:
-        """Dear candidates were scored at few shapes: those that promise most are looked at over all of them."""
-        uses = [u for u in _by_promise(step)[:LOOKED_AT] if frozenset({u}) not in self.refits.known]
-        step.by_use |= ways(step.seen, uses)
+        """Dear candidates were scored at few shapes: those that promise most are looked at over all of them.
+
+        What does best is looked for everywhere: a low mode is much the same at the opposite wall.
+        """
+        first = _by_promise(step)[:LOOKED_AT]
+        self._look_over(step, first)
+        best = _by_promise(step)[0]
+        self._look_over(step, [use for use in step.by_use if use.name == best.name and use not in first])
+
+    def _look_over(self, step: Step, uses: Sequence[Use]) -> None:
+        step.by_use |= ways(step.seen, [u for u in uses if frozenset({u}) not in self.refits.known])
 
     def _out_of_reach(self, step: Step, use: Use) -> bool:
         """Whether a set was found that is so much better than the linearised promise that a dear refit is spared."""

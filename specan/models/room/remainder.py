@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
 
+KEPT = 100  # places along an axis
 DIED = 37.0  # exp(-37) is no more than rounding
 FAR = 6.0  # times the wave number, above which a mode is taken in powers of the ratio squared
 _ROOTS = (1.0, 1 / 2, 3 / 8, 5 / 16, 35 / 128)  # of (1 - x)^(-1/2); those of 1 / (1 - x) are all one
@@ -204,22 +206,30 @@ class _Closed:
         return 0.0 if self.near else self.length
 
     @cached_property
-    def _kept(self) -> dict[str, Complex]:
+    def _roots(self) -> list[Complex]:
+        return []
+
+    @cached_property
+    def _from_wall(self) -> dict[float, Complex]:
+        return {}
+
+    @cached_property
+    def _truncated(self) -> dict[tuple[float, float], tuple[Complex, Complex]]:
         return {}
 
     def kappa(self, last: int) -> Complex:
         """``sqrt(k_t^2 - k^2)`` of the first modes of the plane, array (k2, modes)."""
-        if "kappa" not in self._kept or self._kept["kappa"].shape[1] < last:
-            self._kept["kappa"] = np.sqrt(self.flat.kt2[:last] - self.k2[:, None] + 0j)
-        return self._kept["kappa"][:, :last]
+        if not self._roots or self._roots[0].shape[1] < last:
+            self._roots[:] = [np.sqrt(self.flat.kt2[:last] - self.k2[:, None] + 0j)]
+        return self._roots[0][:, :last]
 
     def from_wall(self, last: int, there: float) -> Complex:
-        """All modes of the rigid axis between its soft wall and a place."""
-        if there != self.wall:
-            return _closed_form(self.kappa(last), self.length, self.wall, there)
-        if "wall" not in self._kept or self._kept["wall"].shape[1] < last:
-            self._kept["wall"] = _closed_form(self.kappa(last), self.length, there, there)
-        return self._kept["wall"][:, :last]
+        """All modes of the rigid axis between its soft wall and a place; microphones stay where they are."""
+        kept = self._from_wall
+        if there not in kept or kept[there].shape[1] < last:
+            _make_room(kept)
+            kept[there] = _closed_form(self.kappa(last), self.length, self.wall, there)
+        return kept[there][:, :last]
 
     @cached_property
     def _resolvents(self) -> list[Complex]:
@@ -228,6 +238,12 @@ class _Closed:
 
     def truncated(self, x: float, y: float) -> tuple[Complex, Complex]:
         """What a truncated sum has of the axis between two places, and its change by the soft wall."""
+        if (x, y) not in self._truncated:
+            _make_room(self._truncated)
+            self._truncated[x, y] = self._summed(x, y)
+        return self._truncated[x, y]
+
+    def _summed(self, x: float, y: float) -> tuple[Complex, Complex]:
         at = [modes.at(np.array([x, y]))[0] for modes in self.modes]
         rigid, softer, harder = (r @ (a[:, 0] * a[:, 1]) for r, a in zip(self._resolvents, at, strict=True))
         return rigid, (softer - harder) / (2 * self.STEP)
@@ -279,6 +295,11 @@ class _Terms:
         along[:, low] -= rigid
         softer[:, low] -= change
         return along @ weight + rest[0], softer @ weight + rest[1]
+
+
+def _make_room(kept: dict[Any, Any]) -> None:
+    if len(kept) >= KEPT:
+        kept.clear()
 
 
 def _fade(kappa: Real, top: float) -> Real:
