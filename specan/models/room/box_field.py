@@ -11,7 +11,7 @@ above it at few lines only (`specan.models.room.few_lines`); what lies above the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,7 +25,8 @@ Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
 NEAR = 1.25  # times the largest wave number, up to which modes are summed at every line
-_TERMS_AT_ONCE = 30_000  # of the modal sum: an array (lines, nx, ny, nz) in the cache
+_TERMS_AT_ONCE = 30_000  # of the modal sum: an array (lines, nx, ny, nz) in the processor's cache
+_TERMS_KEPT = 300_000  # of which what all ports share stays in memory
 
 
 def point(values: Sequence[float] | Real) -> tuple[float, float, float]:
@@ -79,6 +80,18 @@ class Modes:
     axes: tuple[Axis, Axis, Axis]
     k2: Complex
     but: tuple[int, int, int] = (0, 0, 0)
+    _lines: dict[int, _Lines] = field(default_factory=dict, repr=False, compare=False)
+
+    def _parts(self) -> Iterator[tuple[slice, _Lines]]:
+        """The modes, a few lines at once; kept for the next port where they take little room."""
+        modes = int(np.prod([axis.w.shape[1] for axis in self.axes]))
+        step = max(1, _TERMS_AT_ONCE // modes)
+        for first in range(0, len(self.k2), step):
+            part = slice(first, first + step)
+            here = self._lines.get(first) or _Lines.of(self.axes, self.k2, part)
+            if modes * len(self.k2) < _TERMS_KEPT:
+                self._lines[first] = here
+            yield part, here
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Sum of the modes, averaged over both ports: array (lines, receivers)."""
@@ -89,10 +102,7 @@ class Modes:
         from_source = _along(self.axes, source)
         to_special = [_along(self.axes, receivers[i]) for i in special]
         nx, ny, nz = self.but
-        step = max(1, _TERMS_AT_ONCE // int(np.prod([axis.w.shape[1] for axis in self.axes])))
-        for first in range(0, len(self.k2), step):
-            part = slice(first, first + step)
-            here = _Lines.of(self.axes, self.k2, part)
+        for part, here in self._parts():
             amplitudes = here.amplitudes([x[part] for x in from_source], source)
             amplitudes[:, :nx, :ny, :nz] = 0
             along_z = amplitudes @ at[2][part][:, None]
@@ -157,6 +167,9 @@ class BoxField:
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
+        for port in receivers:  # what no remainder is added to is reciprocal to the last digit
+            if (source.ball or port.ball) and (port, source) in self._done:
+                self._done[source, port] = self._done[port, source]
         new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
         if new:
             found = self._modal(source, new)
@@ -261,14 +274,26 @@ def disc_mean(kt2: NDArray, radius: float) -> NDArray:
     power series in ``x = -z^2 / 4``, which serves complex arguments and needs no branch; a term is
     ``x / (n (n + 1))`` times the one before.
     """
-    x = np.asarray(kt2) * (-(radius**2) / 4)
+    return _series(np.asarray(kt2) * (-(radius**2) / 4), lambda n: n * (n + 1))
+
+
+def ball_mean(big_k2: NDArray, radius: float) -> NDArray:
+    """Mean over a ball of a field with wave number squared `big_k2`, relative to its centre.
+
+    ``3 j1(z)/z`` with ``z = K a``; in powers of ``x = -z^2 / 4`` a term is ``x / (n (n + 3/2))`` times the one before.
+    """
+    return _series(np.asarray(big_k2) * (-(radius**2) / 4), lambda n: n * (n + 1.5))
+
+
+def _series(x: NDArray, divisor: Callable[[int], float]) -> NDArray:
+    """A power series of which each term is ``x / divisor(n)`` times the one before."""
     largest, size, terms = float(np.max(np.abs(x), initial=0.0)), 1.0, 0
     while size > 1e-14 and terms < 80:
         terms += 1
-        size *= largest / (terms * (terms + 1))
+        size *= largest / divisor(terms)
     total = np.ones_like(x)
     for n in range(terms, 0, -1):
-        total *= x / (n * (n + 1))
+        total *= x / divisor(n)
         total += 1
     return total
 
@@ -278,15 +303,6 @@ _ALONG = (
     (slice(None), None, slice(None), None),
     (slice(None), None, None, slice(None)),
 )
-
-
-def ball_mean(big_k2: NDArray, radius: float) -> NDArray:
-    """Mean over a ball of a field with wave number squared `big_k2`: ``3 j1(K a) / (K a)``."""
-    z2 = np.asarray(big_k2) * radius**2
-    z = np.sqrt(z2 + 0j)
-    small = np.abs(z2) < 1e-3
-    safe = np.where(small, 1.0, z)
-    return np.where(small, 1 - z2 / 10 + z2**2 / 280, 3 * (np.sin(safe) - safe * np.cos(safe)) / safe**3)
 
 
 def _along(axes: Sequence[Axis], port: Port) -> list[Complex]:
