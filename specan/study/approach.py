@@ -6,6 +6,7 @@ looked at anew. Only which of them are looked at first, and where their fits beg
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -25,12 +26,12 @@ from specan.study.problem import Problem
 from specan.study.refit import FAR, OUT_OF_REACH, EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, score
 from specan.study.traces import Known, traces
-from specan.study.ways_in import ways
+from specan.study.ways_in import looked_over, promised, ways
 
-LOOKED_AT = 10  # candidates that are looked at over all of their shapes
-TRIED = 3  # of them that are refitted
+LOOKED_AT = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
+TRIED, ALIKE = 4, 2  # of them that are refitted, and at most so many of one effect
 CLEAR = 0.7  # share of the base's chi-square on the coarse view that may be left by what is nearer
-MOST_TRIED = 6  # with those that are easily taken for the best so far
+MOST_TRIED = 7  # with those that are easily taken for the best so far
 SURE = 0.05  # reduced chi-square on the coarse view below which nothing else is tried
 MOST = 2  # effects
 LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
@@ -119,7 +120,7 @@ def _tried(problem: Problem) -> list[Refit]:
     values = coarse_fit(problem)
     view = coarse(problem, values=values)
     best = Refit(frozenset(), view, fit(view, start=values))
-    refits = Refits(best)
+    refits = Refits(best, rough=True)
     for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}
@@ -136,9 +137,8 @@ def _tried(problem: Problem) -> list[Refit]:
 
 def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]]) -> Refit:
     """The best set with one effect more, of those that promise most and of what is easily taken for the best."""
-    first = sorted(scored, key=lambda use: _promised(best, scored[use][0]))
-    closer = ways(best, first[:LOOKED_AT])
-    queue = sorted(closer, key=lambda use: _promised(best, closer[use][0]))[:TRIED]
+    closer = looked_over(best, scored, LOOKED_AT)
+    queue = _of_several_names(sorted(closer, key=lambda use: promised(best, closer[use][0])))
     looked_at: set[Use] = set()
     better = best
     while queue and better.reduced > SURE and len(looked_at) < MOST_TRIED:
@@ -154,6 +154,12 @@ def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scor
     return better
 
 
-def _promised(best: Refit, item: Scored) -> float:
-    count = item.amplitudes + len(item.trace.shapes)
-    return -item.gain + count * float(np.log(best.problem.n_effective))
+def _of_several_names(order: Sequence[Use]) -> list[Use]:
+    """The first few uses, few of one effect among them: at opposite walls it promises much the same."""
+    counts: Counter[str] = Counter()
+    queue = []
+    for use in order:
+        counts[use.name] += 1
+        if counts[use.name] <= ALIKE:
+            queue.append(use)
+    return queue[:TRIED]

@@ -11,11 +11,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from specan.errors import ComputationError
-from specan.study.descent import LED, descend, descend_a_little, led_lowest
+from specan.study.descent import LED, descend_a_little, led_lowest
 from specan.study.observation import Array
 from specan.study.problem import Problem
 
 STAGES = (20.0, 5.0)  # per cent of the RMS over microphones
+ENOUGH = 8  # Jacobians a stage: what a fit still gains then, such uncertainties do not tell from nothing
 
 
 def coarse(problem: Problem, percent: float = STAGES[-1], values: Mapping[str, Any] | None = None) -> Problem:
@@ -45,11 +46,11 @@ def coarse_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
     reason = ""
     for values in starts:
         try:
-            near.append(descend(first, problem.start(values)).theta)
+            near.append(descend_a_little(first, problem.start(values), ENOUGH))
         except ComputationError as fault:
             reason = fault.found
     try:
-        theta = descend(last, led_lowest(last, near)).theta
+        theta = descend_a_little(last, led_lowest(last, near), ENOUGH)
     except ComputationError as fault:
         raise ComputationError(
             f"a first fit failed: {reason or fault.found}",

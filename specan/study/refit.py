@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.coarse import coarse_fit
+from specan.study.coarse import ENOUGH, coarse_fit
 from specan.study.descent import STALLED, Minimum, descend, descend_a_little, led_lowest, unit
 from specan.study.fit import Fit, describe
 from specan.study.problem import Problem
@@ -140,12 +140,15 @@ class Refits:
     ----------
     known : mapping
         SI values near the minimum of some sets, from where they are begun.
+    rough : bool
+        Nothing is concluded from the fits: some steps do for a minimum.
     failed : dict
         Sets whose fit did not converge from any start, with the reason.
     """
 
     base: Refit
     known: Mapping[EffectSet, Mapping[str, Any]] = field(default_factory=dict)
+    rough: bool = False
     done: dict[EffectSet, Refit] = field(default_factory=dict)
     failed: dict[EffectSet, str] = field(default_factory=dict)
 
@@ -270,7 +273,11 @@ class Refits:
                 return None, fault.found
         for theta in thetas:
             try:
-                found = descend(problem, theta, _slopes(fewer, problem, theta))
+                found = (
+                    _some_steps(problem, theta)
+                    if self.rough
+                    else descend(problem, theta, _slopes(fewer, problem, theta))
+                )
             except ComputationError as fault:
                 reason = fault.found
                 continue
@@ -299,6 +306,12 @@ class Refits:
     def of_size(self, size: int) -> list[Refit]:
         """Sets with so many effects that were fitted."""
         return [r for uses, r in self.done.items() if len(uses) == size]
+
+
+def _some_steps(problem: Problem, theta: Array) -> Minimum:
+    theta = descend_a_little(problem, theta, ENOUGH)
+    residual = problem.residual(theta)
+    return Minimum(theta, residual, problem.jacobian(theta), float(residual @ residual))
 
 
 def _slopes(fewer: Refit | None, problem: Problem, theta: Array) -> Array | None:

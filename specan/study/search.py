@@ -13,14 +13,14 @@ from specan.study.candidates import Candidate, candidates
 from specan.study.gate import DECISIVE, LEVEL, Gate, Passage
 from specan.study.plan import plan
 from specan.study.plausibility import plausible
-from specan.study.refit import EffectSet, Refit, Refits
+from specan.study.refit import FORM, EffectSet, Refit, Refits
 from specan.study.score import Scored, best_of_each, different, family, score, score_pairs
 from specan.study.thinning import thinned
 from specan.study.traces import Known, Point, Trace, carried, changes, default_value, traces
-from specan.study.ways_in import ways
+from specan.study.ways_in import looked_over, promised
 
 REFITTED, DEAR_REFITTED = 5, 3  # candidates that are always refitted
-LOOKED_AT = 8  # dear ones that are looked at closer before
+LOOKED_AT = 6  # dear ones that are looked at closer before, beside the best place of every effect
 WINDOW = 10.0  # and all whose BIC lies within this of the best
 MOST_PAIRS, MOST_DEAR_PAIRS = 8, 4
 STARTS = 2
@@ -160,17 +160,9 @@ class Search:
         return self._best_passed(self.refits.of_size(1))
 
     def _look_closer(self, step: Step) -> None:
-        """Dear candidates were scored at few shapes: those that promise most are looked at over all of them.
-
-        What does best is looked for everywhere: a low mode is much the same at the opposite wall.
-        """
-        first = _by_promise(step)[:LOOKED_AT]
-        self._look_over(step, first)
-        best = _by_promise(step)[0]
-        self._look_over(step, [use for use in step.by_use if use.name == best.name and use not in first])
-
-    def _look_over(self, step: Step, uses: Sequence[Use]) -> None:
-        step.by_use |= ways(step.seen, [u for u in uses if frozenset({u}) not in self.refits.known])
+        """Dear candidates were scored at few shapes: those that promise most are looked at over all of them."""
+        unknown = {u: items for u, items in step.by_use.items() if frozenset({u}) not in self.refits.known}
+        step.by_use |= looked_over(step.seen, unknown, LOOKED_AT)
 
     def _out_of_reach(self, step: Step, use: Use) -> bool:
         """Whether a set was found that is so much better than the linearised promise that a dear refit is spared."""
@@ -251,12 +243,13 @@ class Search:
     def _hopeless(self, reference: Refit, promised_bic: float) -> bool:
         """Whether a promised BIC is too far from passing for a refit to make up for it.
 
-        Where a refit is dear the promise comes from a sketch, whose noise counts several times.
+        Where a refit is dear the promise comes from a sketch, whose noise counts several times; and what the form of
+        the effects that were found may have left does not pass, so that to know it is not worth a refit.
         """
         least = 0.4 * DECISIVE
         if reference.problem.dear:
-            price = float(np.log(self.base.problem.n_effective))
-            least = max(least, self.step(reference).gate.needed_gain - price)
+            price, gate = float(np.log(self.base.problem.n_effective)), self.step(reference).gate
+            least = max(least, gate.needed_gain - price, FORM**2 * gate.explained / reference.scale)
         return promised_bic > reference.bic(1.0) - least * reference.scale
 
     # --- three -----------------------------------------------------------------------------------
@@ -287,14 +280,12 @@ def _not_finite(start: Refit, found: Sequence[Candidate]) -> dict[str, str]:
     return reasons
 
 
+def _promised(step: Step, use: Use) -> float:
+    return promised(step.start, step.by_use[use][0])
+
+
 def _by_promise(step: Step) -> list[Use]:
     return sorted(step.by_use, key=lambda use: _promised(step, use))
-
-
-def _promised(step: Step, use: Use) -> float:
-    """Change of BIC that the best trace of a candidate promises."""
-    item = step.by_use[use][0]
-    return -item.gain / step.start.scale + _count(item) * float(np.log(step.start.problem.n_effective))
 
 
 def _worth_refitting(step: Step) -> list[Use]:

@@ -59,6 +59,28 @@ def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
     return Refit(frozenset(), sketch, fit(sketch, start=theta))
 
 
+def looked_over(refit: Refit, scored: Mapping[Use, Sequence[Scored]], count: int) -> dict[Use, list[Scored]]:
+    """Ways in for what promises most, for every effect where it promises most, and for the best at every place.
+
+    Few shapes may be what holds an effect back; and a low mode is much the same at the opposite wall.
+    """
+    order = sorted(scored, key=lambda use: promised(refit, scored[use][0]))
+    names: dict[str, Use] = {}
+    for use in order:
+        names.setdefault(use.name, use)
+    found = ways(refit, [*order[:count], *names.values()])
+    if not found:
+        return found
+    best = min(found, key=lambda use: promised(refit, found[use][0]))
+    return found | ways(refit, [use for use in order if use.name == best.name and use not in found])
+
+
+def promised(refit: Refit, item: Scored) -> float:
+    """Change of BIC that a trace promises."""
+    count = item.amplitudes + len(item.trace.shapes)
+    return -item.gain / refit.scale + count * float(np.log(refit.problem.n_effective))
+
+
 def ways(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     """Traces of few candidates over all of their shapes: the best of each, and others that lie apart."""
     known: Known = {}
