@@ -73,9 +73,7 @@ def refit_rivals(search: Search) -> None:
     dear = search.best.problem.dear  # then the search has refitted few, and none for its place in the ranking
     limit = max(WIDE * best.scale, FORM**2 * (search.base.chi2 - search.best.chi2) if dear else 0.0)
     near = [members for d, members in options[: MOST_DEAR_RIVALS if dear else MOST_RIVALS] if d < limit]
-    for members in near:
-        search.refits.fit(there, [members])
-    if dear and len(search.best.uses) == 1:
+    if dear and len(search.best.uses) == 1:  # first: what is refitted here is not refitted below
         declared = [
             use
             for use in taken_for(there.problem.assembly.model, *search.best.uses)
@@ -83,6 +81,8 @@ def refit_rivals(search: Search) -> None:
         ]
         for items in ways(there, declared).values():
             search.refits.fit(there, [[item] for item in items], again=True)
+    for members in near:
+        search.refits.fit(there, [members])
 
 
 def replace_residual(linear: Projection, residual: np.ndarray) -> Projection:

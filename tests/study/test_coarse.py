@@ -7,15 +7,19 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.study.candidates import taken_for
+from specan.study.candidates import candidates, taken_for
 from specan.study.coarse import coarse, coarse_fit
 from specan.study.fit import fit
 from specan.study.linearised import linearised
 from specan.study.observation.common_errors import CommonErrors
 from specan.study.observation.folding import Folding
 from specan.study.observation.frf import FrfObservation
+from specan.study.plan import plan
 from specan.study.problem import base_problem
-from specan.study.ways_in import kept_values, ways_in
+from specan.study.refit import Refit
+from specan.study.score import best_of_each, score
+from specan.study.traces import traces
+from specan.study.ways_in import kept_values, looked_over, promised, ways_in
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},
@@ -129,6 +133,47 @@ def test_a_small_effect_is_looked_for_on_all_its_lines(model):
     assert found.reduced_chi2 < 1.1
     for name, width in (("ratio", 5e-4), ("across", 0.02), ("along", 0.02), ("delay", 2e-5)):
         assert found.values[f"{use}.{name}"] == pytest.approx(true[f"{use}.{name}"], abs=width), name
+
+
+LEAK = {"area": 5e-5, "length": 0.02, "across": 0.15, "along": 0.8}
+
+
+def leaking(model, wall="z1"):
+    """A room with an opening that a coarse view, which knows each line to 5 %, does not see."""
+    true = {f"leak@{wall}.{name}": value for name, value in LEAK.items()}
+    return base_problem(model, [recorded(model, [f"leak@{wall}"], true)]), true
+
+
+def test_of_starts_that_a_coarse_view_takes_for_the_same_a_sketch_chooses(model):
+    problem, true = leaking(model)
+    there = true | {"leak@z1.across": 0.2, "leak@z1.along": 0.75}
+    opposite = true | {"leak@z1.across": 0.8, "leak@z1.along": 0.2}
+    found = coarse_fit(problem.with_uses(["leak@z1"]), [opposite, there])
+    assert found["leak@z1.across"] == pytest.approx(0.15, abs=0.1)
+    assert found["leak@z1.along"] == pytest.approx(0.8, abs=0.1)
+
+
+def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
+    problem, _ = leaking(model)
+    base = Refit(frozenset(), problem, fit(linearised(problem)))
+    leaks = [c for c in candidates(problem)[0] if c.use.name == "leak"]
+    points = plan(problem, base.fit, leaks, {})
+    scored = best_of_each(score(base.linear, traces(problem, base.fit, leaks, points), base.weights))
+    found = looked_over(base, scored, 1)
+    assert {use.at for use in found} == {use.at for use in scored}
+    best = min(found, key=lambda use: promised(base, found[use][0]))
+    assert str(best) == "leak@z1"
+
+
+def test_an_effect_smaller_than_its_usual_range_is_plausible(model):
+    problem, _ = leaking(model)
+    changed = problem.with_uses(["leak@z1"])
+    low, high = changed.plausible("leak@z1.area")
+    assert low == 0.0
+    assert high == pytest.approx(1e-2)
+    assert changed.plausible("leak@z1.length")[0] == pytest.approx(0.003)
+    declared = changed.assembly.parameters["wall_admittance.common"].si
+    assert changed.plausible("wall_admittance.common") == (declared.min, declared.max)
 
 
 def test_what_is_easily_taken_for_an_effect_acts_at_its_place(model):

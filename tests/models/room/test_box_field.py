@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import j1
+from scipy.special import j1, spherical_jn
 
 from specan.models.room import box_field
 from specan.models.room.axis_modes import axis_modes
@@ -151,6 +151,11 @@ def test_coupling_is_reciprocal():
     box = field_of((0.1, 0.02, 0.05, 0, 0.2j, 0), (14, 10, 12))
     a, b = Port((0.3, 0.2, 0.5), 0), Port((0.7, 0.45, 0.1), 0)
     np.testing.assert_allclose(box.coupling(a, [b]), box.coupling(b, [a]), rtol=1e-4)
+
+
+def test_the_mean_over_a_ball_is_a_spherical_bessel_function():
+    z = np.array([1e-4, 0.3, 2.0, 7.0])
+    np.testing.assert_allclose(ball_mean(z**2, 1.0), 3 * spherical_jn(1, z) / z, rtol=1e-12, atol=1e-13)
 
 
 def test_means_over_disc_and_ball_are_the_averages_they_claim():
