@@ -227,18 +227,30 @@ class Search:
             members = [pair.first, pair.second]
             cost = price * sum(_count(m) for m in members)
             best[pair.uses] = (self.base.chi2 - pair.gain + cost, base.seen, members)
-        if single is not None:  # scored at the fit of one of them: better than at the base
-            singles = sorted(self.refits.of_size(1), key=lambda r: r.bic(single.scale))
+        starts = self._starts_of_pairs(single)
+        if starts:  # scored at the fit of one of them: better than at the base
             nearer: dict[EffectSet, tuple[float, Refit, list[Scored]]] = {}
-            for start in singles[:3]:
+            for start in starts:
                 step = self.step(start)
                 for use, items in step.by_use.items():
+                    if single is None and use not in self.base.problem.nuisances:
+                        continue
                     value = start.chi2 - items[0].gain + price * (start.count + _count(items[0]))
                     uses = start.uses | {use}
                     if uses not in nearer or value < nearer[uses][0]:  # a refit from there falls deepest
                         nearer[uses] = (value, step.seen, [items[0]])
             best |= nearer
         return sorted(best.values(), key=lambda item: item[0])
+
+    def _starts_of_pairs(self, single: Refit | None) -> list[Refit]:
+        """Single effects whose fit pairs set out from.
+
+        Where none passed and the base is far off, what would have passed with believable instruments: one of these may
+        be what else is wrong.
+        """
+        if single is not None:
+            return sorted(self.refits.of_size(1), key=lambda r: r.bic(single.scale))[:3]
+        return self.implausible()[:1] if self.refits.far else []
 
     def _hopeless(self, reference: Refit, promised_bic: float) -> bool:
         """Whether a promised BIC is too far from passing for a refit to make up for it.
