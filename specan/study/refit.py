@@ -186,7 +186,7 @@ class Refits:
         near = self._nearer(problem, start, starts)
         best, reason = self._lost(uses, problem, near), ""
         if best is None:
-            best, reason = self._lowest(problem, near, self.done.get(start.uses))
+            best, reason = self._lowest(problem, near, self._whole(start))
             nested = self._best_within(uses)
             if best is None or best.chi2 > nested.fit.chi2 + STALLED * unit(problem, best.chi2):
                 best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
@@ -207,11 +207,15 @@ class Refits:
         """Whether a chi-square is too far above the best for an exact minimum, and an exact equation, to help."""
         return chi2 > OUT_OF_REACH * best + FORM**2 * max(self.base.fit.chi2 - best, 0.0)
 
+    def _whole(self, start: Refit) -> Refit:
+        """A set on all lines, of which a part was looked at."""
+        return self.done.get(start.uses, start)
+
     def _from_afar(
         self, start: Refit, problem: Problem, uses: EffectSet, starts: list[dict[str, float | Array]]
     ) -> list[dict[str, float | Array]]:
         """A start from a coarse fit, where what the set has wrong has dragged its parameters away."""
-        if not start.far:
+        if not self._whole(start).far:
             return []
         own = [{n: v for n, v in s.items() if n.rpartition(".")[0] in map(str, uses)} for s in starts]
         try:
@@ -227,7 +231,7 @@ class Refits:
         The sketch is the one that the traces were scored on; about the last start where that set is far off.
         """
         seen = problem.over(start.problem.observations)
-        if start.far:
+        if self._whole(start).far:
             seen = problem.sketched(problem.start(starts[-1]))
         if seen.n_data == problem.n_data:
             return starts
