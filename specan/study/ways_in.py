@@ -22,9 +22,12 @@ from specan.study.plan import plan
 from specan.study.problem import Problem
 from specan.study.refit import Refit, start_from
 from specan.study.score import Scored, best_of_each, different, score
-from specan.study.traces import Known, Point, traces
+from specan.study.traces import Known, Point, default_value, traces
 
 STARTS = 3
+EVERYWHERE = 2  # effects that are looked for at every place
+LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
+RESONANCES = 45  # 5 % apart over a decade
 WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
 
 
@@ -60,7 +63,7 @@ def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
 
 
 def looked_over(refit: Refit, scored: Mapping[Use, Sequence[Scored]], count: int) -> dict[Use, list[Scored]]:
-    """Ways in for what promises most, for every effect where it promises most, and for the best at every place.
+    """Ways in for what promises most, for every effect where it promises most, and for the two best at every place.
 
     Few shapes may be what holds an effect back; and a low mode is much the same at the opposite wall.
     """
@@ -71,8 +74,10 @@ def looked_over(refit: Refit, scored: Mapping[Use, Sequence[Scored]], count: int
     found = ways(refit, [*order[:count], *names.values()])
     if not found:
         return found
-    best = min(found, key=lambda use: promised(refit, found[use][0]))
-    return found | ways(refit, [use for use in order if use.name == best.name and use not in found])
+    best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: promised(refit, found[use][0])))
+    return found | ways(
+        refit, [use for use in order if use.name in [*best][:EVERYWHERE] and use not in found]
+    )
 
 
 def promised(refit: Refit, item: Scored) -> float:
@@ -90,28 +95,59 @@ def ways(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     points = plan(refit.problem, refit.fit, list(found.values()), known)
     scored = _scored(refit, list(found.values()), points, known)
     return {
-        use: [_climbed(refit, found[use], items[0], known), *different(items, STARTS)[1:]]
+        use: [*_peaks(refit, found[use], items[0], known), *different(items, STARTS)[1:]]
         for use, items in best_of_each(scored).items()
     }
+
+
+def _peaks(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> list[Scored]:
+    """Where the climb from the best trace leads, and that from the best resonance with all else as usual.
+
+    What has little damping at a low frequency does something everywhere, and hides a resonance that is elsewhere.
+    """
+    peaks = [_climbed(refit, candidate, best, known)]
+    narrow = [n for n in best.trace.shapes if candidate.parameter(n).unit == "Hz"]
+    if narrow and best.amplitudes == 1:
+        usual = {n: default_value(candidate, n) for n in best.trace.shapes} | _promised_size(best)
+        points = [{**usual, narrow[0]: value} for value in _range_of(candidate, narrow[0])]
+        other = _scored(refit, [candidate], {candidate.use: points}, known)
+        if other:
+            peaks.append(_climbed(refit, candidate, max(other, key=lambda s: s.gain), known))
+    return sorted(peaks, key=lambda s: -s.gain)
 
 
 def _climbed(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> Scored:
     """The best trace that is reached by moving one shape at a time: over its range, then about the best.
 
-    A resonator's place shows near its resonance only, and the resonance where the place is not a node.
+    A resonator's place shows near its resonance only, and the resonance where the place is not a node. Each round is
+    at the size that the one before promises: a large resonator changes a mode otherwise than a small one.
     """
     if candidate.released or not best.trace.shapes:
         return best
-    fixed = dict(zip(best.trace.names, best.trace.neutral + best.trace.size)) if best.amplitudes == 1 else {}
-    tried = {name: list(grid(*candidate.plausible(name), WIDE)) for name in best.trace.shapes}
+    tried = {name: _range_of(candidate, name) for name in best.trace.shapes}
     for _ in range(ROUNDS):
+        size = _promised_size(best)
         for name, values in tried.items():
             here = best.trace.shapes
-            points = [{**fixed, **here, name: float(v)} for v in values]
+            points = [{**size, **here, name: float(v)} for v in values]
             found = _scored(refit, [candidate], {candidate.use: points}, known)
             best = max([best, *found], key=lambda s: s.gain)
             tried[name] = _between(values, best.trace.shapes[name])
     return best
+
+
+def _range_of(candidate: Candidate, name: str) -> list[float]:
+    """Values over a shape's plausible range; a resonance is narrow and must not fall between two."""
+    count = RESONANCES if candidate.parameter(name).unit == "Hz" else WIDE
+    return [float(value) for value in grid(*candidate.plausible(name), count)]
+
+
+def _promised_size(best: Scored) -> dict[str, float]:
+    """The amplitude that a trace promises, no larger than that of the trace; empty for several."""
+    if best.amplitudes > 1:
+        return {}
+    share = np.clip(np.abs(best.multiple), LEAST_SIZE, 1.0) * np.where(best.multiple < 0, -1.0, 1.0)
+    return dict(zip(best.trace.names, (best.trace.neutral + share * best.trace.size).tolist()))
 
 
 def _between(values: Sequence[float], best: float) -> list[float]:
