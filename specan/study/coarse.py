@@ -58,14 +58,19 @@ def coarse_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
         ) from fault
     if len(starts) == 1:
         return problem.values_at(theta)
-    met = max(_chi2(last, theta), last.n_data)
+    plain = coarse(problem, values=problem.values_at(theta))  # what windows do would hide a small effect
     given = [problem.start(values) for values in starts]
-    alike = [theta, *(t for t in (*given, *near) if _chi2(last, t) <= met)]
-    return problem.values_at(_nearest(problem, alike) if len(alike) > 1 else theta)
+    reached = [
+        (_chi2(plain, t), t) for t in (theta, *given, *(descend_a_little(plain, t, LED) for t in near))
+    ]
+    met = max(min(chi2 for chi2, _ in reached), plain.n_data)
+    return problem.values_at(_nearest(problem, [t for chi2, t in reached if chi2 <= met]))
 
 
 def _nearest(problem: Problem, thetas: Sequence[Array]) -> Array:
     """That of several places from where some Jacobians lead lowest, each on a sketch of its own."""
+    if len(thetas) == 1:
+        return thetas[0]
     reached: list[tuple[float, Array]] = []
     for theta in thetas:
         sketch = problem.sketched(theta)
