@@ -7,6 +7,7 @@ therefore tried over the range of its shapes first, as a candidate of a diagnosi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from specan.study.traces import Known, Point, default_value, traces
 
 STARTS = 3
 EVERYWHERE = 2  # effects that are looked for at every place
+PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
 RESONANCES = 45  # 5 % apart over a decade
 WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
@@ -133,7 +135,19 @@ def _climbed(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> 
             found = _scored(refit, [candidate], {candidate.use: points}, known)
             best = max([best, *found], key=lambda s: s.gain)
             tried[name] = _between(values, best.trace.shapes[name])
+        images = [{**size, **image} for image in _mirrored(best.trace.shapes)]
+        best = max([best, *_scored(refit, [candidate], {candidate.use: images}, known)], key=lambda s: s.gain)
     return best
+
+
+def _mirrored(shapes: Mapping[str, float]) -> list[dict[str, float]]:
+    """The same place seen from the other ends of the edges: modes are as much shifted from there."""
+    places = [name for name in shapes if name.rpartition(".")[2] in PLACES]
+    turned = [sides for sides in product((False, True), repeat=len(places)) if any(sides)]
+    return [
+        {**shapes, **{name: 1 - shapes[name] for name, side in zip(places, sides) if side}}
+        for sides in turned
+    ]
 
 
 def _range_of(candidate: Candidate, name: str) -> list[float]:

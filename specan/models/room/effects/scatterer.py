@@ -23,9 +23,9 @@ def scatterer(
     room_dimensions,
     *,
     volume=Parameter(1e-3, "m^3", min=1e-4, max=1e-2, lower=0.0, upper=2e-2, doc="of the object"),
-    x=Parameter(0.35, "1", min=0.05, max=0.95, doc="place over the room's edge"),
-    y=Parameter(0.35, "1", min=0.05, max=0.95, doc="place over the room's edge"),
-    z=Parameter(0.35, "1", min=0.05, max=0.95, doc="place over the room's edge"),
+    x=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
+    y=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
+    z=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
 ):
     """A rigid object takes the place of air that would be compressed and moved: modes shift one by one.
 
