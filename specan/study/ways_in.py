@@ -103,7 +103,7 @@ def ways(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
 
 
 def _peaks(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> list[Scored]:
-    """Where the climb from the best trace leads, and that from the best resonance with all else as usual.
+    """Where the climb from the best trace leads, and that from the best resonance at a usual place or an image of it.
 
     What has little damping at a low frequency does something everywhere, and hides a resonance that is elsewhere.
     """
@@ -111,7 +111,10 @@ def _peaks(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> li
     narrow = [n for n in best.trace.shapes if candidate.parameter(n).unit == "Hz"]
     if narrow and best.amplitudes == 1:
         usual = {n: default_value(candidate, n) for n in best.trace.shapes} | _promised_size(best)
-        points = [{**usual, narrow[0]: value} for value in _range_of(candidate, narrow[0])]
+        places = [usual, *_mirrored(usual)]
+        points = [
+            {**place, narrow[0]: value} for place in places for value in _range_of(candidate, narrow[0])
+        ]
         other = _scored(refit, [candidate], {candidate.use: points}, known)
         if other:
             peaks.append(_climbed(refit, candidate, max(other, key=lambda s: s.gain), known))

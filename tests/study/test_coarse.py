@@ -19,7 +19,7 @@ from specan.study.problem import base_problem
 from specan.study.refit import Refit
 from specan.study.score import best_of_each, score
 from specan.study.traces import traces
-from specan.study.ways_in import kept_values, looked_over, promised, ways_in
+from specan.study.ways_in import kept_values, looked_over, promised, ways, ways_in
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},
@@ -155,7 +155,8 @@ def test_of_starts_that_a_coarse_view_takes_for_the_same_a_sketch_chooses(model)
 
 def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     problem, _ = leaking(model)
-    base = Refit(frozenset(), problem, fit(linearised(problem)))
+    problem = linearised(problem)
+    base = Refit(frozenset(), problem, fit(problem))
     leaks = [c for c in candidates(problem)[0] if c.use.name == "leak"]
     points = plan(problem, base.fit, leaks, {})
     scored = best_of_each(score(base.linear, traces(problem, base.fit, leaks, points), base.weights))
@@ -163,6 +164,23 @@ def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     assert {use.at for use in found} == {use.at for use in scored}
     best = min(found, key=lambda use: promised(base, found[use][0]))
     assert str(best) == "leak@z1"
+
+
+def test_a_small_resonator_is_found_behind_what_does_something_everywhere(model):
+    """A fortieth of the usual size, at a place and a resonance that are not tried at first."""
+    use = "helmholtz-resonator@y0"
+    true = {"neck_area": 2.5e-5, "resonance": 215.0, "quality": 14.0, "across": 0.68, "along": 0.31}
+    named = {f"{use}.{name}": value for name, value in true.items()}
+    problem = base_problem(model, [recorded(model, [use], named)])
+    problem = linearised(problem)
+    base = Refit(frozenset(), problem, fit(problem))
+    best = ways(base, [Use.parse(use)])[Use.parse(use)][0]
+    there = [c for c in candidates(problem)[0] if str(c.use) == use]
+    known = score(base.linear, traces(problem, base.fit, there, {there[0].use: [named]}), base.weights)[0]
+    assert best.gain > 0.9 * known.gain
+    assert best.trace.shapes[f"{use}.resonance"] == pytest.approx(215.0, rel=0.02)
+    for name in ("across", "along"):
+        assert best.trace.shapes[f"{use}.{name}"] == pytest.approx(true[name], abs=0.1), name
 
 
 def test_an_effect_smaller_than_its_usual_range_is_plausible(model):
