@@ -67,13 +67,10 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
         jacobian = slopes if slopes is not None and count == 0 else problem.jacobian(descent.theta)
         if not np.all(np.isfinite(jacobian)):
             raise ComputationError("the model gives derivatives that are not finite")
-        stalled = len(history) > 5 and history[-6] - history[-1] < STALLED * descent.unit
-        found = descent.minimum(jacobian) if stalled else descent.follow(jacobian, guessed)
+        slow = len(history) > 5 and history[-6] - history[-1] < descent.little
+        found = descent.minimum(jacobian) if slow else descent.follow(jacobian, guessed)
         if found is not None:
             return found
-    far_off = problem.dear and descent.chi2 > FAR_OFF * (problem.n_data + problem.n_priors)
-    if far_off and history[-6] - descent.chi2 < SLIDING * descent.chi2:
-        return descent.minimum(problem.jacobian(descent.theta))
     raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
 
 
@@ -135,6 +132,12 @@ class _Descent:
     @property
     def unit(self) -> float:
         return unit(self.problem, self.chi2)
+
+    @property
+    def little(self) -> float:
+        """By how much five Jacobians must lower chi-square to be worth going on."""
+        far_off = self.problem.dear and self.chi2 > FAR_OFF * (self.problem.n_data + self.problem.n_priors)
+        return SLIDING * self.chi2 if far_off else STALLED * self.unit
 
     def minimum(self, jacobian: Array) -> Minimum:
         return Minimum(self.theta, self.residual, jacobian, self.chi2)
