@@ -152,12 +152,19 @@ class Search:
         """The best single effect that passes, of those that are worth a refit."""
         step = self.step(self.base)
         first = [use for use in self.likely if use in step.by_use]
-        if step.start.problem.dear and not self.only:
+        for use in first:
+            self._extend(step, use)
+        if step.start.problem.dear and not (self.only or self._met):
             self._look_closer(step)
-        for use in dict.fromkeys([*first, *_worth_refitting(step)]):
-            if use in first or not (self.only or self._out_of_reach(step, use)):
+        for use in _worth_refitting(step):
+            if use not in first and not (self.only or self._out_of_reach(step, use)):
                 self._extend(step, use)
         return self._best_passed(self.refits.of_size(1))
+
+    @property
+    def _met(self) -> bool:
+        """Whether one effect brings a base that was far off near the data: chance does not do that."""
+        return self.refits.far and not all(refit.far for refit in self.refits.of_size(1))
 
     def _look_closer(self, step: Step) -> None:
         """Dear candidates were scored at few shapes: those that promise most are looked at over all of them."""
