@@ -80,5 +80,9 @@ def _nearest(problem: Problem, thetas: Sequence[Array]) -> Array:
 
 
 def _chi2(problem: Problem, theta: Array) -> float:
-    residual = problem.residual(theta)
+    """Sum of squares; infinite where the model has no value, which is no reason to give up the other starts."""
+    try:
+        residual = problem.residual(theta)
+    except ComputationError:
+        return float("inf")
     return float(residual @ residual)

@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 SETTLED = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
 STALLED = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
-FAR_OFF = 10.0  # reduced chi-square above which the exact minimum of a dear fit is of no interest
-SLIDING = 0.05  # share by which the last five may lower chi-square where an evaluation is dear and the model far off
 COARSE = 20.0  # times of that where an evaluation is dear
+FAR_OFF = 10.0  # reduced chi-square above which the exact minimum of a dear fit is of no interest
+SLIDING = 0.05  # share by which five Jacobians have to lower chi-square there to be worth going on
 MOST_JACOBIANS = 25
 LED = 3  # Jacobians that each of several starts is led by before the others are left
 MOST_SECANTS = 12
