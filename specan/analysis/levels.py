@@ -10,7 +10,7 @@ from pydantic import Field
 
 from specan.analysis.band_results import level, quality_flags
 from specan.analysis.quality import BLOCK, QualityAccumulator
-from specan.analysis.section import of_one_rate, section
+from specan.analysis.section import constant_part, of_one_rate, section
 from specan.data.levels import SignalLevels
 from specan.data.recording import Channel, Recording
 from specan.dsp.band_energy import BandEnergy, EnergySpectrum
@@ -43,6 +43,8 @@ class Levels(Settings):
     start_s, stop_s : float
         Time section.
     velocity_reference : {"1 nm/s", "50 nm/s"}
+    settling : {"left-out", "counted"}
+        Of the equivalent levels with A, B and C: as in `specan.analysis.octave.Octave`.
 
     Examples
     --------
@@ -61,6 +63,7 @@ class Levels(Settings):
     start_s: float = Field(default=0.0, ge=0.0)
     stop_s: float | None = Field(default=None, gt=0.0)
     velocity_reference: Literal["1 nm/s", "50 nm/s"] = "1 nm/s"
+    settling: Literal["left-out", "counted"] = "left-out"
 
     @property
     def time_constant(self) -> float:
@@ -94,7 +97,7 @@ class LevelsAccumulator:
         self._pressure = np.array([channel.unit == "Pa" for channel in self.channels])
         self._weighting: Weighting = settings.weighting or "A"
         rows = len(self.channels)
-        self._energy = BandEnergy(rows, self.sampling_rate)
+        self._energy = BandEnergy(rows, self.sampling_rate, self.stop - self.start)
         self._history = BandHistory(
             rows,
             self.sampling_rate,
@@ -104,8 +107,9 @@ class LevelsAccumulator:
             None,
             self._times(),
         )
+        self._constant = constant_part(recording, self.channels, self.start, self.stop)
         self._transform = MultirateTransform(
-            rows, self.sampling_rate, [self._energy, self._history], without_offset=True
+            rows, self.sampling_rate, [self._energy, self._history], self._constant
         )
         self._quality = QualityAccumulator(self.channels)
 
@@ -133,7 +137,7 @@ class LevelsAccumulator:
         references = tuple(self._reference(channel) for channel in self.channels)
         zero = np.array([reference.value**2 for reference in references])
         low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))
-        mean = spectrum.mean + self._transform.offset
+        mean = self._constant
         peak = np.maximum(high - mean, mean - low)
         with np.errstate(divide="ignore", invalid="ignore"):
             crest = np.where(rms > 0, peak / rms, np.nan)
@@ -174,8 +178,9 @@ class LevelsAccumulator:
     def _mean_square(self, spectrum: EnergySpectrum, weighting: Weighting) -> NDArray[np.float64]:
         if weighting == "Z":
             return spectrum.alternating_mean_square
+        shown = spectrum if self.settings.settling == "counted" else spectrum.between_ends()
         with np.errstate(invalid="ignore"):
-            weighted = spectrum.through(lambda f: power_weighting(f, weighting))
+            weighted = shown.through(lambda f: power_weighting(f, weighting))
         return np.where(self._pressure, weighted, np.nan)
 
     def _reference(self, channel: Channel) -> LevelReference:
