@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from specan.analysis.band_results import level, quality_flags
+from specan.analysis.band_results import LINEAR_SETTLING, level, quality_flags
 from specan.analysis.quality import BLOCK, QualityAccumulator
 from specan.analysis.section import constant_part, of_one_rate, section
 from specan.data.levels import SignalLevels
@@ -96,13 +96,14 @@ class LevelsAccumulator:
         self.duration = (self.stop - self.start) / self.sampling_rate
         self._pressure = np.array([channel.unit == "Pa" for channel in self.channels])
         self._weighting: Weighting = settings.weighting or "A"
+        self._filters = [weighting_filter(self._weighting), weighting_filter("Z")]
         rows = len(self.channels)
         self._energy = BandEnergy(rows, self.sampling_rate, self.stop - self.start)
         self._history = BandHistory(
             rows,
             self.sampling_rate,
             self.stop - self.start,
-            [weighting_filter(self._weighting), weighting_filter("Z")],
+            self._filters,
             settings.time_constant,
             None,
             self._times(),
@@ -116,7 +117,7 @@ class LevelsAccumulator:
     def _times(self) -> NDArray[np.float64]:
         """When the time-weighted level is read: after it has settled."""
         tau = self.settings.time_constant
-        settled = SETTLING_TIME_CONSTANTS * tau
+        settled = SETTLING_TIME_CONSTANTS * tau + self._filters[0].settling
         step = max(tau / READINGS_PER_TIME_CONSTANT, self.duration / READINGS)
         return np.arange(settled, self.duration, step)
 
@@ -169,7 +170,9 @@ class LevelsAccumulator:
             start_s=self.settings.start_s,
             duration_s=self.duration,
             sampling_rate=self.sampling_rate,
-            settling=f"percentiles and minimum leave out the first {SETTLING_TIME_CONSTANTS:g} time constants",
+            settling=f"equivalent levels with A, B and C: {LINEAR_SETTLING[self.settings.settling]}; the time weighting "
+            "begins after 0.09 s, when A, B and C have settled; percentiles and minimum leave out its first "
+            f"{SETTLING_TIME_CONSTANTS:g} time constants",
             flags=quality_flags(self.channels, self.recording.flags, quality),
             notes=self.notes,
             settings=self.settings.model_dump(mode="json"),

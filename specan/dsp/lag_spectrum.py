@@ -73,12 +73,23 @@ class LagSpectrum:
             self._faded_more = np.zeros_like(self._cross)
         for top in range(0, mine.shape[0], _ROWS):
             rows = slice(top, top + _ROWS)
-            ends = sum(e[rows] for e in (end, following_end) if e is not None)
-            more = np.conj(mine[rows]) * ends
-            if end is not None:
-                both = mine[rows] if following is None else mine[rows] + following[rows]
-                more += np.conj(end[rows]) * (both - ends)
-            self._faded_more[rows] -= more
+            total = self._faded_more[rows]
+            product, conjugate = (buffer[: total.shape[0]] for buffer in self._buffers)
+            np.conjugate(mine[rows], out=conjugate)
+            for other in (end, following_end):
+                if other is not None:
+                    total -= np.multiply(conjugate, other[rows], out=product)
+            if end is None:
+                continue
+            np.conjugate(end[rows], out=conjugate)
+            for other, sum_up in (
+                (mine, np.subtract),
+                (following, np.subtract),
+                (end, np.add),
+                (following_end, np.add),
+            ):
+                if other is not None:
+                    sum_up(total, np.multiply(conjugate, other[rows], out=product), out=total)
 
     def _correlate(self, following: NDArray[np.complex128] | None) -> None:
         assert self._previous is not None

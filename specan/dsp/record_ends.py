@@ -11,9 +11,9 @@ from specan.dsp.decimator import FACTOR, Decimator
 from specan.dsp.multirate import LENGTH, ROWS, Stage
 from specan.dsp.smooth_step import falling_step
 
-LONGEST_FADE_S = 1.0
-"""Of a constant or a tone that is faded over 1 s, less than -180 dB is left 18 Hz (the lower edge of the 20 Hz third
-octave) away from it: the spectrum of the fade's slope is exp(-(pi f F / 12)^2)."""
+LONGEST_FADE_S = 0.5
+"""The spectrum of the fade's slope is exp(-(pi f F / 12)^2): 20 Hz away from a tone, 0.5 s leave 60 dB less of its cut
+than there was, 40 Hz away 240 dB less."""
 
 SHORTEST_PART = 8
 """A record is faded over an eighth of its length at most: the scatter of its levels grows by 6 % or less."""
@@ -27,9 +27,9 @@ class Fade:
     --------
     >>> fade = Fade.of(80000, 8000.0)
     >>> fade.samples, fade.weights(0, 80000)[[0, 4000, 40000, 79999]].round(3).tolist()
-    (8000, [0.0, 0.501, 1.0, 0.0])
+    (4000, [0.0, 1.0, 1.0, 0.0])
     >>> round(fade.averaged / 80000, 3), round(fade.independent / 80000, 3)
-    (0.886, 0.893)
+    (0.943, 0.945)
     """
 
     n_samples: int
