@@ -30,6 +30,8 @@ _CROSS_OVER = (0.28, 0.38)
 _NOTHING = 1e-20
 # Rounding of the lags leaves this part of the whole mean square in a band, more or less.
 _ROUNDING = 1e-17
+# In Hz; what is slower is drift. Sound level meters begin here (IEC 61672-1:2013, 5.5.6, table 3).
+_LOWEST_SOUND = 10.0
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,8 @@ class EnergySpectrum:
         """The energy spectrum of the record without what its two ends do to filters.
 
         Of the record faded in and out (see `specan.dsp.record_ends.Fade`), scaled so that a steady signal keeps its
-        level, and that what begins and ends inside the record keeps its energy: by the ratio of the mean squares with
-        and without the fade, but by no more than the time that the fade takes away.
+        level, and that what begins and ends inside the record keeps its energy: by the ratio of the mean squares
+        above 10 Hz without and with the fade, but by no more than the time that the fade takes away.
         """
         return self if self.inner is None else replace(self, nodes=self.inner)
 
@@ -162,7 +164,7 @@ class BandEnergy:
         """The energy spectrum; call it once, after the transform is finished."""
         first, count = node_range(self.sampling_rate)
         nodes, energy = np.zeros((self._rows, count)), np.zeros(self._rows)
-        inner, inner_energy = np.zeros_like(nodes) if self._fade else None, energy
+        inner = np.zeros_like(nodes) if self._fade else None
         for stage in list(self._spectra):
             # Let go of each stage as soon as it is read: the lines of all of them together are large.
             spectrum = self._spectra.pop(stage)
@@ -172,23 +174,24 @@ class BandEnergy:
                 energy = total_energy(lines)
             spread(nodes, first, lines, *place)
             if inner is not None:
-                lines = spectrum.energy(faded=True)
-                if stage.number == 0:
-                    inner_energy = total_energy(lines)
-                spread(inner, first, lines, *place)
+                spread(inner, first, spectrum.energy(faded=True), *place)
         n = max(self._count, 1)
         found = EnergySpectrum(first, nodes / n, energy / n, self._sum / n, self._count, self.sampling_rate)
         if inner is None or self._fade is None:
             return found
-        inner *= (self._scale(energy, inner_energy) / n)[:, None]
+        inner *= (self._scale(nodes, inner, found.frequencies) / n)[:, None]
         return replace(found, inner=inner, independent=self._fade.independent)
 
-    def _scale(self, energy: NDArray[np.float64], faded: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _scale(
+        self, nodes: NDArray[np.float64], faded: NDArray[np.float64], frequencies: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Factors on the energy spectrum of the faded record; see `EnergySpectrum.between_ends`."""
         assert self._fade is not None
         most = self._fade.n_samples / self._fade.averaged
+        sound = frequencies >= _LOWEST_SOUND
+        whole, inside = (np.add.reduce(each[:, sound], axis=1) for each in (nodes, faded))
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(energy > 0.0, np.clip(energy / faded, 1.0, most), 1.0)
+            return np.where(whole > 0.0, np.clip(whole / inside, 1.0, most), most)
 
 
 class BandEnergyAccumulator:

@@ -147,6 +147,8 @@ class _Channelised:
     position: int = 0
     reading: int = 0
     before_start: NDArray[np.float64] | None = None
+    last_interval: int = -1
+    last_samples: int = 1
 
     @classmethod
     def of(
@@ -180,6 +182,7 @@ class _Channelised:
             here = (stage.lead + time * stage.rate + 0.5 * thinning) / together - 1.0
             return np.minimum(here, last)
 
+        samples = math.floor(stage.lead + end * stage.rate + 1e-6) + 1
         return cls(
             stage,
             shape,
@@ -196,6 +199,8 @@ class _Channelised:
             math.ceil((stage.lead + settled * stage.rate) / together),
             place(np.minimum(times, end)),
             np.zeros((rows, 1)),
+            last_interval=samples // together,
+            last_samples=max(samples % together, 1),
         )
 
 
@@ -373,6 +378,11 @@ class BandHistory:
                 begin = first // one.thinning
                 mine = output[:, parts * begin : parts * (begin + count * per_interval)]
                 mine = mine.reshape(part.shape[0], count, parts * per_interval)
+                last = one.last_interval - one.position - done
+                if 0 <= last < count:  # what comes after the end of the record is not part of it
+                    inside = -(-one.last_samples // one.thinning)
+                    mine[:, last, parts * inside :] = 0.0
+                    mine[:, last] *= math.sqrt(per_interval / inside)
                 np.einsum("ijk,ijk->ij", mine, mine, out=square[top : top + ROWS, done : done + count])
                 done += count
         square /= per_interval
@@ -505,10 +515,13 @@ def _unfiltered_square(one: _Channelised, block: NDArray[np.float64]) -> NDArray
     """Mean square of the samples themselves over each of the block's intervals."""
     rows, length = block.shape
     count = -(-length // one.together)
-    if count * one.together > length:
+    left = length - (count - 1) * one.together  # the last interval of a record is shorter
+    if left < one.together:
         block = np.pad(block, ((0, 0), (0, count * one.together - length)))
     intervals = block.reshape(rows, count, one.together)
-    return np.asarray(np.einsum("ijk,ijk->ij", intervals, intervals) / one.together)
+    square = np.asarray(np.einsum("ijk,ijk->ij", intervals, intervals) / one.together)
+    square[:, -1:] *= one.together / left
+    return square
 
 
 def _lines(one: Filter, stage: Stage, size: int, thinning: int) -> tuple[int, NDArray[np.complex128]]:
