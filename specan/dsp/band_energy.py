@@ -23,6 +23,7 @@ from specan.dsp.lag_spectrum import LagSpectrum, total_energy
 from specan.dsp.multirate import LENGTH, MultirateTransform, Stage
 from specan.dsp.record_ends import Fade, RecordEnds
 from specan.dsp.smooth_step import falling_step
+from specan.dsp.weighting import power_weighting
 
 # What lies below these parts of the next stage's rate belongs to the next stage; a smooth cross-over between.
 _CROSS_OVER = (0.28, 0.38)
@@ -30,9 +31,6 @@ _CROSS_OVER = (0.28, 0.38)
 _NOTHING = 1e-20
 # Rounding of the lags leaves this part of the whole mean square in a band, more or less.
 _ROUNDING = 1e-17
-# In Hz; what is slower is drift. Sound level meters begin here (IEC 61672-1:2013, 5.5.6, table 3).
-_LOWEST_SOUND = 10.0
-
 
 @dataclass(frozen=True)
 class EnergySpectrum:
@@ -69,8 +67,9 @@ class EnergySpectrum:
         """The energy spectrum of the record without what its two ends do to filters.
 
         Of the record faded in and out (see `specan.dsp.record_ends.Fade`), scaled so that a steady signal keeps its
-        level, and that what begins and ends inside the record keeps its energy: by the ratio of the mean squares
-        above 10 Hz without and with the fade, but by no more than the time that the fade takes away.
+        level, and that what begins and ends inside the record keeps its energy: by the ratio of the A-weighted mean
+        squares without and with the fade (drift has no part in them), but by no more than the time that the fade
+        takes away.
         """
         return self if self.inner is None else replace(self, nodes=self.inner)
 
@@ -188,8 +187,8 @@ class BandEnergy:
         """Factors on the energy spectrum of the faded record; see `EnergySpectrum.between_ends`."""
         assert self._fade is not None
         most = self._fade.n_samples / self._fade.averaged
-        sound = frequencies >= _LOWEST_SOUND
-        whole, inside = (np.add.reduce(each[:, sound], axis=1) for each in (nodes, faded))
+        sound = power_weighting(frequencies, "A")
+        whole, inside = (np.add.reduce(each * sound, axis=1) for each in (nodes, faded))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(whole > 0.0, np.clip(whole / inside, 1.0, most), most)
 

@@ -85,11 +85,11 @@ def test_a_drift_is_not_measured_by_the_beginning_of_the_record() -> None:
 
 
 def test_quiet_bands_beside_a_strong_tone() -> None:
-    """A tone of 100 dB, cut anywhere, over noise of 20 dB in a band: the ends are worth 20 dB and more."""
+    """A tone of 100 dB, cut anywhere, over noise of 5 dB in a band: the ends are worth 10 dB and more."""
     t = np.arange(round(3.5 * RATE)) / RATE
-    quiet = noise(3.5, 50.0)
+    quiet = noise(3.5, 35.0)
     loud = quiet + 2.0 * np.sqrt(2) * np.cos(2 * np.pi * 2503.7 * t + 0.3)
-    expected = Octave(fmin=40, fmax=500)(recording(quiet)).level_db[0]
+    expected = Octave(fmin=40, fmax=315)(recording(quiet)).level_db[0]
     for settling in ("left-out", "counted"):
         found = Octave(fmin=40, fmax=4000, settling=settling)(recording(loud))
         n = expected.size
@@ -144,7 +144,7 @@ def test_the_spectrum_between_the_ends_is_that_of_the_faded_record() -> None:
         found, faded = both.result(), plain.result()
         ratio = found.between_ends().band_mean_square(index, 3) / faded.band_mean_square(index, 3)
         np.testing.assert_allclose(ratio / ratio[:, :1], 1.0, rtol=1e-8)
-        assert ratio[:, 0] == pytest.approx(found.mean_square / faded.mean_square, rel=1e-4)
+        assert ratio[:, 0] == pytest.approx(found.mean_square / faded.mean_square, rel=2e-4)
         assert (ratio <= n / fade.averaged * (1 + 1e-9)).all()
 
 
