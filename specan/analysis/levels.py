@@ -14,7 +14,8 @@ from specan.analysis.section import constant_part, of_one_rate, section
 from specan.data.levels import SignalLevels
 from specan.data.recording import Channel, Recording
 from specan.dsp.band_energy import BandEnergy, EnergySpectrum
-from specan.dsp.band_history import BandHistory, weighting_filter
+from specan.dsp.band_history import BandHistory
+from specan.dsp.history_filters import weighting_filter
 from specan.dsp.multirate import MultirateTransform
 from specan.dsp.statistics import exceeded
 from specan.dsp.time_weighting import FAST, SLOW

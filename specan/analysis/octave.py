@@ -17,7 +17,8 @@ from specan.data.levels import Quality
 from specan.data.recording import Channel, Recording
 from specan.dsp import bands
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
-from specan.dsp.band_history import BandHistoryAccumulator, band_filter, weighting_filter
+from specan.dsp.band_history import BandHistoryAccumulator
+from specan.dsp.history_filters import band_filter, weighting_filter
 from specan.dsp.multirate import LOWEST_BAND
 from specan.dsp.time_weighting import FAST, IMPULSE, IMPULSE_DECAY, SLOW
 from specan.dsp.weighting import WEIGHTINGS, Weighting

@@ -7,7 +7,8 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from specan.dsp import bands
-from specan.dsp.band_history import BandHistoryAccumulator, Histories, band_filter, weighting_filter
+from specan.dsp.band_history import BandHistoryAccumulator, Histories
+from specan.dsp.history_filters import band_filter, weighting_filter
 from specan.dsp.multirate import LENGTH
 from specan.dsp.time_weighting import TimeWeighting
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from specan.dsp import band_history, bands, sections
-from specan.dsp.band_history import BandHistoryAccumulator, Histories, band_filter, weighting_filter
+from specan.dsp.band_history import BandHistoryAccumulator, Histories
+from specan.dsp.history_filters import band_filter, weighting_filter
 from specan.dsp.multirate import LENGTH
 
 RATE, N = 51200.0, 3 * LENGTH + 777
