@@ -1,6 +1,6 @@
 """A first look at a recording: delays of the responses, how long they ring, and what blocks take from them.
 
-See docs/decisions/0034-lines-by-the-length-of-the-response.md.
+See docs/decisions/0038-lines-by-the-length-of-the-response.md.
 """
 
 from __future__ import annotations
@@ -192,4 +192,6 @@ def sufficient_block(seen: Look, block: int, n: int, overlap: float) -> int:
 
 def _suffices(seen: Look, leakage: Real, block: int, n: int, overlap: float) -> bool:
     random = seen.random(averages_in(n, block, seen.window, overlap))
+    # Where the look's blocks are too short as well, what looks random in them is leakage, which goes with 1 / length.
+    random = random * min(1.0, seen.block / block)
     return bool(np.all(leakage[1:] <= np.maximum(TOLERATED_LEAKAGE, TOLERATED_SHARE * random[1:])))

@@ -34,6 +34,7 @@ SAMPLES_PER_LINE = 2.56
 DEFAULT_LINES, LEAST_LINES = 3200, 100
 # Share of the reference's power that is not the generator's from which on H3c is recommended: H1 is low by as much.
 _FOREIGN = 0.01
+_NEIGHBOURS = (1 / 15,) * 15
 
 
 class TransferFunction(Settings):
@@ -289,8 +290,9 @@ class TransferFunctionAccumulator:
     def _lost(self, found: Estimate) -> NDArray[np.float64]:
         """Relative standard uncertainty per real component that leakage adds, (responses, lines).
 
-        What blocks take from each line, judged from the result itself and from the longer blocks of the first look; the
-        larger is taken, its square averaged over three lines: of a complex error of that size each component has half.
+        What blocks take from each line, judged from the result itself. Lags of more than half a block are hardly seen
+        there: where the longer blocks of the first look show twice as much (mean square over 15 lines), theirs is taken.
+        The square is averaged over three lines; of a complex error of that size each component has half.
         """
         f, block = np.arange(1, found.response.shape[-1] + 1), self.settings.block
         first = len(self.channels) - len(self.responses)
@@ -303,9 +305,9 @@ class TransferFunctionAccumulator:
             variance = 2 * (u * np.abs(response)) ** 2
             square[row] = np.abs(leakage_bias(turned, variance, self.settings.window)) ** 2
             if seen is not None:
-                square[row] = np.maximum(square[row], seen[row])
-        padded = np.pad(square, [(0, 0), (1, 1)], mode="edge")
-        square = (padded[:, :-2] + 2 * square + padded[:, 2:]) / 4
+                more = _mean_over(seen[row], _NEIGHBOURS) > 2 * _mean_over(square[row], _NEIGHBOURS)
+                square[row] = np.where(more, np.maximum(square[row], seen[row]), square[row])
+            square[row] = _mean_over(square[row], (0.25, 0.5, 0.25))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.sqrt(square / 2) / np.abs(found.response))
 
@@ -345,7 +347,7 @@ class TransferFunctionAccumulator:
             ]
         row = worst[int(np.argmax(size))]
         remarks.append(
-            f"leakage: the response outlasts the blocks of {settings.block / rate:.3g} s, which take {100 * max(size):.2g} % "
+            f"leakage: the response outlasts the blocks of {settings.block / rate:.3g} s, which take {_percent(max(size))} "
             f"of it ({self.responses[row].name}, RMS over the lines); {self._advice()}"
         )
         return remarks
@@ -367,6 +369,20 @@ class TransferFunctionAccumulator:
             f"{100 * share:.2g} % of the power of {self.reference.name} is not the generator's: where that is noise of "
             f"{self.reference.name}, H1 reads low by as much, and H3c is the unbiased choice"
         ]
+
+
+def _mean_over(values: NDArray[np.float64], weights: Sequence[float]) -> NDArray[np.float64]:
+    """Weighted mean over neighbouring lines (an odd number), the ends repeated."""
+    n, reach = len(values), len(weights) // 2
+    place = np.arange(n)
+    total = np.zeros(n)
+    for offset, weight in enumerate(weights, start=-reach):
+        total += weight * values[np.clip(place + offset, 0, n - 1)]
+    return total
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.995 else "nearly all"
 
 
 def block_of(lines: int) -> int:

@@ -1,4 +1,7 @@
-"""What few averages do to a stated uncertainty: Student's factor, and the scatter of a level in dB."""
+"""What few averages do to a stated uncertainty: Student's factor, and the scatter of a level in dB.
+
+See docs/decisions/0039-uncertainties-from-few-averages.md.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +36,20 @@ def student_factor(degrees_of_freedom: ArrayLike) -> Real:
     with np.errstate(invalid="ignore"):
         found = np.where(nu > 0, stdtrit(np.maximum(nu, 1e-3), 0.975) / _NORMAL, np.inf)
     return np.where(np.isnan(nu), np.nan, np.where(np.isposinf(nu), 1.0, found))
+
+
+def log_bias(averages: ArrayLike) -> Real:
+    """Mean of the natural logarithm of such a mean, over the logarithm of its expectation: psi(n) - ln n.
+
+    Examples
+    --------
+    >>> log_bias([1, 10]).round(4).tolist()  # for one it is minus Euler's constant
+    [-0.5772, -0.0508]
+    """
+    from scipy.special import psi
+
+    n = np.asarray(averages, dtype=float)
+    return np.asarray(psi(n) - np.log(n))
 
 
 def log_variance(averages: ArrayLike) -> Real:

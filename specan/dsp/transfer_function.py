@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.few_averages import log_variance, student_factor
+from specan.dsp.few_averages import log_bias, log_variance, student_factor
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -93,7 +93,7 @@ def estimate(
     >>> x, y, xy = np.array([1.0]), np.array([5.0]), np.array([2.0 + 0j])
     >>> found = estimate("H1", x, y, xy, 100)
     >>> complex(found.response[0]), float(found.coherence[0]), round(float(found.u_relative[0]), 4)
-    ((2+0j), 0.8, 0.0356)
+    ((2+0j), 0.8, 0.0358)
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         strength = np.abs(cross) ** 2
@@ -151,8 +151,7 @@ def smoothed_noise(noise: Real, freedom: float, width: int = SMOOTHED_LINES) -> 
         inside = (np.abs(offset) <= reach) & (line + offset >= 0) & (line + offset < n)
         total += np.where(inside, logarithm[..., np.clip(line + offset, 0, n - 1)], 0.0)
         count += inside
-    bias = -1 / (2 * freedom) - 1 / (12 * freedom**2)
-    level = np.exp(total / count - bias)
+    level = np.exp(total / count - log_bias(freedom))
     return np.where(noise > level * (1 + 5 / np.sqrt(freedom)), noise, level)
 
 
