@@ -63,7 +63,8 @@ def command(
     specan calibrate sample_data/recordings/calibration/insertion_1.tdms -o calibration.toml
     """
     from specan.analysis.calibration import join_insertions
-    from specan.analysis.insertion import CalibrationSettings, evaluate_insertion
+    from specan.analysis.calibrator_tone import CalibrationSettings
+    from specan.analysis.insertion import evaluate_insertion
     from specan.errors import InputError, RequestError
     from specan.io.calibration_file import write_calibration
     from specan.io.open import open_recording
