@@ -55,25 +55,26 @@ def join_insertions(
         )
     tones = _tones(insertions)
     chained = [
-        chain_phases([i for i in insertions if i.frequency_hz in tone], settings.u_insertion_deg)
+        chain_phases([_unclipped(i) for i in insertions if i.frequency_hz in tone], settings.u_insertion_deg)
         for tone in tones
     ]
-    found: dict[str, _Phase] = {}
+    names = sorted({h.channel for i in insertions for h in i.heard}, key=natural)
+    phases: dict[str, _Phase] = {}
     notes: list[str] = []
-    for channel in sorted({h.channel for i in insertions for h in i.heard}, key=natural):
-        found[channel], dropped = _phase(channel, tones, chained, settings)
-        notes += dropped
-    groups = sorted({phase.calibration.group for phase in found.values()}, key=natural)
+    for channel in names:
+        if any(channel in chain for chain in chained):
+            phases[channel], dropped = _phase(channel, tones, chained, settings)
+            notes += dropped
+    groups = sorted({phase.calibration.group for phase in phases.values()}, key=natural)
     if len(groups) > 1:
-        notes.append(_separate(groups, found))
-    notes += _left_out(insertions, set(found))
-    heard = {name: [(i, h) for i in insertions for h in i.heard if h.channel == name] for name in found}
+        notes.append(_separate(groups, phases))
+    notes += _left_out(insertions, set(names))
+    for group in groups:
+        phases |= _with_polarity({name: phases[name] for name in _members(group, phases)}, group)
+    heard = {name: [(i, h) for i in insertions for h in i.heard if h.channel == name] for name in names}
     common = _Common.of(heard, settings)
     return Calibration(
-        channels=tuple(
-            _with_polarity(_channel(name, heard[name], phase, common), groups, found)
-            for name, phase in found.items()
-        ),
+        channels=tuple(_channel(name, heard[name], phases.get(name), common) for name in names),
         made_from=tuple(insertion.label for insertion in insertions),
         calibrator_frequency_hz=_plain(float(np.mean(tones[0]))) if len(tones) == 1 else None,
         calibrator_level_dB=_only({insertion.level_dB for insertion in insertions}),
@@ -127,6 +128,7 @@ class _Phase:
 
     calibration: PhaseCalibration
     parts: tuple[ChainedPhase, ...]
+    doubt: str = ""
 
 
 def _phase(
@@ -176,25 +178,31 @@ def _members(group: str, phases: dict[str, _Phase]) -> list[str]:
     return [name for name, phase in phases.items() if phase.calibration.group == group]
 
 
-def _with_polarity(
-    channel: ChannelCalibration, groups: Sequence[str], phases: dict[str, _Phase]
-) -> ChannelCalibration:
-    """Name an inverted microphone and correct its phase by 180 degrees at all frequencies."""
-    if channel.phase is None:
-        return channel
-    members = {name: phases[name].calibration.phase_deg for name in _members(channel.phase.group, phases)}
-    inverted, unclear = turned_over(members)
-    if channel.channel not in inverted | unclear:
-        return channel
-    phase = channel.phase
-    if channel.channel in inverted:
-        reason = "polarity inverted: 180 degrees are corrected at all frequencies"
-        phase = replace(phase, inverted=True)
-    else:
-        told = " / ".join(f"{d:.0f}" for d in phase.phase_deg)
-        reason = f"a phase of {told} degrees is that of neither a matched nor an inverted microphone"
-    verdict = "doubtful" if channel.verdict == "good" else channel.verdict
-    return replace(channel, phase=phase, verdict=verdict, reasons=(*channel.reasons, reason))
+def _with_polarity(group: dict[str, _Phase], reference: str) -> dict[str, _Phase]:
+    """Name inverted microphones; their phase is corrected by 180 degrees at all frequencies.
+
+    Where the reference itself is inverted, all phases are turned, so that those of the others are near zero.
+    """
+    inverted, unclear = turned_over({name: phase.calibration.phase_deg for name, phase in group.items()})
+    found = {}
+    for name, phase in group.items():
+        calibration, reason = phase.calibration, ""
+        if reference in inverted:
+            turned = tuple(_plain(d % 360.0 - 180.0) for d in calibration.phase_deg)
+            calibration = replace(calibration, phase_deg=turned)
+        if name in inverted:
+            calibration = replace(calibration, inverted=True)
+            reason = "polarity inverted: 180 degrees are corrected at all frequencies"
+        elif name in unclear:
+            told = " / ".join(f"{d:.0f}" for d in calibration.phase_deg)
+            reason = f"a phase of {told} degrees is that of neither a matched nor an inverted microphone"
+        found[name] = _Phase(calibration, phase.parts, reason)
+    return found
+
+
+def _unclipped(insertion: Insertion) -> Insertion:
+    """Without clipped channels: their harmonics, folded back by sampling, may fall on the tone."""
+    return replace(insertion, heard=tuple(h for h in insertion.heard if not h.clipped))
 
 
 @dataclass(frozen=True)
@@ -240,7 +248,7 @@ def _used(found: Sequence[tuple[Insertion, Heard]]) -> list[Heard]:
 
 
 def _channel(
-    name: str, heard: Sequence[tuple[Insertion, Heard]], phase: _Phase, common: _Common
+    name: str, heard: Sequence[tuple[Insertion, Heard]], phase: _Phase | None, common: _Common
 ) -> ChannelCalibration:
     used = _used(heard)
     n = len(used)
@@ -251,18 +259,18 @@ def _channel(
     if REPEAT.judge(20 * np.log10(values.max() / values.min()))[0]:
         own = 100 * float(values.std(ddof=1)) / mean  # it repeats worse than the others
         between, dof = (own, n - 1) if own > between else (between, dof)
-    verdict, reasons = judge(heard, mean, common.typical)
-    budget = (
+    verdict, reasons = judge(heard, mean, common.typical, phase.doubt if phase else "")
+    budget = [
         Contribution("sensitivity", "calibrator level", "B", common.u_level_percent, "%", None),
         Contribution("sensitivity", "insertion", *_type(dof), between / np.sqrt(n), "%", dof),
         Contribution("sensitivity", "windows", "A", within, "%", sum(h.windows - 1 for h in used)),
-    )
-    for f, part in zip(phase.calibration.frequency_hz, phase.parts, strict=True):
+    ]
+    for f, part in zip(phase.calibration.frequency_hz, phase.parts, strict=True) if phase else ():
         of = f"phase at {f:.6g} Hz"
-        budget += (
+        budget += [
             Contribution(of, "insertion", *_type(part.dof), part.u_insertion_deg, "deg", part.dof),
             Contribution(of, "windows", "A", part.u_windows_deg, "deg", sum(h.windows - 1 for h in used)),
-        )
+        ]
     return ChannelCalibration(
         channel=name,
         sensitivity=_significant(mean),
@@ -270,12 +278,12 @@ def _channel(
         u_sensitivity_percent=_plain(
             float(np.sqrt(sum(c.u**2 for c in budget if c.of == "sensitivity")))
         ),
-        phase=phase.calibration,
+        phase=phase.calibration if phase else None,
         scatter_percent=_plain(max(h.scatter_percent for h in used)),
         drift_percent=_plain(max((h.drift_percent for h in used), key=abs)),
         verdict=verdict,
         reasons=reasons,
-        budget=budget,
+        budget=tuple(budget),
     )
 
 

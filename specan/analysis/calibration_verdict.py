@@ -45,7 +45,7 @@ VERDICTS: tuple[Verdict, ...] = ("good", "doubtful", "failed")
 
 
 def judge(
-    heard: Sequence[tuple[Insertion, Heard]], mean: float, typical: float | None
+    heard: Sequence[tuple[Insertion, Heard]], mean: float, typical: float | None, doubt: str = ""
 ) -> tuple[Verdict, tuple[str, ...]]:
     """Level plausible, tone clean, stable: the worst insertion decides.
 
@@ -57,15 +57,18 @@ def judge(
         Its sensitivity, mV/Pa.
     typical : float or None
         Middle of the sensitivities of all channels without a nominal one.
+    doubt : str
+        A sentence on its phase.
     """
     used = [h for _, h in heard if h.usable] or [h for _, h in heard]
     judged = [
+        *_spoilt(heard, failed=not any(h.usable for _, h in heard)),
         PURITY.judge(max(h.impurity for h in used)),
         SCATTER.judge(max(h.scatter_percent for h in used)),
         DRIFT.judge(max((h.drift_percent for h in used), key=abs)),
         REPEAT.judge(_dB(max(h.sensitivity for h in used) / min(h.sensitivity for h in used))),
-        *_spoilt(heard, failed=not any(h.usable for _, h in heard)),
         *_level(heard, mean, typical),
+        (int(bool(doubt)), doubt),
     ]
     worst = max(severity for severity, _ in judged)
     return VERDICTS[worst], tuple(dict.fromkeys(text for severity, text in judged if severity))

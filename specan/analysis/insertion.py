@@ -185,16 +185,16 @@ def _fit_windows(
     for row in range(len(channels)):
         if there[row].any():
             usual = float(np.quantile(amplitude[row, there[row]], 0.75))
-            faint = np.append(np.append(False, amplitude[row] < MISSING * usual), False)
+            faint = np.pad(amplitude[row] < MISSING * usual, 1)
             # The windows before and after hold the tone for a part of their time.
-            there[row] &= ~(faint[:-2] | faint[1:-1] | faint[2:])
+            there[row] &= ~np.logical_or.reduce([faint[:-2], faint[1:-1], faint[2:]])
     number = np.maximum(there.sum(axis=1), 1)
     return _Windows(
         phasors,
         there,
         (amplitude * there).sum(axis=1) / number,
         np.sqrt((rest**2 * there).sum(axis=1) / number),
-        finite.all(axis=1),
+        np.logical_and.reduce(finite, axis=1),
         np.array([_clipped(q, c.full_scale) for q, c in zip(quality.result(), quality.channels, strict=True)]),
     )
 
