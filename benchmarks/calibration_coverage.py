@@ -33,7 +33,6 @@ class Campaign:
     recordings: list[Recording]
     sensitivity: dict[str, float]
     phase_deg: dict[str, float]
-    amplitude_V: float = AMPLITUDE_V
 
 
 @dataclass(frozen=True)

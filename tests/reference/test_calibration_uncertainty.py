@@ -62,7 +62,7 @@ def test_the_parts_of_the_uncertainty_in_closed_form() -> None:
 
 
 def test_noise_of_a_window_is_that_of_theory() -> None:
-    """White noise of standard deviation s on a tone of amplitude A in N samples: both A and phase scatter by
+    """White noise of s times the amplitude A in N samples: A (relative) and phase both scatter by
     s sqrt(2 / N) (Kay, Fundamentals of Statistical Signal Processing I, example 3.14)."""
     rng = np.random.default_rng(2)
     ratios = {"phase": [], "amplitude": []}
@@ -70,7 +70,7 @@ def test_noise_of_a_window_is_that_of_theory() -> None:
         one = campaign(rng, [(1, 2, 3, 4, 5, 6)], seat_deg=0.0, seat_dB=0.0, noise=0.1)
         n = one.recordings[0].channels[0].n_samples
         for h in evaluate_insertion(one.recordings[0]).heard:
-            u = 0.1 * math.sqrt(2 / n) / one.amplitude_V
+            u = 0.1 * math.sqrt(2 / n)
             ratios["phase"].append(math.radians(h.u_phase_deg) / u)
             ratios["amplitude"].append(h.scatter_percent / 100 / math.sqrt(h.windows) / u)
     # A standard deviation of 20 windows scatters by 16 %; the mean of 240 by 1 %, and its expectation is 1.3 % low.
