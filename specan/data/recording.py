@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError, nearest
 
-Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "other"]
+Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other"]
 ROLES: tuple[Role, ...] = (
-    "microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "other",
+    "microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other",
 )  # fmt: skip
 
 
