@@ -125,9 +125,7 @@ def coverage(
     held: dict[str, list[bool]] = {"sensitivity": [], "phase": []}
     u: dict[str, list[float]] = {"sensitivity": [], "phase": []}
     for _ in range(campaigns):
-        drawn = campaign(
-            rng, plan, seat_deg=seat_deg, seat_dB=seat_dB, noise=noise, level_dB=level_dB
-        )
+        drawn = campaign(rng, plan, seat_deg=seat_deg, seat_dB=seat_dB, noise=noise, level_dB=level_dB)
         for c in calibrate(drawn.recordings, settings).channels:
             true = drawn.sensitivity[c.channel]
             error = 100 * (c.sensitivity / true - 1)

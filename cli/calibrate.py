@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 @click.option(
     "--frequency", type=float, help="Tone of the calibrator in Hz [default: the file's, else found]."
 )
-@click.option("--u-level", type=float, default=0.1, show_default=True, help="Standard uncertainty of the level, dB.")
+@click.option(
+    "--u-level", type=float, default=0.1, show_default=True, help="Standard uncertainty of the level, dB."
+)
 @click.option(
     "--u-insertion",
     type=(float, float),

@@ -215,9 +215,7 @@ class _Common:
     typical: float | None
 
     @classmethod
-    def of(
-        cls, heard: dict[str, list[tuple[Insertion, Heard]]], settings: CalibrationSettings
-    ) -> _Common:
+    def of(cls, heard: dict[str, list[tuple[Insertion, Heard]]], settings: CalibrationSettings) -> _Common:
         """From the sensitivities of all channels, those that were inserted more than once first."""
         squares, dof, windows = 0.0, 0, []
         for found in heard.values():
@@ -275,9 +273,7 @@ def _channel(
         channel=name,
         sensitivity=_significant(mean),
         unit="mV/Pa",
-        u_sensitivity_percent=_plain(
-            float(np.sqrt(sum(c.u**2 for c in budget if c.of == "sensitivity")))
-        ),
+        u_sensitivity_percent=_plain(float(np.sqrt(sum(c.u**2 for c in budget if c.of == "sensitivity")))),
         phase=phase.calibration if phase else None,
         scatter_percent=_plain(max(h.scatter_percent for h in used)),
         drift_percent=_plain(max((h.drift_percent for h in used), key=abs)),

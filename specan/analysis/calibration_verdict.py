@@ -104,9 +104,7 @@ def _level(
         judged.append((2, text))
     assumed = next((i for i, _ in heard if not i.level_confirmed), None)
     if assumed is not None:
-        text = (
-            f"the calibrator's level of {assumed.level_dB:g} dB is assumed and no nominal sensitivity confirms it"
-        )
+        text = f"the calibrator's level of {assumed.level_dB:g} dB is assumed and no nominal sensitivity confirms it"
         judged.append((1, text))
     return judged
 

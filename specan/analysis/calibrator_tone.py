@@ -271,7 +271,9 @@ def _reject_other_tone(
         others = [t for t in _tones(recording, rest, (nominal,)) if t is not None and t.pure]
         loud = [t for t in others if t.amplitude > heard * 10 ** (HEARD_FROM_OUTSIDE_DB / 20)]
         if loud:
-            far = "show no tone" if heard == 0 else f"hear it {HEARD_FROM_OUTSIDE_DB:g} dB or more below others"
+            far = (
+                "show no tone" if heard == 0 else f"hear it {HEARD_FROM_OUTSIDE_DB:g} dB or more below others"
+            )
             raise InputError(
                 f"{recording.label}: the channels that CalibratedChannels names ({_listed(names_of(found.channels))}) "
                 f"{far}; the tone of {loud[0].frequency_hz:.6g} Hz is on {_listed([t.channel.name for t in loud])}",

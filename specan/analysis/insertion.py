@@ -195,7 +195,9 @@ def _fit_windows(
         (amplitude * there).sum(axis=1) / number,
         np.sqrt((rest**2 * there).sum(axis=1) / number),
         np.logical_and.reduce(finite, axis=1),
-        np.array([_clipped(q, c.full_scale) for q, c in zip(quality.result(), quality.channels, strict=True)]),
+        np.array(
+            [_clipped(q, c.full_scale) for q, c in zip(quality.result(), quality.channels, strict=True)]
+        ),
     )
 
 

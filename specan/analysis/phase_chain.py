@@ -32,9 +32,7 @@ class ChainedPhase:
         return float(np.hypot(self.u_insertion_deg, self.u_windows_deg))
 
 
-def chain_phases(
-    insertions: Sequence[Insertion], declared_deg: float = 0.0
-) -> dict[str, ChainedPhase]:
+def chain_phases(insertions: Sequence[Insertion], declared_deg: float = 0.0) -> dict[str, ChainedPhase]:
     r"""Phase of every channel at one tone, from insertions that may share microphones.
 
     Each insertion j gives :math:`\varphi_{cj} = \theta_c - o_j` with an unknown common phase

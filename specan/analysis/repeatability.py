@@ -7,9 +7,7 @@ import math
 ENOUGH = 3  # degrees of freedom from which an estimate replaces what was declared
 
 
-def repeatability(
-    squares: float, dof: int, windows: float, declared: float
-) -> tuple[float, int | None]:
+def repeatability(squares: float, dof: int, windows: float, declared: float) -> tuple[float, int | None]:
     r"""Standard uncertainty of one observation by its insertion, and its degrees of freedom.
 
     The residuals of observations that were made more than once have the variance

@@ -87,7 +87,9 @@ class ChannelCalibration:
         if self.phase is not None:
             numbers += [*self.phase.phase_deg, *self.phase.u_phase_deg]
         if not all(map(math.isfinite, numbers)):
-            raise RequestError(f"the calibration of {self.channel!r} is not finite", expected="finite numbers")
+            raise RequestError(
+                f"the calibration of {self.channel!r} is not finite", expected="finite numbers"
+            )
         if self.verdict not in VERDICTS:
             raise RequestError(
                 f"the calibration of {self.channel!r} has the verdict {self.verdict!r}",

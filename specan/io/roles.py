@@ -25,7 +25,8 @@ _WORDS: tuple[tuple[Role, str], ...] = (
     ("microphone", r"\bmics?\b|\bmic[a-z]\b|mikrofon|microphon|sound pressure|hydrophon"),
     (
         "generator",
-        r"generator|\bgen\b|excitation|\bao\d*\b|source signal|signal source|^source( \d+)?$|\bdrive\b|wzbudzeni|anregung",
+        r"generator|\bgen\b|excitation|\bao\d*\b|source signal|signal source|^source( \d+)?$|\bdrive\b"
+        r"|wzbudzeni|anregung",
     ),
     ("torque", r"torque|drehmoment|moment obrot"),
     ("force", r"\bforce\b|\bhammer\b|\bkraft\b|\bsi[lł]a\b|m[lł]otek"),

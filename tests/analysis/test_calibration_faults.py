@@ -115,7 +115,9 @@ def test_a_channel_without_a_signal_is_left_out_and_named(mic: int, change) -> N
     calibration = calibrate(hit)
     assert f"Mic {mic}" not in by_name(calibration)
     assert len(calibration.channels) == 15
-    assert any(note.startswith(f"Mic {mic} ") and "in i1: not calibrated" in note for note in calibration.notes)
+    assert any(
+        note.startswith(f"Mic {mic} ") and "in i1: not calibrated" in note for note in calibration.notes
+    )
 
 
 @pytest.mark.parametrize("top", [0.95, 0.9, 0.8, 0.5])
@@ -146,7 +148,9 @@ def test_a_shared_microphone_that_is_clipped_once_is_calibrated_from_the_others(
 
 
 @pytest.mark.parametrize("turned", ["Mic 1", "Mic 2"])
-def test_an_inverted_microphone_is_named_and_corrected_at_every_frequency(tmp_path: Path, turned: str) -> None:
+def test_an_inverted_microphone_is_named_and_corrected_at_every_frequency(
+    tmp_path: Path, turned: str
+) -> None:
     hit = star()
     for recording in hit:
         if turned in [c.name for c in recording.channels]:
@@ -183,16 +187,22 @@ def test_a_delay_of_half_a_period_known_at_two_tones_is_no_inversion() -> None:
 
 
 @pytest.mark.parametrize(("level", "hz"), [(114.0, 250.0), (124.0, 250.1), (94.0, 250.0)])
-def test_a_pistonphone_is_known_by_its_frequency_and_the_nominal_sensitivities(level: float, hz: float) -> None:
+def test_a_pistonphone_is_known_by_its_frequency_and_the_nominal_sensitivities(
+    level: float, hz: float
+) -> None:
     calibration = calibrate([insertion("p", (1, 2, 3), level=level, hz=hz, stated={})])
     assert calibration.calibrator_level_dB == level
     assert {c.verdict for c in calibration.channels} == {"good"}
-    assert any(f"level {level:g} dB" in line and "by nominal" in line for line in calibration.calibrator_decided)
+    assert any(
+        f"level {level:g} dB" in line and "by nominal" in line for line in calibration.calibrator_decided
+    )
 
 
 def test_a_pistonphone_without_anything_that_tells_its_level_is_asked_for() -> None:
     bare = insertion("p", (1, 2, 3), level=114.0, hz=250.0, stated={}, nominal=None, scale=0.25)
-    with pytest.raises(InputError, match=r"pistonphone \(114 or 124 dB\), and nothing tells its level.*--level 114"):
+    with pytest.raises(
+        InputError, match=r"pistonphone \(114 or 124 dB\), and nothing tells its level.*--level 114"
+    ):
         calibrate([bare])
     given = calibrate([bare], CalibrationSettings(level_dB=114.0))
     assert given.channels[0].sensitivity == pytest.approx(TRUE["Mic 1"] / 4, rel=1e-3)
@@ -212,14 +222,18 @@ def test_a_level_that_nothing_confirms_is_never_good() -> None:
 
 
 def test_97_dB_taken_for_94_dB_is_not_good_where_nominal_sensitivities_exist() -> None:
-    calibration = calibrate([insertion("p", (1, 2, 3, 4, 5), level=97.0, stated={"CalibratorLevel_dB": 94.0})])
+    calibration = calibrate(
+        [insertion("p", (1, 2, 3, 4, 5), level=97.0, stated={"CalibratorLevel_dB": 94.0})]
+    )
     assert all(c.verdict != "good" for c in calibration.channels)
     assert all(any("97 dB instead of 94 dB" in r for r in c.reasons) for c in calibration.channels)
 
 
 @pytest.mark.parametrize(("down", "verdict"), [(2.0, "good"), (6.5, "failed"), (20.0, "failed")])
 @pytest.mark.parametrize("nominal", [50.0, None])
-def test_a_microphone_far_from_its_neighbours_has_failed(down: float, verdict: str, nominal: float | None) -> None:
+def test_a_microphone_far_from_its_neighbours_has_failed(
+    down: float, verdict: str, nominal: float | None
+) -> None:
     stated = {"CalibratorLevel_dB": 94.0, "CalibratedChannels": "1,2,3,4,5,6"}
     hit = insertion("a", (1, 2, 3, 4, 5, 6), stated=stated, nominal=nominal)
     spoil(hit, "Mic 2", lambda v: v * 10 ** (-down / 20))  # Mic 2 has the nominal sensitivity
@@ -240,21 +254,30 @@ def test_a_microphone_that_is_not_seated_is_mentioned() -> None:
 
 
 def test_a_tone_elsewhere_is_said_to_be_there() -> None:
-    at_250 = insertion("a", (1, 2), hz=250.0, stated={"CalibratorFrequency_Hz": 1000.0, "CalibratorLevel_dB": 94})
+    at_250 = insertion(
+        "a", (1, 2), hz=250.0, stated={"CalibratorFrequency_Hz": 1000.0, "CalibratorLevel_dB": 94}
+    )
     with pytest.raises(InputError, match=r"the tone is at 250 Hz .*CalibratorFrequency_Hz says 1000 Hz"):
         calibrate([at_250])
     named = {"CalibratedChannels": "1,2", "CalibratorLevel_dB": 94.0}
     for down in (0.0, 10 ** (-30 / 20)):  # silent, and outside the adapter
         wrong = insertion("a", (1, 2, 3, 4), stated=named)
         for mic in ("Mic 1", "Mic 2"):
-            spoil(wrong, mic, lambda v, d=down: v * d + 1e-6 * np.random.default_rng(1).standard_normal(v.size))
-        with pytest.raises(InputError, match=r"CalibratedChannels names \(Mic 1, Mic 2\).*is on Mic 3, Mic 4"):
+            spoil(
+                wrong, mic, lambda v, d=down: v * d + 1e-6 * np.random.default_rng(1).standard_normal(v.size)
+            )
+        with pytest.raises(
+            InputError, match=r"CalibratedChannels names \(Mic 1, Mic 2\).*is on Mic 3, Mic 4"
+        ):
             calibrate([wrong])
 
 
 @pytest.mark.parametrize("written", ["94 dB", "94,0", 94])
 def test_a_level_may_be_written_with_its_unit(written: object) -> None:
-    assert calibrate([insertion("a", (1, 2), stated={"CalibratorLevel_dB": written})]).calibrator_level_dB == 94.0
+    assert (
+        calibrate([insertion("a", (1, 2), stated={"CalibratorLevel_dB": written})]).calibrator_level_dB
+        == 94.0
+    )
 
 
 def test_a_level_that_is_no_number_says_so() -> None:

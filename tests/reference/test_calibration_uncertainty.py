@@ -9,12 +9,12 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.calibration_coverage import STAR, TWICE, campaign, coverage, recording
 from specan.analysis.calibration import join_insertions
 from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.insertion import evaluate_insertion
 from specan.analysis.phase_chain import chain_phases
 from specan.analysis.repeatability import repeatability
-from benchmarks.calibration_coverage import STAR, TWICE, campaign, coverage, recording
 
 # The share that 60 campaigns show for a true 95 % scatters: phases of an insertion share the error of Mic 1.
 LOW, HIGH = 0.90, 0.98
@@ -40,9 +40,7 @@ def test_sensitivity_intervals_hold_for_each_part_of_the_uncertainty() -> None:
     assert LOW <= seat.sensitivity <= HIGH, seat
     declared = coverage(60, STAR[:1], seat_deg=0.0, seat_dB=0.05, noise=1e-4, level_dB=0.0)
     assert LOW <= declared.sensitivity <= HIGH, declared
-    windows = coverage(
-        60, STAR[:1], seat_deg=0.0, seat_dB=0.0, noise=0.3, level_dB=0.0, declared=(0.0, 0.0)
-    )
+    windows = coverage(60, STAR[:1], seat_deg=0.0, seat_dB=0.0, noise=0.3, level_dB=0.0, declared=(0.0, 0.0))
     assert LOW <= windows.sensitivity <= HIGH, windows
 
 

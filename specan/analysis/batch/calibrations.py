@@ -10,8 +10,8 @@ from pathlib import Path
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult
 from specan.analysis.calibration import join_insertions
-from specan.analysis.excitation import stated_excitation
 from specan.analysis.calibrator_tone import CalibrationSettings
+from specan.analysis.excitation import stated_excitation
 from specan.analysis.insertion import Insertion, evaluate_insertion
 from specan.data.recording import Recording
 from specan.errors import SpecanError
