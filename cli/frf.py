@@ -26,7 +26,11 @@ if TYPE_CHECKING:
 )
 @click.option("--instrument", metavar="CH", help="Instrument of H3c [default: the generator].")
 @section_options
-@click.option("--lines", type=int, help="Lines up to fs/2.56.  [default: 3200, or more where the response outlasts their blocks]")
+@click.option(
+    "--lines",
+    type=int,
+    help="Lines up to fs/2.56.  [default: 3200, more where the response is longer]",
+)
 @click.option("--window", help="Window of the blocks.  [default: hann]")
 @click.option("--overlap", type=float, help="Overlap of the blocks, 0 to 0.95.  [default: 0.5]")
 @click.option("--no-align", is_flag=True, help="Leave delayed responses as they are.")
@@ -229,8 +233,8 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
         f"transfer functions of {found.label}: {found.estimator} over {found.reference} ({found.reference_unit})",
         "magnitude in " + ", ".join(f"{u} ({n})" for n, u in zip(found.channels, found.units)),
         "phase in degrees: exp(+j w t), response over reference",
-        "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of calibration and "
-        "delay",
+        "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of calibration "
+        "and delay",
         f"settings: {found.settings}",
         *found.notes,
     ]

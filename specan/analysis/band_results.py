@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 Real = NDArray[np.float64]
 
 LINEAR_SETTLING = {
-    "left-out": "about the mean; the section is faded in and out over an eighth of it, 0.5 s at most, so that the cut at "
-    "its ends is left out",
+    "left-out": "about the mean; the section is faded in and out over an eighth of it, 0.5 s at most, so that the cut "
+    "at its ends is left out",
     "counted": "about the mean; filters at rest at the start of the section; all energy at their outputs, ring-out "
     "after its end included, over the length of the section",
 }

@@ -171,8 +171,8 @@ class LevelsAccumulator:
             start_s=self.settings.start_s,
             duration_s=self.duration,
             sampling_rate=self.sampling_rate,
-            settling=f"equivalent levels with A, B and C: {LINEAR_SETTLING[self.settings.settling]}; the time weighting "
-            "begins after 0.09 s, when A, B and C have settled; percentiles and minimum leave out its first "
+            settling=f"equivalent levels with A, B and C: {LINEAR_SETTLING[self.settings.settling]}; the time "
+            "weighting begins after 0.09 s, when A, B and C have settled; percentiles and minimum leave out its first "
             f"{SETTLING_TIME_CONSTANTS:g} time constants",
             flags=quality_flags(self.channels, self.recording.flags, quality),
             notes=self.notes,

@@ -12,6 +12,7 @@ from specan.errors import InputError, RequestError
 
 _GRID = 1 << 15
 
+
 def section(
     recording: Recording, channels: Sequence[Channel], start_s: float = 0.0, stop_s: float | None = None
 ) -> tuple[int, int]:

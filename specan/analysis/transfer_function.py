@@ -12,7 +12,6 @@ from pydantic import Field
 from specan.analysis.response_length import (
     LEAST_AVERAGES,
     READ_BLOCK,
-    TOLERATED_LEAKAGE,
     Look,
     averages_in,
     look,
@@ -51,8 +50,8 @@ class TransferFunction(Settings):
     estimator : {"H1", "H2", "Hv", "H3c"}
     lines : int or None
         Number of lines up to rate/2.56; a block has 2.56 times as many samples. By default as many as the
-        response needs: 3200 times a power of two, so that the blocks are long enough for leakage to be below 1 % or half the
-        random uncertainty, while eight independent averages are left; fewer in a short section.
+        response needs: 3200 times a power of two, so that leakage is below 1 % or half the random
+        uncertainty, while eight independent averages are left; fewer in a short section.
     window, overlap
         Of the blocks. Hann with 50 % gives 95 % of the blocks' number as independent averages.
     align : bool
@@ -290,8 +289,8 @@ class TransferFunctionAccumulator:
     def _lost(self, found: Estimate) -> NDArray[np.float64]:
         """Relative standard uncertainty per real component that leakage adds, (responses, lines).
 
-        What blocks take from each line, judged from the result itself. Lags of more than half a block are hardly seen
-        there: where the longer blocks of the first look show twice as much (mean square over 15 lines), theirs is taken.
+        What blocks take from each line, judged from the result itself. Lags beyond half a block are hardly seen
+        there: where the longer blocks of the first look show twice that (mean square over 15 lines), theirs is taken.
         The square is averaged over three lines; of a complex error of that size each component has half.
         """
         f, block = np.arange(1, found.response.shape[-1] + 1), self.settings.block
@@ -326,7 +325,6 @@ class TransferFunctionAccumulator:
             remarks.append(f"aligned before the analysis and turned back after it: {', '.join(late)}")
         return remarks
 
-
     def _on_lines(self, found: Estimate, lost: NDArray[np.float64]) -> list[str]:
         """Who chose the number of lines, and whether the blocks are too short for the response."""
         settings, rate = self.settings, self.reference.sampling_rate
@@ -342,13 +340,17 @@ class TransferFunctionAccumulator:
             return remarks
         with np.errstate(invalid="ignore"):
             size = [
-                np.sqrt(2 * np.nansum((lost * np.abs(found.response))[row] ** 2) / np.nansum(np.abs(found.response[row]) ** 2))
+                np.sqrt(
+                    2
+                    * np.nansum((lost * np.abs(found.response))[row] ** 2)
+                    / np.nansum(np.abs(found.response[row]) ** 2)
+                )
                 for row in worst
             ]
         row = worst[int(np.argmax(size))]
         remarks.append(
-            f"leakage: the response outlasts the blocks of {settings.block / rate:.3g} s, which take {_percent(max(size))} "
-            f"of it ({self.responses[row].name}, RMS over the lines); {self._advice()}"
+            f"leakage: the response outlasts the blocks of {settings.block / rate:.3g} s, which take "
+            f"{_percent(max(size))} of it ({self.responses[row].name}, RMS over the lines); {self._advice()}"
         )
         return remarks
 

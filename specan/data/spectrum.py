@@ -144,8 +144,8 @@ class Spectrum:
     def u_db(self) -> float:
         """Standard uncertainty of a line of noise in dB; of a tone it is less.
 
-        10 / ln 10 times the root of the trigamma function of the effective averages, the standard deviation of the logarithm of
-        a chi-square: 4.34 / sqrt(n) dB for many averages, 5.57 dB for one.
+        10 / ln 10 times the root of the trigamma function of the effective averages, the standard deviation of the
+        logarithm of a chi-square: 4.34 / sqrt(n) dB for many averages, 5.57 dB for one.
         """
         from scipy.special import polygamma
 

@@ -32,6 +32,7 @@ _NOTHING = 1e-20
 # Rounding of the lags leaves this part of the whole mean square in a band, more or less.
 _ROUNDING = 1e-17
 
+
 @dataclass(frozen=True)
 class EnergySpectrum:
     """Mean square against frequency, on a logarithmic grid that serves every fraction and weighting.

@@ -37,6 +37,8 @@ _FAITHFUL = 0.8
 
 # How a filter gets its spectra: from sections of a shape, from pairs of blocks, or it needs none.
 Way = Shape | None | Literal["none"]
+
+
 @dataclass
 class _Channelised:
     """One filter at work on its stage.

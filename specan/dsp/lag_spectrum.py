@@ -53,7 +53,8 @@ class LagSpectrum:
     def add(self, transform: NDArray[np.complex128], end: NDArray[np.complex128] | None = None) -> None:
         """Take the next block: the transform of 2 L samples, shape (rows, L + 1).
 
-        `end` is the transform of what a fade takes away from the block, None for nothing. Successive blocks stand in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
+        `end` is the transform of what a fade takes away from the block, None for nothing. Successive
+        blocks stand in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
         without a factor, since the correlation is circular.
         """
         if self._previous is not None:
@@ -106,7 +107,7 @@ class LagSpectrum:
             self._cross[rows] += product
 
     def energy(self, *, faded: bool = False) -> NDArray[np.float64]:
-        """Energy spectrum, shape (rows, L + 1), at the frequencies m / (2 L) cycles a sample; of the faded record if asked for.
+        """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample; of the faded record if asked for.
 
         The sum over all 2 L lines, divided by 2 L, is the energy. Call it after the last block.
         Rounding leaves some 1e-17 of the energy in every band; where there is nothing else a line may be

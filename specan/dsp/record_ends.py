@@ -50,9 +50,7 @@ class Fade:
 
     def touches(self, first: int, count: int) -> bool:
         """Whether some of these samples are faded."""
-        return self.samples > 0 and (
-            first < self.samples or first + count > self.n_samples - self.samples
-        )
+        return self.samples > 0 and (first < self.samples or first + count > self.n_samples - self.samples)
 
     @property
     def averaged(self) -> float:
@@ -113,7 +111,9 @@ class RecordEnds:
         if spectrum is None:
             pieces.append(self._rest(number))
         else:
-            pieces.append(self._decimators.setdefault(number, Decimator(self._rows, LENGTH)).add(spectrum, half))
+            pieces.append(
+                self._decimators.setdefault(number, Decimator(self._rows, LENGTH)).add(spectrum, half)
+            )
 
     def _rest(self, number: int) -> NDArray[np.float64] | None:
         decimator = self._decimators.pop(number, None)

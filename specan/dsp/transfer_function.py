@@ -167,8 +167,8 @@ def noise_freedom(
     """Degrees of freedom (..., n) of a noise spectrum that `smoothed_noise` has smoothed.
 
     Those of a chi-square whose logarithm has the variance of the mean: 2 m / psi'(freedom) for m independent lines;
-    count lines, neighbours correlated by c, are count / (1 + 2 c (1 - 1/count)) independent ones. A line that kept its own
-    value has 2 freedom.
+    count lines, neighbours correlated by c, are count / (1 + 2 c (1 - 1/count)) independent ones. A line that kept its
+    own value has 2 freedom.
     """
     count = np.minimum(2 * _reach(noise.shape[-1], width) + 1, noise.shape[-1])
     independent = count / (1 + 2 * line_correlation * (1 - 1 / count))

@@ -63,7 +63,9 @@ def test_lines_are_chosen_by_the_response_and_the_interval_holds_the_truth(t60_s
         assert np.mean(inside) > 0.9
     assert len(found.frequency_hz) in (lines // 2, lines, 2 * lines)
     block = 2.56 * len(found.frequency_hz) / RATE
-    assert block > 2 * t60_s or found.n_effective < 16  # as many averages as may be left, or fewer than twice that
+    assert (
+        block > 2 * t60_s or found.n_effective < 16
+    )  # as many averages as may be left, or fewer than twice that
     error = np.sqrt(np.mean(np.abs(found.response[0] - true) ** 2) / np.mean(np.abs(true) ** 2))
     assert error < 0.06
 
@@ -174,5 +176,7 @@ def test_intervals_of_short_records_hold_the_truth(seconds, lines):
 
 def test_a_batch_keeps_3200_lines():
     assert BatchSettings().transfer_function.lines == 3200
-    assert BatchSettings(transfer_function=TransferFunction(window="flat-top")).transfer_function.lines == 3200
+    assert (
+        BatchSettings(transfer_function=TransferFunction(window="flat-top")).transfer_function.lines == 3200
+    )
     assert BatchSettings(transfer_function=TransferFunction(lines=800)).transfer_function.lines == 800

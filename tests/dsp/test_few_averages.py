@@ -7,7 +7,9 @@ from specan.dsp.few_averages import log_bias, log_variance, student_factor
 from specan.dsp.transfer_function import noise_freedom, smoothed_noise
 
 
-@pytest.mark.parametrize(("nu", "t_95"), [(1, 12.71), (2, 4.30), (4, 2.78), (6, 2.45), (10, 2.23), (50, 2.01)])
+@pytest.mark.parametrize(
+    ("nu", "t_95"), [(1, 12.71), (2, 4.30), (4, 2.78), (6, 2.45), (10, 2.23), (50, 2.01)]
+)
 def test_quantiles_are_those_of_the_guide(nu, t_95):
     """JCGM 100:2008, table G.2, p = 95 %."""
     assert 1.959964 * student_factor(nu) == pytest.approx(t_95, abs=0.005)
