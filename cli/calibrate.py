@@ -10,17 +10,18 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
+from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
 
 if TYPE_CHECKING:
     from specan.data.calibration import Calibration, ChannelCalibration
 
 
-@click.command("calibrate")
+@click.command("calibrate", cls=Verb)
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     default=Path("calibration.toml"),
     show_default=True,
     help="The calibration to write.",
@@ -99,12 +100,7 @@ def command(
     if not insertions:
         raise InputError("no file could be used for a calibration", remedy="see the reasons above")
     calibration = join_insertions(insertions, settings)
-    try:
-        write_calibration(calibration, output)
-    except OSError as fault:
-        raise RequestError(
-            f"{output} cannot be written ({fault.strerror})", remedy="choose another with -o"
-        ) from None
+    write_calibration(calibration, output)
     if plot is not None:
         from specan.report.figure_style import save_figure
         from specan.report.figures_calibration import figure_calibration
@@ -112,8 +108,9 @@ def command(
         save_figure(figure_calibration(calibration), plot)
     if as_json:
         emit_json({**_content(calibration), "failures": failures, "output": str(output)})
-    else:
-        _show(calibration, output)
+    elif not to_standard_output(output):
+        _show(calibration)
+        say_written(output)
     failed = any(c.verdict == "failed" for c in calibration.channels)
     return 1 if failures or failed else 0
 
@@ -124,7 +121,7 @@ def _content(calibration: Calibration) -> dict[str, Any]:
     return dataclasses.asdict(calibration)
 
 
-def _show(calibration: Calibration, output: Path) -> None:
+def _show(calibration: Calibration) -> None:
     tone, level = calibration.calibrator_frequency_hz, calibration.calibrator_level_dB
     title = (
         "Calibration"
@@ -142,7 +139,6 @@ def _show(calibration: Calibration, output: Path) -> None:
     table(title, header, rows)
     for note in calibration.notes:
         say(f"Note: {note}.")
-    click.echo(f"Written to {output}.")
 
 
 def _phases(channel: ChannelCalibration) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
+from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from specan.data.spectrum import Spectrogram, Spectrum
 
 
-@click.command("fft")
+@click.command("fft", cls=Verb)
 @click.argument("file", type=click.Path(path_type=Path))
 @section_options
 @click.option(
@@ -46,7 +48,7 @@ if TYPE_CHECKING:
 @click.option("--spectrogram", is_flag=True, help="Spectra against time.")
 @click.option("--columns", type=int, help="Most columns of a spectrogram.  [default: 1000]")
 @plot_option()
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all lines as text.")
+@click.option("-o", "--output", type=OutputFile(), help="Write all lines as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
 @opening_options
 def command(
@@ -83,11 +85,9 @@ def command(
         write_text(found, output)
     if as_json:
         emit_json(content(found))
-    else:
+    elif not to_standard_output(output):
         show(found, peaks)
-        for written in (plot, output):
-            if written is not None:
-                click.echo(f"Written to {written}.")
+        say_written(plot, output)
     say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
     return 0
 
@@ -246,6 +246,7 @@ def write_text(found: Spectrum | Spectrogram, path: Path) -> None:
         for name, unit in zip(found.channels, found.units)
     )
     header = [
+        f"specan {__version__} fft",
         f"{'spectrogram' if isinstance(found, Spectrogram) else 'spectra'} of {found.label}",
         units,
         f"window {scale.window}: coherent gain {scale.coherent_gain:.6g} (allowed for), noise bandwidth "

@@ -87,6 +87,7 @@ def _write_tdms(path: Path, made: SimulatedRecording, given: Mapping[str, Any]) 
     """As the laboratory's acquisition program would: volts of 24 bits, nominal sensitivities beside them."""
     import numpy as np
 
+    from specan.io.output_file import whole_file
     from specan.testing.rig import Rig, Take
     from specan.testing.rig_files import write_tdms
 
@@ -106,12 +107,8 @@ def _write_tdms(path: Path, made: SimulatedRecording, given: Mapping[str, Any]) 
     if made.frequency_hz is not None:
         excitation = {"Excitation": "sine", "ExcitationFrequency_Hz": made.frequency_hz}
     take = Take(made.names, made.sampling_rate, made.quantities, made.quantities * gain[:, None], excitation)
-    try:
-        write_tdms(path, rig, take, description="simulated")
-    except OSError as fault:
-        raise RequestError(
-            f"the recording {path} cannot be written ({fault.strerror})", remedy="name another place"
-        ) from None
+    with whole_file(path) as half:
+        write_tdms(half, rig, take, description="simulated")
 
 
 # --- the field on a plane ----------------------------------------------------------------------------------
@@ -153,17 +150,13 @@ def _map(request: Request, options: Mapping[str, Any]) -> None:
 
 
 def _write_csv(path: Path, found: FieldMap) -> None:
+    from specan.io.output_file import text_file
     from specan.models.room.field_map import COLUMNS
 
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            sheet = csv.writer(file, lineterminator="\n")
-            sheet.writerow(COLUMNS)
-            sheet.writerows([f"{value:.9g}" for value in row] for row in found.rows())
-    except OSError as fault:
-        raise RequestError(
-            f"the table {path} cannot be written ({fault.strerror})", remedy="name another place"
-        ) from None
+    with text_file(path) as file:
+        sheet = csv.writer(file, lineterminator="\n")
+        sheet.writerow(COLUMNS)
+        sheet.writerows([f"{value:.9g}" for value in row] for row in found.rows())
 
 
 def _checked(path: Path, suffixes: tuple[str, ...]) -> Path:

@@ -44,7 +44,14 @@ class Input:
 
     def neutral(self, reason: str) -> str:
         """A message as it goes into results: without the place of the file on this machine."""
-        return reason.replace(self.path, self.label).replace(self.root, "").removeprefix(f"{self.label}: ")
+        label = escaped(self.label)
+        known = ((self.path, label), (self.root, "the directory"))
+        for place, shown in known:
+            # Only as a path of its own: a directory may be called "in", "." or "1", as parts of words are.
+            name = re.escape(os.path.join(place, "") if shown != label else place)
+            reason = re.sub(rf"(?<![\w./\\-]){name}(?![\w-])" if shown == label else rf"(?<![\w./\\-]){name}(?=[\w.-])",
+                            shown if shown == label else "", reason)
+        return reason.removeprefix(f"{label}: ")
 
 
 def find_inputs(directories: Sequence[Path]) -> list[Input]:
@@ -85,7 +92,8 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
     Raises
     ------
     RequestError
-        The place is a file, cannot be written to, or is in use.
+        The place is a file, cannot be written to, is in use, or holds a file of such a name that specan did not
+        write.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -93,6 +101,7 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
         for name in tables:
             if (out / name).exists():
                 (out / name).open("a").close()  # a spreadsheet may hold it, or it may be a directory
+                check_output(out / name)
     except OSError as fault:
         raise RequestError(
             f"the output directory {out} cannot be written to ({fault.strerror or fault})",
