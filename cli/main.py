@@ -13,7 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from specan import __version__
-from specan.errors import SpecanError
+from specan.errors import SpecanError, unforeseen
 
 # verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
 VERBS: dict[str, tuple[str, str]] = {
@@ -129,8 +129,7 @@ def run() -> None:
         if debug:
             raise
         click.echo(
-            f"Error: specan met something it does not know: {type(fault).__name__}: {fault}; "
-            "run again with --debug before the verb and report the traceback.",
+            f"Error: {unforeseen(fault)}; run again with --debug before the verb and report the traceback.",
             err=True,
         )
         sys.exit(4)

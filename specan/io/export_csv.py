@@ -32,7 +32,10 @@ def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
     if decimal not in (".", ","):
         raise RequestError(f"the decimal sign is {decimal!r}", expected="a point or a comma")
     separator = "," if decimal == "." else ";"
-    header = ["time_s", *(harmless(f"{n} [{c.unit}]") for n, c in zip(excerpt.names(), excerpt.channels, strict=True))]
+    header = [
+        "time_s",
+        *(harmless(f"{n} [{c.unit}]") for n, c in zip(excerpt.names(), excerpt.channels, strict=True)),
+    ]
     row = separator.join(["%.9g"] * len(header)) + "\n"
     encoding = "utf-8" if decimal == "." else "utf-8-sig"
     with whole_file(path) as half, half.open("w", encoding=encoding, newline="") as file:

@@ -150,8 +150,9 @@ def text_file(path: Path) -> Iterator[TextIO]:
 
 def remove_parts(directory: Path) -> None:
     """Remove what an interrupted write has left."""
-    for half in directory.glob(f"{_PART}*"):
-        half.unlink()
+    for pattern in (f"{_PART}*", ".*.part"):  # the second one of versions before 0.2
+        for half in directory.glob(pattern):
+            half.unlink()
 
 
 def _copied(path: Path) -> Iterator[Path]:

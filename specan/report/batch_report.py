@@ -62,8 +62,8 @@ def _rows(path: Path) -> Iterator[Row]:
     with path.open(encoding="utf-8", newline="\n") as file:
         lines = ([plain(cell) for cell in cells(line)] for line in file if not line.startswith("#"))
         header = next(lines, [])
-        for cells in lines:
-            yield dict(zip(header, cells))
+        for row in lines:
+            yield dict(zip(header, row))
 
 
 def _listing(path: Path, title: str, columns: Sequence[str]) -> list[str]:

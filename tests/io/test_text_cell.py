@@ -26,7 +26,9 @@ names = st.lists(
 
 @given(names)
 @example(HOSTILE)
-def test_pandas_as_the_readme_says_and_csv_readers_give_every_name_back(tmp_path_factory, given_names) -> None:
+def test_pandas_as_the_readme_says_and_csv_readers_give_every_name_back(
+    tmp_path_factory, given_names
+) -> None:
     path = tmp_path_factory.mktemp("t") / "t.txt"
     block = rows([[word(n) for n in given_names], [str(k) for k in range(len(given_names))]])
     write_table(path, [f"specan 1.0 {given_names[0]}"], ("file", "number"), [block])

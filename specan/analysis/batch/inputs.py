@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from specan.errors import InputError, RequestError
 from specan.io.open import find_recordings
+from specan.io.output_file import check_output
 
 
 @dataclass(frozen=True)
@@ -19,11 +21,11 @@ class Input:
     Attributes
     ----------
     path : str
-        Where it lies.
+        Where it lies, absolute.
     label : str
         Path relative to the directory that was named, with forward slashes.
     root : str
-        That directory.
+        That directory, absolute.
     size : int
         Bytes.
     calibration : str
@@ -44,14 +46,11 @@ class Input:
 
     def neutral(self, reason: str) -> str:
         """A message as it goes into results: without the place of the file on this machine."""
-        label = escaped(self.label)
-        known = ((self.path, label), (self.root, "the directory"))
-        for place, shown in known:
-            # Only as a path of its own: a directory may be called "in", "." or "1", as parts of words are.
-            name = re.escape(os.path.join(place, "") if shown != label else place)
-            reason = re.sub(rf"(?<![\w./\\-]){name}(?![\w-])" if shown == label else rf"(?<![\w./\\-]){name}(?=[\w.-])",
-                            shown if shown == label else "", reason)
-        return reason.removeprefix(f"{label}: ")
+        reason = reason.replace(self.path, self.label)
+        if len(Path(self.root).parts) > 1:  # the root of a disk stands in every path
+            reason = reason.replace(os.path.join(self.root, ""), "")
+            reason = re.sub(re.escape(self.root) + r"""(?=[\s'",;:)]|$)""", ".", reason)
+        return reason.removeprefix(f"{self.label}: ")
 
 
 def find_inputs(directories: Sequence[Path]) -> list[Input]:
@@ -68,8 +67,9 @@ def find_inputs(directories: Sequence[Path]) -> list[Input]:
     for recording in find_recordings(directories):
         below = recording.label if len(directories) == 1 else recording.label.split("/", 1)[1]
         root = recording.path.parents[below.count("/")]
-        path = str(recording.path)
-        found.append(Input(path, recording.label, str(root), _size(path)))
+        # Absolute: in a message such a path is found again, where "in" or "." would be parts of words.
+        path, root = os.path.abspath(recording.path), os.path.abspath(root)
+        found.append(Input(path, recording.label, root, _size(path)))
     if not found:
         listed = ", ".join(str(directory) for directory in directories)
         raise InputError(

@@ -25,7 +25,7 @@ from specan.data.calibration import Calibration, apply
 from specan.data.excitation import Excitation
 from specan.data.levels import Quality
 from specan.data.recording import Channel, Recording
-from specan.errors import NoSignalError, SpecanError
+from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.open import open_recording
 
 Made = TypeVar("Made")
@@ -61,8 +61,7 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
     except OSError as fault:
         return FileResult(entry.label, "failed", f"it cannot be read ({fault.strerror or fault})")
     except Exception as fault:
-        reason = f"specan met something it does not know: {type(fault).__name__}: {fault}"
-        return FileResult(entry.label, "failed", entry.neutral(reason))
+        return FileResult(entry.label, "failed", entry.neutral(unforeseen(fault)))
 
 
 def open_headers(entry: Input) -> Recording:
