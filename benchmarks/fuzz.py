@@ -164,6 +164,8 @@ def run_together(files: list[dict[str, bytes]], good: bytes, place: Path, fault:
     shutil.rmtree(place, ignore_errors=True)
     (place / "in" / "good").mkdir(parents=True)
     (place / "in" / "good" / "good.tdms").write_bytes(good)
+    # Its own calibration: recordings of a calibrator among the mutants that are whole enough hold for the others.
+    (place / "in" / "good" / "calibration.toml").write_bytes(TABLES["calibration.toml"])
     for number, names in enumerate(files):
         (place / "in" / f"m{number:04d}").mkdir()
         for name, data in names.items():

@@ -19,7 +19,7 @@ from typing import TextIO
 from specan.errors import RequestError
 
 STANDARD_OUTPUT = Path("-")
-_PART = ".part-"
+_PART = ".part"
 # First bytes of recordings: TDMS and its index; WAV in its four kinds; Sony Wave64; FLAC, AIFF and HDF5 are not
 # read by specan, but they hold measurements as well.
 _RECORDINGS = (
@@ -100,7 +100,7 @@ def check_output(path: Path, inputs: Iterable[Path] = (), *, force: bool = False
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A neighbour of `path` to write to, put in its place when all went well; its suffix is the same.
+    """A neighbour of `path` to write to, put in its place when all went well.
 
     For ``-`` and for devices the finished file is copied there.
 
@@ -115,7 +115,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     if is_recording(path):
         check_output(path, force=True)  # it was not there when the work began
     path = path.resolve() if path.is_symlink() else path
-    half = path.with_name(f"{_PART}{path.name}")
+    half = path.with_name(f".{path.name}{_PART}")
     try:
         half.unlink(missing_ok=True)
         yield half
@@ -150,9 +150,8 @@ def text_file(path: Path) -> Iterator[TextIO]:
 
 def remove_parts(directory: Path) -> None:
     """Remove what an interrupted write has left."""
-    for pattern in (f"{_PART}*", ".*.part"):  # the second one of versions before 0.2
-        for half in directory.glob(pattern):
-            half.unlink()
+    for half in directory.glob(f".*{_PART}"):
+        half.unlink()
 
 
 def _copied(path: Path) -> Iterator[Path]:
