@@ -2,7 +2,7 @@
 
     python benchmarks/fuzz.py --tdms 3000 --text 2000 --wav 800 --seed 1
 
-Mutants lie in batches of `--together` beside a good recording. A batch must end with exit code 0 or 1, every mutant must
+Mutants lie in batches of `--together` beside a good recording. A batch must end, every mutant must
 have a result or stand in `skipped.txt`, and the lines of the good recording must be those of a batch without mutants.
 """
 
@@ -29,8 +29,9 @@ _NUMBERS = (
 )  # fmt: skip
 _FLOATS = (0.0, -0.0, float("nan"), float("inf"), -float("inf"), 5e-324, 1e-300, 1e300, -1.0, 1.0)
 _TEXTS = (
-    b"nan", b"inf", b"-inf", b"0", b"-1", b"1e300", b"1e-300", b"1e999", b"", b'"', b"'", b"[", b"]", b"{", b"#", b"=", b"\n",
-    b"\t", b"\x00", b"\xff", b",", b";", b"9" * 400, b"[" * 2000, b"true", b"1979-13-45", b"\xef\xbb\xbf",
+    b"nan", b"inf", b"-inf", b"0", b"-1", b"1e300", b"1e-300", b"1e999", b"", b'"', b"'", b"[", b"]", b"{", b"#", b"=",
+    b"\n", b"\t", b"\x00", b"\xff", b",", b";", b"9" * 400, b"[" * 2000, b"true", b"1979-13-45",
+    b"\xef\xbb\xbf",
 )  # fmt: skip
 
 
@@ -48,7 +49,10 @@ def good_recordings() -> dict[str, bytes]:
         write_tdms(place / "sine.tdms", rig, sine_take(rig, 250.0, 1.0, 3000, 4000.0, 1).only(few))
         write_tdms(place / "noise.tdms", rig, noise_take(rig, 1.0, 9000, 4000.0, 2).only(few))
         write_tdms(
-            place / "floats.tdms", rig, sine_take(rig, 250.0, 1.0, 3000, 4000.0, 3).only(few), samples="float32"
+            place / "floats.tdms",
+            rig,
+            sine_take(rig, 250.0, 1.0, 3000, 4000.0, 3).only(few),
+            samples="float32",
         )
         write_tdms(place / "calibrator.tdms", rig, calibrator_take(rig, (1, 2), 9000, 4000.0, 4))
         rng = np.random.default_rng(5)
@@ -137,7 +141,9 @@ def mutant(rng: np.random.Generator, seed: bytes, header: int, *, text: bool) ->
                 new = struct.pack("<d", _FLOATS[int(rng.integers(0, len(_FLOATS)))])
             found[place : place + size] = new
     if not text and rng.random() < 0.15:  # a next segment that was begun and never finished
-        found += b"TDSm" + struct.pack("<IIQQ", 0xE, 4713, *(_NUMBERS[int(k)] for k in rng.integers(0, 15, 2)))
+        found += b"TDSm" + struct.pack(
+            "<IIQQ", 0xE, 4713, *(_NUMBERS[int(k)] for k in rng.integers(0, 15, 2))
+        )
     return bytes(found)
 
 
@@ -157,7 +163,9 @@ def mutants(kind: str, count: int, seed: int) -> Iterator[dict[str, bytes]]:
         yield {f"a.{kind}": mutant(rng, data, 3000 if kind == "tdms" else 60, text=False)}
 
 
-def run_together(files: list[dict[str, bytes]], good: bytes, place: Path, fault: Callable[[str], None]) -> Counter:
+def run_together(
+    files: list[dict[str, bytes]], good: bytes, place: Path, fault: Callable[[str], None]
+) -> Counter:
     """One batch over mutants and a good recording; what is wrong goes to `fault`."""
     from specan.analysis.batch.run import run_batch
 
@@ -213,11 +221,13 @@ def fuzz(kind: str, count: int, seed: int, together: int, place: Path) -> tuple[
         waiting = [files for _, files in zip(range(together), every, strict=False)]
         if not waiting:
             break
-        before = len(faults)
-        total += run_together(waiting, good, place, lambda text: faults.append(f"{kind} batch {batch}: {text}"))
+        here: list[str] = []
+        total += run_together(waiting, good, place, here.append)
         if lines_of_good(place / "out") != alone:
-            faults.append(f"{kind} batch {batch}: the lines of the good recording differ")
-        for text in faults[before:]:
+            here.append("the lines of the good recording differ")
+        here = [f"{kind} batch {batch}: {text}" for text in here]
+        faults += here
+        for text in here:
             print(text, file=sys.stderr)
         batch += 1
     return total, faults

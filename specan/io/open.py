@@ -80,7 +80,8 @@ def open_recording(
     kind = format_of(path)
     if sampling_rate is not None and not is_rate(sampling_rate):
         raise RequestError(
-            f"the sampling rate is {sampling_rate:g} Hz", expected=f"a rate above zero, {SLOWEST_HZ:g} to {FASTEST_HZ:g} Hz"
+            f"the sampling rate is {sampling_rate:g} Hz",
+            expected=f"a rate above zero, {SLOWEST_HZ:g} to {FASTEST_HZ:g} Hz",
         )
     table = _table(channel_table, path, None if root is None else Path(root))
     name = label or path.name

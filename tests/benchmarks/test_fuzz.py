@@ -7,7 +7,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
-import fuzz  # noqa: E402
+import fuzz
 
 
 @pytest.mark.parametrize("kind", ["tdms", "text", "wav"])
