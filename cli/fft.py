@@ -123,6 +123,7 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, output: P
             short = {"density": part.density[:, :1].copy(), "frequency_hz": part.frequency_hz[:1].copy()}
             about.append(replace(part, has_mirror=part.has_mirror[:1].copy(), **short))
             yield from _text(with_phase(part, lines)) if wanted else ()
+            del part, lines
 
     if output is None:
         list(texts(False))

@@ -195,7 +195,7 @@ def single_blocks(
     f = np.arange(block // 2 + 1) * (rate / block)
     kept = lines_between(f, settings)
     mirror = has_mirror(len(f), block)
-    root = np.where(mirror, np.sqrt(2.0), 1.0)
+    alone = np.flatnonzero(~mirror)
 
     def spectrum(channel: Channel) -> NDArray[np.complex128]:
         found = transform(recording.read([channel], start, start + block)[0])
@@ -207,7 +207,9 @@ def single_blocks(
     for channel in shown:
         found = spectrum(channel)
         density = np.abs(found)
-        density /= root
+        peaks = density[alone]
+        density /= np.sqrt(2.0)
+        density[alone] = peaks
         density **= 2
         density /= scale.enbw_hz
         if turn is not None:
@@ -219,6 +221,7 @@ def single_blocks(
             ),
             found if kept.all() else found[kept],
         )  # fmt: skip
+        del found, density  # while the next channel is read
 
 
 def with_phase(found: Spectrum, lines: NDArray[np.complex128]) -> Spectrum:
