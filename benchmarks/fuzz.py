@@ -39,8 +39,8 @@ def good_recordings() -> dict[str, bytes]:
     """Seeds of the mutants: TDMS of several kinds and WAV, all small."""
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
-    from specan.testing.rig import box_rig, calibrator_take, noise_take, sine_take
-    from specan.testing.rig_files import write_tdms
+    from truth.rig import box_rig, calibrator_take, noise_take, sine_take
+    from truth.rig_files import write_tdms
 
     rig, few = box_rig(), ("Mic 1", "Vibrometer", "Generator")
     found = {}

@@ -15,7 +15,7 @@ from specan_cli.output_file import Verb
 from specan_cli.study_output import open_study, probability, study_options
 
 if TYPE_CHECKING:
-    from specan.study.diagnosis import Diagnosis, Ranked
+    from specan.study.verdict import Diagnosis, Ranked
 
 SHOWN = 10  # rows of the table of candidates
 DETAILED = 3  # of them with their parameters

@@ -11,8 +11,8 @@ import pytest
 
 from specan.errors import RequestError
 from specan.io.output_file import check_output, is_recording, whole_file, written_by_specan
-from specan.testing.rig import box_rig, calibrator_take, noise_take
-from specan.testing.rig_files import write_tdms
+from truth.rig import box_rig, calibrator_take, noise_take
+from truth.rig_files import write_tdms
 
 RATE = 8000.0
 READERS = ("octave", "fft", "frf", "rms")
