@@ -192,7 +192,7 @@ def single_blocks(
     rate = channels[0].sampling_rate
     scale = scale_of(settings, block, rate)
     transform = AmplitudeTransform(block, settings.window, detrend=settings.detrend)
-    f = np.arange(block // 2 + 1) * (rate / block)
+    f: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
     kept = lines_between(f, settings)
     mirror = has_mirror(len(f), block)
     alone = np.flatnonzero(~mirror)

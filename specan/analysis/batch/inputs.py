@@ -66,9 +66,9 @@ def find_inputs(directories: Sequence[Path]) -> list[Input]:
     found = []
     for recording in find_recordings(directories):
         below = recording.label if len(directories) == 1 else recording.label.split("/", 1)[1]
-        root = recording.path.parents[below.count("/")]
+        above = recording.path.parents[below.count("/")]
         # Absolute: in a message such a path is found again, where "in" or "." would be parts of words.
-        path, root = os.path.abspath(recording.path), os.path.abspath(root)
+        path, root = os.path.abspath(recording.path), os.path.abspath(above)
         found.append(Input(path, recording.label, root, _size(path)))
     if not found:
         listed = ", ".join(str(directory) for directory in directories)
