@@ -163,8 +163,11 @@ def _copied(path: Path) -> Iterator[Path]:
         with half.open("rb") as made:
             if path == STANDARD_OUTPUT:
                 sys.stdout.flush()
-                shutil.copyfileobj(made, sys.stdout.buffer)
-                sys.stdout.buffer.flush()
+                if hasattr(sys.stdout, "buffer"):
+                    shutil.copyfileobj(made, sys.stdout.buffer)
+                else:  # a program that runs specan has put text in its place
+                    sys.stdout.write(made.read().decode("utf-8"))
+                sys.stdout.flush()
             else:
                 with path.open("wb") as device:
                     shutil.copyfileobj(made, device)
