@@ -123,16 +123,12 @@ def command(
 
 
 def _write_report(report: BatchReport, settings: BatchSettings, output: Path) -> Path:
-    from specan.errors import RequestError
+    from specan.io.output_file import text_file
     from specan.report.batch_report import batch_report
 
     page = output / "report.html"
-    try:
-        page.write_text(batch_report(report, settings), encoding="utf-8", newline="\n")
-    except OSError as fault:
-        raise RequestError(
-            f"{page} cannot be written ({fault.strerror or fault})", remedy="choose another place"
-        ) from None
+    with text_file(page) as file:
+        file.write(batch_report(report, settings))
     return page
 
 

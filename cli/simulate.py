@@ -8,17 +8,19 @@ from typing import Any
 
 import click
 
+from specan_cli.output_file import OutputFile, Verb
+
 # model -> module of this package with `run(model, options) -> None`
 SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear", "room": "specan_cli.simulate_room"}
 
 
-@click.command("simulate")
+@click.command("simulate", cls=Verb)
 @click.argument("model_name", metavar="MODEL")
 @click.argument("rig", type=click.Path(path_type=Path), metavar="RIG.toml")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     help="File to write: a table, a recording (.tdms), a figure.",
 )
 @click.option(
@@ -83,10 +85,10 @@ SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear", "room": "specan_cli.
 @click.option(
     "--table",
     "lookup",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     help="Write a look-up table: speed, torque, temperature -> efficiency, loss.",
 )
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw the efficiency map into this file.")
+@click.option("--plot", type=OutputFile(), help="Draw the efficiency map into this file.")
 @click.option("--figure", "number", type=int, help="Draw the article's figure 4, 5, 6, 7 or 11 into -o.")
 @click.option(
     "--measurement",

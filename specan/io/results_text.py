@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from specan.errors import RequestError
+from specan.io.output_file import text_file
+from specan.io.text_cell import cells, escaped, plain, word
+
+__all__ = ["cells", "plain", "word"]
 
 COLUMNS = {
     "sine.txt": (
@@ -26,17 +26,6 @@ COLUMNS = {
     "other.txt": ("file", "channel", "role", "unit", "band_hz", "rms", "level_dB", "u_dB", "flags"),
     "skipped.txt": ("file", "channel", "kind", "reason"),
 }  # fmt: skip
-
-
-def word(text: object) -> str:
-    """A cell of text: whatever would break the table becomes a blank.
-
-    Examples
-    --------
-    >>> word("Mic\\t1\\n")
-    'Mic 1'
-    """
-    return " ".join(str(text).split())
 
 
 def fixed(values: ArrayLike, decimals: int) -> list[str]:
@@ -113,30 +102,9 @@ def write_table(path: Path, header: Iterable[str], columns: Sequence[str], block
     blocks : iterable of str
         Lines of the table as `rows` makes them, in order; may come from a generator.
     """
-    with replacing(path) as file:
+    with text_file(path) as file:
         for line in header:
-            file.write(f"# {word(line)}\n")
+            file.write(f"# {escaped(' '.join(line.split()))}\n")
         file.write("\t".join(columns) + "\n")
         for block in blocks:
             file.write(block)
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[TextIO]:
-    """Open a neighbour of `path` for text, and put it in place of `path` when all went well."""
-    half = path.with_name(f".{path.name}.part")
-    try:
-        with half.open("w", encoding="utf-8", newline="\n") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        half.replace(path)
-    except OSError as fault:
-        half.unlink(missing_ok=True)
-        raise RequestError(
-            f"{path.name} cannot be written ({fault.strerror or fault})",
-            expected="a place with room that may be written to",
-        ) from None
-    except BaseException:
-        half.unlink(missing_ok=True)
-        raise

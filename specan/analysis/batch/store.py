@@ -15,7 +15,7 @@ from specan.analysis.batch.identity import Identity
 from specan.analysis.batch.result import FileResult
 from specan.data.tone import ToneTable
 from specan.errors import RequestError
-from specan.io.results_text import replacing
+from specan.io.output_file import remove_parts, text_file
 
 _SCHEMA, _SUFFIX = 1, ".result"
 
@@ -66,8 +66,7 @@ class Store:
         self.place = place
         try:
             place.mkdir(exist_ok=True)
-            for half in place.glob("*.part"):
-                half.unlink()
+            remove_parts(place)
         except OSError as fault:
             raise RequestError(f"{place} cannot be used ({fault.strerror})", remedy="remove it") from None
 
@@ -112,7 +111,7 @@ class Store:
             "lines": {table: len(lines.encode()) for table, lines in result.blocks.items()},
         }
         try:
-            with replacing(self._path(result.label)) as file:
+            with text_file(self._path(result.label)) as file:
                 file.write(json.dumps(head) + "\n")
                 for lines in result.blocks.values():
                     file.write(lines)
@@ -139,7 +138,9 @@ class Store:
                 path.unlink(missing_ok=True)
 
     def _path(self, label: str) -> Path:
-        return self.place / (hashlib.sha256(label.encode()).hexdigest()[:32] + _SUFFIX)
+        return self.place / (
+            hashlib.sha256(label.encode("utf-8", "surrogatepass")).hexdigest()[:32] + _SUFFIX
+        )
 
 
 def _plain(tone: ToneTable) -> dict[str, Any]:

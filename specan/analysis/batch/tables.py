@@ -13,7 +13,7 @@ from specan.analysis.batch.tone_lines import joined_lines
 from specan.analysis.stepped_sine import join_stepped_sine
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.tone import ToneTable
-from specan.errors import InputError
+from specan.errors import InputError, unforeseen
 from specan.io import results_text as text
 from specan.units import LEVEL_REFERENCES
 
@@ -103,6 +103,8 @@ def _join(label: str, tables: Sequence[ToneTable]) -> FrequencyResponse | InputE
         return join_stepped_sine(tables, label)
     except InputError as fault:
         return fault
+    except Exception as fault:
+        return InputError(unforeseen(fault))
 
 
 def _sine_lines(results: Sequence[FileResult], blocks: Iterator[tuple[str, str]]) -> Iterator[str]:
