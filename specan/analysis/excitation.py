@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.data.excitation import Excitation, ExcitationKind
 from specan.data.recording import Channel, Recording
+from specan.dsp.frequency_track import path, track
+from specan.dsp.randomness import narrow_band_is_noise, scatters_as_noise
 from specan.dsp.tonality import Appearance, appearance
 from specan.errors import RequestError, nearest
 
-SECTION_S = 2.0  # of which three are looked at: beginning, middle and end
+# Five sections are looked at; in a recording of less than six seconds they are its fifths.
+SECTION_S, LEAST_SECTION_S = 1.2, 0.6
+# Their places in a longer one, from its beginning to its end: uneven, so that nothing periodic meets all of them alike.
+PLACES = (0.0, 0.17, 0.45, 0.71, 1.0)
 MIN_SAMPLES = 256
+# Relative standard deviation of the amplitude from section to section: that of one part in a hundred of the power.
+STEADY = 0.1
 # A channel this far below its full scale, or below 100 uV on a generator, carries the converter's own noise.
 SILENT_RE_FULL_SCALE, SILENT_GENERATOR_V = 1e-5, 1e-4
 
 _WORDS: tuple[tuple[ExcitationKind, tuple[str, ...]], ...] = (
     ("calibrator", ("calibrator", "calibration", "pistonphone")),
-    ("unknown", ("sweep", "swept", "chirp", "stepped")),
+    ("stepped-sine", ("stepped",)),
+    ("sweep", ("sweep", "swept", "chirp")),
     ("noise", ("noise", "random", "gauss")),
     ("sine", ("sine", "sinus", "tone")),
 )
@@ -147,22 +156,30 @@ def _from_channels(recording: Recording) -> Excitation:
         if channel.n_samples < MIN_SAMPLES or channel.sampling_rate <= 0:
             silent.append(f"{channel.name} is too short")
             continue
-        looks = _looks(recording, channel)
-        if looks:
-            return _verdict(channel, looks)
+        sections = _sections(recording, channel)
+        looks = [appearance(s, channel.sampling_rate) for s in sections]
+        while len(looks) > 2 and "transient" in (looks[0].look, looks[-1].look):
+            # It begins or ends in this section.
+            drop = 0 if looks[0].look == "transient" else -1
+            del looks[drop], sections[drop]
+        if any(look.look != "silence" for look in looks):
+            return _verdict(channel, sections, looks)
         silent.append(f"{channel.name} is silent")
     if silent:
         return Excitation("unknown", None, ", ".join(silent))
     return Excitation("unknown", None, "no property says it, and there is no generator or vibrometer channel")
 
 
-def _looks(recording: Recording, channel: Channel) -> list[Appearance]:
-    """Appearance of the sections in which the channel is not silent."""
-    total = channel.n_samples
-    size = max(MIN_SAMPLES, min(total // 3, int(SECTION_S * channel.sampling_rate)))
-    starts = sorted({0, (total - size) // 2, total - size}) if total >= 3 * size else [0]
-    if total < 3 * size:
-        size = total
+def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64]]:
+    """The sections in which the channel is not silent, in their order."""
+    total, rate = channel.n_samples, channel.sampling_rate
+    count = max(1, min(len(PLACES), int(total / max(LEAST_SECTION_S * rate, MIN_SAMPLES))))
+    size = min(total // count, int(SECTION_S * rate)) if count > 1 else total
+    if count == 1:
+        size = min(total, max(MIN_SAMPLES, int(SECTION_S * rate)))
+    # Contiguous in a short recording, spread over a long one.
+    rest = total - count * size
+    starts = [number * size + int(rest * PLACES[number * (len(PLACES) - 1) // max(count - 1, 1)]) for number in range(count)]
     sections = [recording.read([channel], start, start + size)[0] for start in starts]
     sections = [s for s in sections if np.all(np.isfinite(s))]
     rms = [float(np.sqrt(np.mean((s - s.mean()) ** 2))) for s in sections]
@@ -171,26 +188,69 @@ def _looks(recording: Recording, channel: Channel) -> list[Appearance]:
         floor = max(floor, SILENT_RE_FULL_SCALE * channel.full_scale)
     if channel.role == "generator" and channel.unit == "V":
         floor = max(floor, SILENT_GENERATOR_V)
-    looks = [appearance(s, channel.sampling_rate) for s, level in zip(sections, rms) if level > floor]
-    return [look for look in looks if look.look != "silence"]
+    return [s for s, level in zip(sections, rms) if level > floor]
 
 
-def _verdict(channel: Channel, looks: list[Appearance]) -> Excitation:
+def _verdict(
+    channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance]
+) -> Excitation:
     where = f"{channel.role} channel {channel.name!r}"
     kinds = {look.look for look in looks}
     frequencies = [look.frequency_hz for look in looks]
+    low, high, middle = min(frequencies), max(frequencies), float(np.median(frequencies))
     share = 100 * min(look.share for look in looks)
-    if kinds == {"tone"}:
-        low, high = min(frequencies), max(frequencies)
-        if high - low > max(0.1 / SECTION_S, 2e-4 * high):
-            return Excitation("unknown", None, f"{where}: a tone that moves from {low:.6g} to {high:.6g} Hz")
-        middle = float(np.median(frequencies))
-        return Excitation(
-            "sine", middle, f"{where}: a tone at {middle:.6g} Hz holds {share:.0f} % of the power"
-        )
-    if kinds == {"noise"}:
-        return Excitation("noise", None, f"{where}: no steady tone, broad-band")
+    if kinds == {"tone"} and high - low <= max(0.1 / SECTION_S, 2e-4 * high):
+        amplitudes = np.array([look.amplitude for look in looks])
+        if np.std(amplitudes) > STEADY * np.mean(amplitudes):
+            return Excitation("unknown", None, f"{where}: a tone at {middle:.6g} Hz whose amplitude varies")
+        text = f"{where}: a tone at {middle:.6g} Hz holds {share:.0f} % of the power"
+        return Excitation("sine", middle, text)
     if kinds == {"mixed"}:
         tone = f"a tone at {frequencies[0]:.6g} Hz with {share:.0f} % of the power"
         return Excitation("unknown", None, f"{where}: {tone}, too much for noise and too little for a sine")
-    return Excitation("unknown", None, f"{where}: " + ", then ".join(look.look for look in looks))
+    if kinds <= {"broad", "narrow", "mixed", "transient"} and kinds != {"transient"}:
+        if _is_noise(channel, sections, looks):
+            return Excitation("noise", None, f"{where}: no steady tone, broad-band")
+    moving = _moving(channel, sections, looks, where)
+    if moving is not None:
+        return moving
+    words = dict.fromkeys(_SAID.get(look.look, look.look) for look in looks)
+    return Excitation("unknown", None, f"{where}: " + ", then ".join(words))
+
+
+_SAID = {"broad": "neither a tone nor noise", "narrow": "a narrow band that is neither a tone nor noise"}
+
+
+def _moving(
+    channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance], where: str
+) -> Excitation | None:
+    """A sweep, steps, or a tone that moves otherwise; None where there is no tone to follow."""
+    rate = channel.sampling_rate
+    tracks = [found for s in sections if (found := track(s, rate)) is not None]
+    several = sum(look.look == "several tones" for look in looks)
+    if len(tracks) < len(sections) or 2 * several > len(sections):
+        return None
+    size = len(sections[0]) / rate
+    every = np.concatenate([t.frequency_hz for t in tracks])
+    low, high = (float(x) for x in np.percentile(every, [2, 98]))
+    ways = f"from {low:.4g} to {high:.4g} Hz"
+    match path(tracks, [look.look == "tone" for look in looks], size, channel.n_samples / rate - size):
+        case "sweep":
+            return Excitation("sweep", None, f"{where}: a swept tone {ways}")
+        case "steps":
+            return Excitation("stepped-sine", None, f"{where}: a tone in steps {ways}")
+        case "moves":
+            return Excitation("unknown", None, f"{where}: a tone that moves {ways}")
+    return None
+
+
+def _is_noise(
+    channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance]
+) -> bool:
+    """Whether the sections scatter as noise does, and so does what surrounds the strongest line of any of them."""
+    broad = scatters_as_noise(sections)
+    narrow = [look for look in looks if look.look in ("narrow", "mixed")]
+    if broad is False or not narrow:
+        return broad is True
+    low, high = min(look.band_hz[0] for look in narrow), max(look.band_hz[1] for look in narrow)
+    return narrow_band_is_noise(sections, low / channel.sampling_rate, high / channel.sampling_rate)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-ExcitationKind = Literal["sine", "noise", "calibrator", "unknown"]
+ExcitationKind = Literal["sine", "noise", "sweep", "stepped-sine", "calibrator", "unknown"]
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class Excitation:
 
     Attributes
     ----------
-    kind : {"sine", "noise", "calibrator", "unknown"}
+    kind : {"sine", "noise", "sweep", "stepped-sine", "calibrator", "unknown"}
     frequency_hz : float or None
         Frequency of the sine or of the calibrator, where it is known.
     reason : str
