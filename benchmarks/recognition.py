@@ -103,7 +103,7 @@ def _logarithmic_sweep(d: Draw) -> Real:
 
 
 def _stepped(d: Draw) -> Real:
-    dwell, low = d.ratio(0.2, 3.0), d.ratio(20.0, 500.0)
+    dwell, low = d.ratio(0.2, min(3.0, d.seconds / 3)), d.ratio(20.0, 500.0)
     number = (d.time // dwell).astype(int)
     each = low * d.ratio(1.03, 1.5) ** np.arange(number.max() + 1)
     return d.tone(np.minimum(each, 0.4 * d.rate)[number])
@@ -188,7 +188,7 @@ def main() -> None:
         if wrong(kind, found.kind):
             d = Draw((list(KINDS).index(kind), asked.seed, number))
             faults.append(f"{kind} {number} ({d.rate:g} Hz, {d.seconds:.1f} s): {found.kind}, {found.reason}")
-    print("| kind | " + " | ".join(ANSWERS) + " |\n|---" * (1) + "|---" * len(ANSWERS) + "|")
+    print("| kind | " + " | ".join(ANSWERS) + " |\n|---" + "|---" * len(ANSWERS) + "|")
     for kind, answers in counts.items():
         print(f"| {kind} | " + " | ".join(str(answers[a] or "") for a in ANSWERS) + " |")
     print("\n".join([f"\n{len(faults)} of {asked.signals} wrong", *faults]))

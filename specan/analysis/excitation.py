@@ -208,7 +208,10 @@ def _verdict(
     if kinds == {"mixed"}:
         tone = f"a tone at {frequencies[0]:.6g} Hz with {share:.0f} % of the power"
         return Excitation("unknown", None, f"{where}: {tone}, too much for noise and too little for a sine")
-    if kinds <= {"broad", "narrow", "mixed", "transient"} and kinds != {"transient"}:
+    # Among a few lines of a narrow band, two may stand out in a section, but not in most of them.
+    several = 2 * sum(look.look == "several tones" for look in looks) < len(looks)
+    unclear = {"broad", "narrow", "mixed", "transient", *(["several tones"] if several else [])}
+    if kinds <= unclear and kinds != {"transient"}:
         if _is_noise(channel, sections, looks):
             return Excitation("noise", None, f"{where}: no steady tone, broad-band")
     moving = _moving(channel, sections, looks, where)
@@ -249,8 +252,10 @@ def _is_noise(
 ) -> bool:
     """Whether the sections scatter as noise does, and so does what surrounds the strongest line of any of them."""
     broad = scatters_as_noise(sections)
-    narrow = [look for look in looks if look.look in ("narrow", "mixed")]
-    if broad is False or not narrow:
-        return broad is True
-    low, high = min(look.band_hz[0] for look in narrow), max(look.band_hz[1] for look in narrow)
+    narrow = any(look.look != "broad" for look in looks)
+    low, high = min(look.band_hz[0] for look in looks), max(look.band_hz[1] for look in looks)
+    if broad is False or (broad is None and not narrow):
+        return False
+    if not narrow and high - low > 0.25 * channel.sampling_rate:
+        return True
     return narrow_band_is_noise(sections, low / channel.sampling_rate, high / channel.sampling_rate)

@@ -43,11 +43,6 @@ class Track(NamedTuple):
     held: float
 
     @property
-    def moves(self) -> bool:
-        """Whether it moves by more than a line."""
-        return bool(np.ptp(self.frequency_hz) > self.line_hz)
-
-    @property
     def evenness(self) -> float:
         """Median over mean of the steps from frame to frame."""
         steps = np.abs(np.diff(self.frequency_hz))
@@ -116,12 +111,12 @@ def path(tracks: Sequence[Track], steady: Sequence[bool], section_s: float, apar
     if way < _DRIFT * np.median(every):
         return "moves" if np.ptp(middles) > 0.1 / section_s else "none"
     moving = [t for t, still in zip(tracks, steady) if not still]
-    if 2 * len(moving) > len(tracks) and _monotone(every):
+    if 2 * len(moving) > len(tracks) and _monotone(every):  # a slow beginning may look steady
         sign = 1 if middles[-1] + every[-1] > middles[0] + every[0] else -1
         smooth = np.median([t.evenness for t in moving]) > _SMOOTH
         if smooth and np.mean([t.direction == sign for t in moving]) > _ALIKE:
             return "sweep"
-    if not all(t.moves and t.evenness < _STEPWISE for t in moving):
+    if not all(t.evenness < _STEPWISE for t in moving):
         return "moves"
     # Steady sines of several frequencies are steps, unless a sweep that slow would look steady as well.
     if not moving and way * section_s / max(apart_s, section_s) * section_s < 0.5:

@@ -14,11 +14,14 @@ Real = NDArray[np.float64]
 # Lengths of the frames in which the scatter is looked at, from what a fast sweep needs to what a slow one does.
 _FRAMES = tuple(1 << power for power in range(6, 16))
 _LEAST_FRAMES, _LEAST_LINES = 16, 16
-# Lines that hold this part of the energy are looked at, in frames that hold this part of the loudest one's.
-_ENERGY, _ON = 0.9, 0.1
+# Lines that hold these parts of the energy are looked at, in frames that hold this part of the loudest one's.
+# The strongest half alone shows what a floor of noise over many more lines would hide.
+_ENERGY, _ON = (0.9, 0.5), 0.1
 # Sum over lags of the squared correlation of lines under the Hann window: 1 + 2 (2/3)^2 + 2 (1/6)^2.
 _CORRELATED_LINES = 1.944
 # Allowance for what is nearly stationary and nearly Gaussian, besides the scatter of the estimate.
+# Mean fourth power of samples over the squared mean square: 3 of a Gaussian process, 3/d of one that is on for a part d.
+_PEAKED = 10.0
 # Mean fourth power of an envelope over the squared mean square: 1 where it is constant, 2 of noise; 99 of 100 bands of noise
 # with 20 independent samples lie above this.
 _CONSTANT_ENVELOPE, _LEAST_RESOLVED = 1.3, 2.5
@@ -54,15 +57,26 @@ def scatters_as_noise(sections: Sequence[Real]) -> bool | None:
     >>> scatters_as_noise([noise]), scatters_as_noise([sweep])
     (True, False)
     """
-    seen = [found for length in _FRAMES if (found := _scatter(sections, length)) is not None]
-    if not seen:
-        return None
-    excess = [(ratio - expected) / margin for ratio, expected, margin in seen]
-    # Only a frame that is shorter than the period of a sequence sees it as noise.
-    return bool(max(excess) <= 1.0 and excess[0] >= -1.0)
+    if _peaked(sections):
+        return False
+    answers = []
+    for energy in _ENERGY:
+        seen = [found for length in _FRAMES if (found := _scatter(sections, length, energy)) is not None]
+        if seen:
+            excess = [(ratio - expected) / margin for ratio, expected, margin in seen]
+            # Only a frame that is shorter than the period of a sequence sees it as noise.
+            answers.append(bool(max(excess) <= 1.0 and (energy < max(_ENERGY) or excess[0] >= -1.0)))
+    return all(answers) if answers else None
 
 
-def _scatter(sections: Sequence[Real], length: int) -> tuple[float, float, float] | None:
+def _peaked(sections: Sequence[Real]) -> bool:
+    """Whether the samples are rarer and higher than those of a Gaussian process that is on part of the time."""
+    x = np.concatenate(sections)
+    square = np.square(x - x.mean())
+    return bool(np.mean(square**2) > _PEAKED * np.mean(square) ** 2)
+
+
+def _scatter(sections: Sequence[Real], length: int, energy: float) -> tuple[float, float, float] | None:
     """Mean square over squared mean of the lines in a frame; what noise has; how far it may be from that."""
     shape = window("hann", length)
     parts = [s[: len(s) // length * length].reshape(-1, length) for s in sections if len(s) >= length]
@@ -75,7 +89,7 @@ def _scatter(sections: Sequence[Real], length: int) -> tuple[float, float, float
     expected = power.mean(axis=0)
     order = np.argsort(expected)[::-1]
     held = np.cumsum(expected[order])
-    kept = order[: int(np.searchsorted(held, _ENERGY * held[-1])) + 1]
+    kept = order[: int(np.searchsorted(held, energy * held[-1])) + 1]
     n, m = len(power), len(kept)
     if n < _LEAST_FRAMES or m < _LEAST_LINES:
         return None

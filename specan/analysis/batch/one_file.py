@@ -90,6 +90,8 @@ def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:
         return _sine(recording, settings, excitation, found)
     if excitation.kind == "noise":
         return _noise(recording, settings, found)
+    if excitation.kind == "sweep":
+        return _noise(recording, settings, found, swept=True)
     return _other(recording, settings, found)
 
 
