@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     "--reference", metavar="CH", help="Channel of reference, such as 'Mic 1' [default: the vibrometer]."
 )
 @click.option(
-    "--excitation", type=click.Choice(["sine", "noise"]), help="Of all files [default: recognised]."
+    "--excitation",
+    type=click.Choice(["sine", "noise", "sweep"]),
+    help="Of all files [default: recognised].",
 )
 @click.option(
     "--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities of all files."

@@ -1,4 +1,4 @@
-"""Sine or noise: recognised from the user, the file's properties, the generator or the vibrometer."""
+"""Sine, noise, sweep or steps: recognised from the user, the file's properties, the generator or the vibrometer."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ STEADY = 0.1
 # A channel this far below its full scale, or below 100 uV on a generator, carries the converter's own noise.
 SILENT_RE_FULL_SCALE, SILENT_GENERATOR_V = 1e-5, 1e-4
 
+SAYABLE: dict[str, ExcitationKind] = {"sine": "sine", "noise": "noise", "sweep": "sweep"}
 _WORDS: tuple[tuple[ExcitationKind, tuple[str, ...]], ...] = (
     ("calibrator", ("calibrator", "calibration", "pistonphone")),
     ("stepped-sine", ("stepped",)),
@@ -38,24 +39,26 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
     """Decide what drove a recording; the first that knows wins.
 
     The order is: the user, the properties ``Excitation`` and ``ExcitationFrequency_Hz`` of the file or
-    of a group, the generator channel, the vibrometer channel. At most three sections of 2 s of a channel
+    of a group, the generator channel, the vibrometer channel. At most five sections of 1.2 s of a channel
     are read. A property (or a user) that contradicts the signal wins, and `reason` says so.
 
     Parameters
     ----------
     recording : Recording
-    said : {"sine", "noise"}, optional
+    said : {"sine", "noise", "sweep"}, optional
         What the user says.
 
     Returns
     -------
     Excitation
-        A swept or stepped sine, a transient, an even mixture of tone and noise, and silence are "unknown".
+        "sine" is one steady tone, "noise" scatters as a Gaussian process does; a sweep and steps have their own
+        words. All else is "unknown": several tones, modulation, pulses, a transient, an even mixture of tone and
+        noise, silence.
 
     Raises
     ------
     RequestError
-        `said` is neither "sine" nor "noise".
+        `said` is none of the three.
 
     Examples
     --------
@@ -67,11 +70,11 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
     >>> found.kind, round(found.frequency_hz, 6)
     ('sine', 250.0)
     """
-    if said is not None and said not in ("sine", "noise"):
+    if said is not None and said not in SAYABLE:
         raise RequestError(
             f"the excitation {said!r} is unknown",
-            expected="sine or noise",
-            remedy=nearest(said, ["sine", "noise"]),
+            expected="sine or noise, or sweep",
+            remedy=nearest(said, list(SAYABLE)),
         )
     seen = _from_channels(recording)
     stated = stated_excitation(recording)
@@ -79,7 +82,7 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
         frequency = seen.frequency_hz if seen.kind == "sine" else None
         if stated is not None and stated.kind == "sine":
             frequency = _agreed(stated.frequency_hz, frequency)
-        kind: ExcitationKind = "sine" if said == "sine" else "noise"
+        kind = SAYABLE[said]
         claim = Excitation(kind, frequency if kind == "sine" else None, "said by the user")
         return _confronted(claim, [part for part in (stated, seen) if part is not None])
     if stated is not None:
@@ -103,12 +106,12 @@ def _confronted(claim: Excitation, others: list[Excitation]) -> Excitation:
     against = [
         other.reason
         for other in others
-        if other.kind in ("sine", "noise")
+        if other.kind in ("sine", "noise", "sweep", "stepped-sine")
         and claim.kind != "calibrator"
         and (other.kind != claim.kind or _differs(claim.frequency_hz, other.frequency_hz))
     ]
     reason = claim.reason + "".join(f"; contradicted: {text}" for text in against)
-    return Excitation(claim.kind, claim.frequency_hz, reason)
+    return Excitation(claim.kind, claim.frequency_hz, reason, stated=True)
 
 
 def _differs(a: float | None, b: float | None) -> bool:
@@ -221,7 +224,12 @@ def _verdict(
     return Excitation("unknown", None, f"{where}: " + ", then ".join(words))
 
 
-_SAID = {"broad": "neither a tone nor noise", "narrow": "a narrow band that is neither a tone nor noise"}
+_SAID = {
+    "broad": "neither a tone nor noise (pulses, modulation)",
+    "narrow": "a narrow band that is neither a tone nor noise",
+    "square wave": "a square wave",
+    "slow": "hardly five periods in a second",
+}
 
 
 def _moving(

@@ -19,8 +19,11 @@ class Excitation:
         Frequency of the sine or of the calibrator, where it is known.
     reason : str
         Who said so (user, property, channel), and what contradicts it.
+    stated : bool
+        Whether somebody said so; else it was found in the signal.
     """
 
     kind: ExcitationKind
     frequency_hz: float | None
     reason: str
+    stated: bool = False

@@ -110,7 +110,7 @@ def _sine(
         tone = tone.model_copy(update={"frequency_hz": excitation.frequency_hz})
     accumulator = ToneAccumulator(recording, tone)
     quality = _read(recording, [accumulator])
-    table = accumulator.result()
+    table = replace(accumulator.result(), stated=excitation.stated)
     shown = [c for c in accumulator.channels if c.name in table.channels]
     table = with_flags(table, [quality[id(c)].flags for c in shown])
     found = replace(
@@ -119,7 +119,10 @@ def _sine(
     return _with_rest(found, recording, (), [accumulator])
 
 
-def _noise(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
+def _noise(
+    recording: Recording, settings: BatchSettings, found: FileResult, *, swept: bool = False
+) -> FileResult:
+    """Transfer functions and band levels; those of a sweep say how fast it was, and stand with the others."""
     faults: list[str] = []
     make = partial(TransferFunctionAccumulator, recording, settings.transfer_function)
     transfer = _attempt("transfer function", make, recording.label, faults)
@@ -132,15 +135,21 @@ def _noise(recording: Recording, settings: BatchSettings, found: FileResult) -> 
     notes: list[str] = []
     if transfer is not None:
         response = transfer.result()
-        blocks["noise.txt"] = noise_lines(response, [quality[id(c)].flags for c in transfer.responses])
+        also = ("sweep",) if swept else ()
+        words = [(*quality[id(c)].flags, *also) for c in transfer.responses]
+        blocks["noise.txt"] = noise_lines(response, words)
         notes.append(
             f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
             f"{response.n_effective:.1f} independent"
         )
         notes += response.notes
     if bands:
-        lines = [band_lines(b.result([quality[id(c)] for c in b.channels])) for b in bands]
-        blocks["bands.txt"] = "".join(lines)
+        levels = [b.result([quality[id(c)] for c in b.channels]) for b in bands]
+        if swept:
+            lines = [other_lines(each, tuple(c.role for c in b.channels)) for each, b in zip(levels, bands)]
+            blocks["other.txt"] = "".join(lines)
+        else:
+            blocks["bands.txt"] = "".join(band_lines(each) for each in levels)
     found = replace(found, blocks=blocks, about=(*found.about, *notes))
     return _with_rest(found, recording, faults, used)
 
