@@ -161,16 +161,24 @@ def _from_channels(recording: Recording) -> Excitation:
             continue
         sections = _sections(recording, channel)
         looks = [appearance(s, channel.sampling_rate) for s in sections]
-        while len(looks) > 2 and "transient" in (looks[0].look, looks[-1].look):
-            # It begins or ends in this section.
-            drop = 0 if looks[0].look == "transient" else -1
-            del looks[drop], sections[drop]
+        sections, looks = _without_switching(sections, looks)
         if any(look.look != "silence" for look in looks):
             return _verdict(channel, sections, looks)
         silent.append(f"{channel.name} is silent")
     if silent:
         return Excitation("unknown", None, ", ".join(silent))
     return Excitation("unknown", None, "no property says it, and there is no generator or vibrometer channel")
+
+
+def _without_switching(
+    sections: list[NDArray[np.float64]], looks: list[Appearance]
+) -> tuple[list[NDArray[np.float64]], list[Appearance]]:
+    """Without the first or the last section where a tone begins or ends in it."""
+    first = 1 if looks and looks[0].look == "transient" else 0
+    last = len(looks) - 1 if len(looks) > first and looks[-1].look == "transient" else len(looks)
+    if last - first >= 2 and {look.look for look in looks[first:last]} == {"tone"}:
+        return sections[first:last], looks[first:last]
+    return sections, looks
 
 
 def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64]]:
@@ -220,6 +228,9 @@ def _verdict(
     moving = _moving(channel, sections, looks, where)
     if moving is not None:
         return moving
+    alone = len(sections) == 1 and channel.n_samples >= 3 * len(sections[0])  # all the rest is silent
+    if ("transient" in kinds or alone) and kinds <= {"broad", "narrow", "transient"}:
+        return Excitation("unknown", None, f"{where}: transient")
     words = dict.fromkeys(_SAID.get(look.look, look.look) for look in looks)
     return Excitation("unknown", None, f"{where}: " + ", then ".join(words))
 
