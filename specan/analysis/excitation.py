@@ -12,7 +12,7 @@ from specan.data.excitation import Excitation, ExcitationKind
 from specan.data.recording import Channel, Recording
 from specan.dsp.frequency_track import path, track
 from specan.dsp.randomness import narrow_band_is_noise, scatters_as_noise
-from specan.dsp.tonality import Appearance, appearance
+from specan.dsp.tonality import TONE_SHARE, Appearance, appearance, tonal_share
 from specan.errors import RequestError, nearest
 
 # Five sections are looked at; in a recording of less than six seconds they are its fifths.
@@ -76,8 +76,10 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
             expected="sine or noise, or sweep",
             remedy=nearest(said, list(SAYABLE)),
         )
-    seen = _from_channels(recording)
     stated = stated_excitation(recording)
+    claimed = said or (stated.kind if stated is not None else None)
+    # What is said to be noise is only contradicted by a tone, and one look shows whether there can be one.
+    seen = _NOT_LOOKED if claimed == "noise" and not _may_be_a_tone(recording) else _from_channels(recording)
     if said is not None:
         frequency = seen.frequency_hz if seen.kind == "sine" else None
         if stated is not None and stated.kind == "sine":
@@ -168,6 +170,19 @@ def _from_channels(recording: Recording) -> Excitation:
     if silent:
         return Excitation("unknown", None, ", ".join(silent))
     return Excitation("unknown", None, "no property says it, and there is no generator or vibrometer channel")
+
+
+_NOT_LOOKED = Excitation("unknown", None, "not looked at")
+
+
+def _may_be_a_tone(recording: Recording) -> bool:
+    """Whether one line of the first section with a signal holds as much as a tone does."""
+    for channel in [*recording.by_role("generator"), *recording.by_role("vibrometer")]:
+        if channel.n_samples >= MIN_SAMPLES and channel.sampling_rate > 0:
+            size = min(channel.n_samples, int(LEAST_SECTION_S * channel.sampling_rate))
+            if tonal_share(recording.read([channel], 0, size)[0]) >= TONE_SHARE:
+                return True
+    return False
 
 
 def _without_switching(

@@ -136,7 +136,7 @@ class BandEnergy:
             self._sum += transform[:, 0].real
         if stage not in self._spectra:
             self._spectra[stage] = LagSpectrum(self._rows, LENGTH)
-        self._spectra[stage].add(transform)
+        self._spectra[stage].add(transform, block.shape[1])
 
     def result(self) -> EnergySpectrum:
         """The energy spectrum; call it once, after the transform is finished."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.dsp.smooth_step import falling_step
 
+_UNFADED = 0.75
 _ROWS = 4  # enough to share what is common, few enough to stay in the cache
 
 
@@ -44,17 +47,21 @@ class LagSpectrum:
         self.length = length
         self._cross = np.zeros((rows, length + 1), dtype=np.complex128)
         self._previous: NDArray[np.complex128] | None = None
+        self._alone: int | None = None  # samples of the only block so far
         # Used again and again: fresh memory costs more than the arithmetic.
         self._buffers = np.empty((2, min(rows, _ROWS), length + 1), dtype=np.complex128)
 
-    def add(self, transform: NDArray[np.complex128]) -> None:
-        """Take the next block: the transform of 2 L samples, shape (rows, L + 1).
+    def add(self, transform: NDArray[np.complex128], count: int | None = None) -> None:
+        """Take the next block: the transform of 2 L samples, shape (rows, L + 1), of which `count` are not zero.
 
         Successive blocks stand in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
         without a factor, since the correlation is circular.
         """
         if self._previous is not None:
             self._correlate(transform)
+            self._alone = None
+        else:
+            self._alone = count
         self._previous = transform
 
     def _correlate(self, following: NDArray[np.complex128] | None) -> None:
@@ -78,19 +85,29 @@ class LagSpectrum:
         Rounding leaves some 1e-17 of the energy in every band; where there is nothing else a line may be
         negative.
         """
-        from scipy.fft import irfft, rfft
-
+        if self._alone is not None and self._previous is not None and self._alone <= _UNFADED * self.length:
+            # No two of its samples are further apart than what the fade leaves as it is.
+            power: NDArray[np.float64] = np.square(self._previous.real) + np.square(self._previous.imag)
+            self._previous = None
+            return power
         if self._previous is not None:
             self._correlate(None)
             self._previous = None
-        fade = falling_step(np.arange(self.length + 1.0), 0.75 * self.length, self.length)
+        fade = _fade(self.length)
         energy = np.empty(self._cross.shape)
         for top in range(0, energy.shape[0], _ROWS):
             rows = slice(top, top + _ROWS)
-            lags = irfft(self._cross[rows])[:, : self.length + 1] * fade
+            lags = np.fft.irfft(self._cross[rows])[:, : self.length + 1] * fade
             symmetric = np.concatenate([lags, lags[:, -2:0:-1]], axis=1)
-            energy[rows] = rfft(symmetric).real
+            energy[rows] = np.fft.rfft(symmetric).real
         return energy
+
+
+@lru_cache(maxsize=4)
+def _fade(length: int) -> NDArray[np.float64]:
+    fade = falling_step(np.arange(length + 1.0), _UNFADED * length, length)
+    fade.flags.writeable = False
+    return fade
 
 
 def total_energy(lines: NDArray[np.float64]) -> NDArray[np.float64]:

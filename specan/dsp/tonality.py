@@ -87,10 +87,7 @@ def appearance(samples: Real, rate: float) -> Appearance:
     if slow > 100 * total:
         return Appearance("slow", 0.0, 0.0)
     peak = int(np.argmax(power))
-    of_tone = np.zeros(len(power), dtype=bool)
-    for m in range(1, _HARMONICS + 1):
-        of_tone[max(m * peak - _LOBE, 0) : m * peak + _LOBE + 1] = True
-    share = float(power[of_tone].sum() / total)
+    share = float(power[_family(power)].sum() / total)
     frequency = peak * rate / len(x)
     if transient:
         return Appearance("transient", frequency, share)
@@ -98,6 +95,30 @@ def appearance(samples: Real, rate: float) -> Appearance:
     if power[max(peak - _LOBE, 0) : peak + _LOBE + 1].sum() < NOISE_SHARE * total:
         return Appearance("broad", frequency, share, 0.0, band)
     return _with_a_line(x, rate, power, share, band)
+
+
+def tonal_share(samples: Real) -> float:
+    """Part of the power of a section (n,) in its strongest line and the harmonics of that; 1 where it is silent.
+
+    Examples
+    --------
+    >>> round(tonal_share(np.sin(2 * np.pi * 50.3 * np.arange(1000) / 1000)), 3)
+    1.0
+    """
+    if not np.isfinite(samples).all():
+        return 1.0
+    power = _lines(samples - samples.mean())
+    power[:_LOBE] = 0.0
+    total = power.sum()
+    return float(power[_family(power)].sum() / total) if total > 0 else 1.0
+
+
+def _family(power: Real) -> NDArray[np.bool_]:
+    """Lines of the strongest one and its harmonics."""
+    peak, lines = int(np.argmax(power)), np.zeros(len(power), dtype=bool)
+    for m in range(1, _HARMONICS + 1):
+        lines[max(m * peak - _LOBE, 0) : m * peak + _LOBE + 1] = True
+    return lines
 
 
 def _with_a_line(x: Real, rate: float, power: Real, share: float, band: tuple[float, float]) -> Appearance:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -45,8 +46,9 @@ class WindowProperties(NamedTuple):
     half_lobe_lines: int
 
 
+@lru_cache(maxsize=16)
 def window(name: WindowName, n: int) -> NDArray[np.float64]:
-    """Periodic (DFT-even) window of `n` samples.
+    """Periodic (DFT-even) window of `n` samples; one array for all who ask, not to be written to.
 
     Examples
     --------
@@ -55,7 +57,9 @@ def window(name: WindowName, n: int) -> NDArray[np.float64]:
     """
     turn = 2 * np.pi * np.arange(n) / n
     terms = (a * (-1) ** m * np.cos(m * turn) for m, a in enumerate(_COEFFICIENTS[name]))
-    return np.asarray(sum(terms, np.zeros(n)))
+    shape = np.asarray(sum(terms, np.zeros(n)))
+    shape.flags.writeable = False
+    return shape
 
 
 def window_properties(name: WindowName) -> WindowProperties:

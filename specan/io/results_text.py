@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from specan.errors import RequestError
 
@@ -48,7 +48,16 @@ def fixed(values: ArrayLike, decimals: int) -> list[str]:
     ['1.235', '0.000', '']
     """
     rounded = np.round(np.atleast_1d(np.asarray(values, dtype=float)), decimals) + 0.0
-    return [f"{x:.{decimals}f}" if np.isfinite(x) else "" for x in rounded.tolist()]
+    return _printed(rounded, f"%.{decimals}f")
+
+
+def _printed(values: NDArray[np.float64], form: str) -> list[str]:
+    """Each number in one form, all at once; empty where not finite."""
+    finite = np.isfinite(values)
+    if not values.size:
+        return []
+    texts = ("\t".join([form] * len(values)) % tuple(values.tolist())).split("\t")
+    return texts if finite.all() else [t if ok else "" for t, ok in zip(texts, finite.tolist())]
 
 
 def levels(values: ArrayLike) -> list[str]:
@@ -68,7 +77,7 @@ def phases(values: ArrayLike) -> list[str]:
     usable = np.isfinite(given)
     hundredths = np.rint(np.where(usable, given, 0.0) * 100.0) % 36000.0
     hundredths = np.where(hundredths > 18000.0, hundredths - 36000.0, hundredths)
-    return [f"{h / 100.0:.2f}" if ok else "" for h, ok in zip(hundredths.tolist(), usable.tolist())]
+    return _printed(np.where(usable, hundredths / 100.0, np.nan), "%.2f")
 
 
 def significant(values: ArrayLike, digits: int = 6) -> list[str]:
@@ -80,7 +89,7 @@ def significant(values: ArrayLike, digits: int = 6) -> list[str]:
     ['0.123457', '1e-09', '0', '0', '']
     """
     given = np.atleast_1d(np.asarray(values, dtype=float)) + 0.0
-    return [f"{x:.{digits}g}" if np.isfinite(x) else "" for x in given.tolist()]
+    return _printed(given, f"%.{digits}g")
 
 
 def frequencies(values: ArrayLike) -> list[str]:
@@ -122,14 +131,18 @@ def write_table(path: Path, header: Iterable[str], columns: Sequence[str], block
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[TextIO]:
-    """Open a neighbour of `path` for text, and put it in place of `path` when all went well."""
+def replacing(path: Path, *, durable: bool = True) -> Iterator[TextIO]:
+    """Open a neighbour of `path` for text, and put it in place of `path` when all went well.
+
+    `durable` waits until the bytes are on the disk, which what can be made again does not need.
+    """
     half = path.with_name(f".{path.name}.part")
     try:
         with half.open("w", encoding="utf-8", newline="\n") as file:
             yield file
             file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                os.fsync(file.fileno())
         half.replace(path)
     except OSError as fault:
         half.unlink(missing_ok=True)
