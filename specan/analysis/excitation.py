@@ -16,7 +16,7 @@ from specan.dsp.tonality import TONE_SHARE, Appearance, appearance, tonal_share
 from specan.errors import RequestError, nearest
 
 # Five sections are looked at; in a recording of less than six seconds they are its fifths.
-SECTION_S, LEAST_SECTION_S = 1.2, 0.6
+SECTION_S, LEAST_SECTION_S = 1.2, 0.33
 # Their places in a longer one, from its beginning to its end: uneven, so that nothing periodic meets all of them alike.
 PLACES = (0.0, 0.17, 0.45, 0.71, 1.0)
 MIN_SAMPLES = 256
