@@ -26,8 +26,9 @@ STEADY = 0.1
 SILENT_RE_FULL_SCALE, SILENT_GENERATOR_V = 1e-5, 1e-4
 
 SAYABLE: dict[str, ExcitationKind] = {"sine": "sine", "noise": "noise", "sweep": "sweep"}
+CALIBRATOR_WORDS = ("calibrator", "calibration", "pistonphone")
 _WORDS: tuple[tuple[ExcitationKind, tuple[str, ...]], ...] = (
-    ("calibrator", ("calibrator", "calibration", "pistonphone")),
+    ("calibrator", CALIBRATOR_WORDS),
     ("stepped-sine", ("stepped",)),
     ("sweep", ("sweep", "swept", "chirp")),
     ("noise", ("noise", "random", "gauss")),
