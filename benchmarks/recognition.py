@@ -3,7 +3,8 @@
 ``python benchmarks/recognition.py [--signals 200] [--seed 1]``
 
 Form, frequency, length, sampling rate and signal-to-noise ratio are drawn. The table counts the answers for each
-kind; the last lines count what must not be: anything else among `sine` or `noise`, and sines and noises that are not recognised.
+kind; the last lines count what must not be: anything else among `sine` or `noise`, and sines and noises
+that are not recognised.
 """
 
 from __future__ import annotations
@@ -60,7 +61,11 @@ def _sine(d: Draw) -> Real:
 
 def _distorted_sine(d: Draw) -> Real:
     frequency = d.ratio(20.0, 0.1 * d.rate)
-    return d.tone(frequency) + d.between(0.02, 0.3) * d.tone(2 * frequency) + d.between(0.02, 0.3) * d.tone(3 * frequency)
+    return (
+        d.tone(frequency)
+        + d.between(0.02, 0.3) * d.tone(2 * frequency)
+        + d.between(0.02, 0.3) * d.tone(3 * frequency)
+    )
 
 
 def _white(d: Draw) -> Real:
@@ -69,7 +74,9 @@ def _white(d: Draw) -> Real:
 
 def _pink(d: Draw) -> Real:
     spectrum = np.fft.rfft(d.white())
-    line = np.maximum(np.arange(len(spectrum)), max(1.0, 5.0 * d.seconds))  # flat below 5 Hz, as generators make it
+    line = np.maximum(
+        np.arange(len(spectrum)), max(1.0, 5.0 * d.seconds)
+    )  # flat below 5 Hz, as generators make it
     return np.fft.irfft(spectrum / np.sqrt(line), len(d.time))
 
 
@@ -152,7 +159,10 @@ KINDS: dict[str, Callable[[Draw], Real]] = {
     "FM": _fm,
     "pulses": _pulses,
 }
-SINES, NOISES = frozenset({"sine", "distorted sine"}), frozenset({"white", "pink", "band", "MLS", "burst random"})
+SINES, NOISES = (
+    frozenset({"sine", "distorted sine"}),
+    frozenset({"white", "pink", "band", "MLS", "burst random"}),
+)
 
 
 def drawn(kind: str, *seed: int) -> Recording:
@@ -162,7 +172,9 @@ def drawn(kind: str, *seed: int) -> Recording:
     clean = clean - clean.mean()
     clean /= np.sqrt(np.mean(clean**2))
     samples = 1e-3 * (clean + 10 ** (-d.between(0.0, 60.0) / 20) * d.white())
-    channel = Channel("Vibrometer", role="vibrometer", unit="m/s", sampling_rate=d.rate, n_samples=len(samples))
+    channel = Channel(
+        "Vibrometer", role="vibrometer", unit="m/s", sampling_rate=d.rate, n_samples=len(samples)
+    )
     return Recording("drawn", (channel,), ArraySource([samples]))
 
 

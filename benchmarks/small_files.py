@@ -77,7 +77,9 @@ def main() -> None:
         for run in range(2):
             ours.append(cpu([specan, "batch", str(data), "-o", f"{place}/{run}", "--jobs", "1"]))
             plain.append(cpu([sys.executable, "-c", PLAIN, str(data)]))
-    print(f"| what, {asked.files} files of {asked.channels} channels | CPU s | of the plain loop |\n|---|---|---|")
+    print(
+        f"| what, {asked.files} files of {asked.channels} channels | CPU s | of the plain loop |\n|---|---|---|"
+    )
     for name, runs in (("specan batch", ours), ("plain npTDMS and scipy", plain)):
         print(f"| {name} | {min(runs):.2f} | {min(runs) / min(plain):.2f} |")
 

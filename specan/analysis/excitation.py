@@ -206,7 +206,10 @@ def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64
         size = min(total, max(MIN_SAMPLES, int(SECTION_S * rate)))
     # Contiguous in a short recording, spread over a long one.
     rest = total - count * size
-    starts = [number * size + int(rest * PLACES[number * (len(PLACES) - 1) // max(count - 1, 1)]) for number in range(count)]
+    starts = [
+        number * size + int(rest * PLACES[number * (len(PLACES) - 1) // max(count - 1, 1)])
+        for number in range(count)
+    ]
     sections = [recording.read([channel], start, start + size)[0] for start in starts]
     sections = [s for s in sections if np.all(np.isfinite(s))]
     rms = [float(np.sqrt(np.mean((s - s.mean()) ** 2))) for s in sections]
@@ -238,9 +241,8 @@ def _verdict(
     # Among a few lines of a narrow band, two may stand out in a section, but not in most of them.
     several = 2 * sum(look.look == "several tones" for look in looks) < len(looks)
     unclear = {"broad", "narrow", "mixed", "transient", *(["several tones"] if several else [])}
-    if kinds <= unclear and kinds != {"transient"}:
-        if _is_noise(channel, sections, looks):
-            return Excitation("noise", None, f"{where}: no steady tone, broad-band")
+    if kinds <= unclear and kinds != {"transient"} and _is_noise(channel, sections, looks):
+        return Excitation("noise", None, f"{where}: no steady tone, broad-band")
     moving = _moving(channel, sections, looks, where)
     if moving is not None:
         return moving
@@ -282,9 +284,7 @@ def _moving(
     return None
 
 
-def _is_noise(
-    channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance]
-) -> bool:
+def _is_noise(channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance]) -> bool:
     """Whether the sections scatter as noise does, and so does what surrounds the strongest line of any of them."""
     broad = scatters_as_noise(sections)
     narrow = any(look.look != "broad" for look in looks)

@@ -46,7 +46,10 @@ def not_steps(tables: Sequence[ToneTable]) -> dict[str, str]:
         if thd > _DISTORTED_PERCENT:
             found[table.label] = f"{driving} is distorted by {thd:.0f} %, more than {_DISTORTED_PERCENT:g} %"
         elif (
-            at_mains and not generated and others and table.reference_rms < _MAINS_BELOW * float(np.median(others))
+            at_mains
+            and not generated
+            and others
+            and table.reference_rms < _MAINS_BELOW * float(np.median(others))
         ):
             found[table.label] = f"a weak tone at {table.frequency_hz:.4g} Hz may be hum of the mains"
     return found

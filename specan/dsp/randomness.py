@@ -20,10 +20,11 @@ _ENERGY, _ON = (0.9, 0.5), 0.1
 # Sum over lags of the squared correlation of lines under the Hann window: 1 + 2 (2/3)^2 + 2 (1/6)^2.
 _CORRELATED_LINES = 1.944
 # Allowance for what is nearly stationary and nearly Gaussian, besides the scatter of the estimate.
-# Mean fourth power of samples over the squared mean square: 3 of a Gaussian process, 3/d of one that is on for a part d.
+# Mean fourth power of samples over the squared mean square: 3 of a Gaussian process,
+# 3/d of one that is on for a part d.
 _PEAKED = 10.0
-# Mean fourth power of an envelope over the squared mean square: 1 where it is constant, 2 of noise; 99 of 100 bands of noise
-# with 20 independent samples lie above this.
+# Mean fourth power of an envelope over the squared mean square: 1 where it is constant, 2 of noise; 99 of 100
+# bands of noise with 20 independent samples lie above this.
 _CONSTANT_ENVELOPE, _LEAST_RESOLVED = 1.3, 2.5
 _NEARLY, _DEVIATIONS = 0.1, 3.0
 

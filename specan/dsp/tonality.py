@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from specan.dsp.sine_fit import fit_frequency, fit_sine, harmonics_below_nyquist, peak_frequency, tone_basis
 from specan.dsp.windows import window
 
-Look = Literal["tone", "broad", "narrow", "several tones", "square wave", "transient", "silence", "mixed", "slow"]
+Look = Literal[
+    "tone", "broad", "narrow", "several tones", "square wave", "transient", "silence", "mixed", "slow"
+]
 Real = NDArray[np.float64]
 
 _LOBE = 5  # lines on either side that hold a tone under the Blackman-Harris window
@@ -159,7 +161,10 @@ def _around(power: Real, peak: int, line_hz: float) -> tuple[float, float]:
 def _background(power: Real, peak: int) -> float:
     """Mean power of a line of the noise around a line, from the median, which other lines do not move."""
     sides = np.concatenate(
-        [power[max(peak - _NEIGHBOURS, _LOBE) : max(peak - _LOBE, 0)], power[peak + _LOBE + 1 : peak + _NEIGHBOURS + 1]]
+        [
+            power[max(peak - _NEIGHBOURS, _LOBE) : max(peak - _LOBE, 0)],
+            power[peak + _LOBE + 1 : peak + _NEIGHBOURS + 1],
+        ]
     )
     return float(np.median(sides) / np.log(2)) if sides.size else 0.0
 

@@ -80,9 +80,21 @@ def test_noise(samples):
         (np.sin(2 * np.pi * 2 * T), "channel"),
     ],
     ids=[
-        "slow sweep", "zeros", "constant", "impulse", "mixture", "short", "beat", "two tones", "AM", "FM", "square wave",
-        "slow pulses", "fast pulses", "a few periods",
-    ],  # fmt: skip
+        "slow sweep",
+        "zeros",
+        "constant",
+        "impulse",
+        "mixture",
+        "short",
+        "beat",
+        "two tones",
+        "AM",
+        "FM",
+        "square wave",
+        "slow pulses",
+        "fast pulses",
+        "a few periods",
+    ],
 )
 def test_neither(samples, word):
     found = recognise(recording(samples))
@@ -161,7 +173,11 @@ def test_steps(dwell):
 @pytest.mark.parametrize("seconds", [2.0, 5.0, 5.9, 6.1, 8.0])
 def test_the_length_does_not_decide(seconds):
     n = int(seconds * RATE)
-    for samples, kind in ((TONE, "sine"), (NOISE, "noise"), (TONE + np.sin(2 * np.pi * 300.3 * T), "unknown")):
+    for samples, kind in (
+        (TONE, "sine"),
+        (NOISE, "noise"),
+        (TONE + np.sin(2 * np.pi * 300.3 * T), "unknown"),
+    ):
         assert recognise(recording(samples[:n])).kind == kind
 
 

@@ -7,8 +7,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
-import recognition  # noqa: E402
-from specan.analysis.excitation import recognise  # noqa: E402
+import recognition
+
+from specan.analysis.excitation import recognise
 
 
 @pytest.mark.parametrize("kind", recognition.KINDS)
