@@ -134,10 +134,11 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def text_file(path: Path) -> Iterator[TextIO]:
+def text_file(path: Path, *, durable: bool = True) -> Iterator[TextIO]:
     """Open `path` for text with ``\\n`` line ends; a reader sees the old file or the whole new one.
 
-    Names that are not UTF-8 are written as ``\\udcff``-like escapes; see `specan.io.results_text.word`.
+    Names that are not UTF-8 are written as ``\\udcff``-like escapes; see `specan.io.results_text.word`. `durable` waits
+    until the bytes are on the disk, which what can be made again does not need.
     """
     with (
         whole_file(path) as half,
@@ -145,7 +146,8 @@ def text_file(path: Path) -> Iterator[TextIO]:
     ):
         yield file
         file.flush()
-        os.fsync(file.fileno())
+        if durable:
+            os.fsync(file.fileno())
 
 
 def remove_parts(directory: Path) -> None:

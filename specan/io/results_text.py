@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from specan.io.output_file import text_file
 from specan.io.text_cell import cells, escaped, plain, word
@@ -37,7 +37,16 @@ def fixed(values: ArrayLike, decimals: int) -> list[str]:
     ['1.235', '0.000', '']
     """
     rounded = np.round(np.atleast_1d(np.asarray(values, dtype=float)), decimals) + 0.0
-    return [f"{x:.{decimals}f}" if np.isfinite(x) else "" for x in rounded.tolist()]
+    return _printed(rounded, f"%.{decimals}f")
+
+
+def _printed(values: NDArray[np.float64], form: str) -> list[str]:
+    """Each number in one form, all at once; empty where not finite."""
+    finite = np.isfinite(values)
+    if not values.size:
+        return []
+    texts = ("\t".join([form] * len(values)) % tuple(values.tolist())).split("\t")
+    return texts if finite.all() else [t if ok else "" for t, ok in zip(texts, finite.tolist())]
 
 
 def levels(values: ArrayLike) -> list[str]:
@@ -57,7 +66,7 @@ def phases(values: ArrayLike) -> list[str]:
     usable = np.isfinite(given)
     hundredths = np.rint(np.where(usable, given, 0.0) * 100.0) % 36000.0
     hundredths = np.where(hundredths > 18000.0, hundredths - 36000.0, hundredths)
-    return [f"{h / 100.0:.2f}" if ok else "" for h, ok in zip(hundredths.tolist(), usable.tolist())]
+    return _printed(np.where(usable, hundredths / 100.0, np.nan), "%.2f")
 
 
 def significant(values: ArrayLike, digits: int = 6) -> list[str]:
@@ -69,7 +78,7 @@ def significant(values: ArrayLike, digits: int = 6) -> list[str]:
     ['0.123457', '1e-09', '0', '0', '']
     """
     given = np.atleast_1d(np.asarray(values, dtype=float)) + 0.0
-    return [f"{x:.{digits}g}" if np.isfinite(x) else "" for x in given.tolist()]
+    return _printed(given, f"%.{digits}g")
 
 
 def frequencies(values: ArrayLike) -> list[str]:

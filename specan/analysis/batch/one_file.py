@@ -92,6 +92,8 @@ def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:
         return _sine(recording, settings, excitation, found)
     if excitation.kind == "noise":
         return _noise(recording, settings, found)
+    if excitation.kind == "sweep":
+        return _noise(recording, settings, found, swept=True)
     return _other(recording, settings, found)
 
 
@@ -110,7 +112,7 @@ def _sine(
         tone = tone.model_copy(update={"frequency_hz": excitation.frequency_hz})
     accumulator = ToneAccumulator(recording, tone)
     quality = _read(recording, [accumulator])
-    table = accumulator.result()
+    table = replace(accumulator.result(), stated=excitation.stated)
     shown = [c for c in accumulator.channels if c.name in table.channels]
     table = with_flags(table, [quality[id(c)].flags for c in shown])
     found = replace(
@@ -119,7 +121,10 @@ def _sine(
     return _with_rest(found, recording, (), [accumulator.channels])
 
 
-def _noise(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
+def _noise(
+    recording: Recording, settings: BatchSettings, found: FileResult, *, swept: bool = False
+) -> FileResult:
+    """Transfer functions and band levels; those of a sweep say how fast it was, and stand with the others."""
     faults: list[str] = []
     make = partial(TransferFunctionAccumulator, recording, settings.transfer_function)
     transfer = _attempt("transfer function", make, recording.label, faults)
@@ -134,9 +139,9 @@ def _noise(recording: Recording, settings: BatchSettings, found: FileResult) -> 
     def write(analysis: Accumulator, quality: Mapping[int, Quality]) -> None:
         if isinstance(analysis, TransferFunctionAccumulator):
             response = analysis.result()
-            blocks["noise.txt"].append(
-                noise_lines(response, [quality[id(c)].flags for c in analysis.responses])
-            )
+            also = ("sweep",) if swept else ()
+            words = [(*quality[id(c)].flags, *also) for c in analysis.responses]
+            blocks["noise.txt"].append(noise_lines(response, words))
             notes.append(
                 f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
                 f"{response.n_effective:.1f} independent"
@@ -144,7 +149,10 @@ def _noise(recording: Recording, settings: BatchSettings, found: FileResult) -> 
             notes.extend(response.notes)
         elif isinstance(analysis, OctaveAccumulator):
             levels = analysis.result([quality[id(c)] for c in analysis.channels])
-            blocks["bands.txt"].append(band_lines(levels))
+            if swept:
+                blocks["other.txt"].append(other_lines(levels, tuple(c.role for c in analysis.channels)))
+            else:
+                blocks["bands.txt"].append(band_lines(levels))
 
     del transfer, bands
     _few_at_once(recording, used, write)
