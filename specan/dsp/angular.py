@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Real = NDArray[np.float64]
 
 PASS = 2.56  # samples a turn over the highest order: what lies above it may be aliased, up to it nothing is
-ATTENUATION_DB = 80.0  # of what would be aliased into the orders up to the highest one
+ATTENUATION_DB = 100.0  # of what would be aliased into the orders up to the highest one
 _FINE = 4096  # steps of the kernel's table between two output samples
 
 

@@ -1,0 +1,44 @@
+"""Which order lines a set can show, and the conditions under which the model gives them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.model import Model
+from specan.models.planetary_gear.kinematics import planet_order, sun_order
+from specan.models.planetary_gear.rig import Gear
+
+
+def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDArray[np.float64]:
+    """Orders about each mesh harmonic at which teeth, runouts and passing planets can show.
+
+    Each harmonic with whole orders to either side, and with the turns of sun, planet and drive; each of those three
+    with the passing of the planets about it.
+
+    Examples
+    --------
+    >>> article = Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0)
+    >>> kinematic_orders(article, harmonics=1, sidebands=1).round(3).tolist()
+    [62.25, 62.857, 63.25, 65.0, 66.0, 67.0, 68.75, 69.143, 69.75]
+    """
+    families = [float(sun_order(gear)), float(planet_order(gear)), float(sun_order(gear) + 1)]
+    found = set()
+    for h in range(1, harmonics + 1):
+        middle = h * gear.z_ring
+        found |= {float(middle + k) for k in range(-sidebands, sidebands + 1)}
+        found |= {round(middle + sign * family, 9) for family in families for sign in (-1, 1)}
+    return np.array(sorted(found))
+
+
+def line_conditions(model: Model, **settings: Any) -> dict[str, NDArray[np.float64]]:
+    """Conditions of all kinematic orders at the rig's speed and torque."""
+    rig = model.settings["parsed_rig"]
+    orders = kinematic_orders(rig.gear, **settings)
+    return {
+        "order": orders,
+        "sun_speed": np.full(orders.size, rig.operation.sun_speed_hz),
+        "carrier_torque": np.full(orders.size, rig.operation.carrier_torque_Nm),
+    }
