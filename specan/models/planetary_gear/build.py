@@ -59,14 +59,14 @@ def build(rig: Mapping[str, Any]) -> Model:
             "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.")
         },
         nuisances=tuple(
-            Nuisance(f"harmonic-gain@{h}", part, GAIN_SD, "nothing is known of the path's gain")
+            Nuisance(f"harmonic-gain@H{h}", part, GAIN_SD, "nothing is known of the path's gain")
             for h in range(1, HARMONICS + 1)
             for part in ("real", "imaginary")
         ),
         axes={
-            "planet": tuple(str(i) for i in range(1, gear.planets + 1)),
+            "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
             "sensor": tuple(f"Acc {k}" for k in range(1, len(settings.sensors.acc_angle_deg) + 1)),
-            "harmonic": tuple(str(h) for h in range(1, HARMONICS + 1)),
+            "harmonic": tuple(f"H{h}" for h in range(1, HARMONICS + 1)),
         },
         settings={
             "rig": settings.model_dump(), "parsed_rig": settings, "uncertainty": settings.uncertainty.model_dump(),

@@ -54,21 +54,64 @@ def mesh_damping(mesh_deflection, contact_law, damping_scale):
     return contact_law[2] * ((3 - 2 * depth) * depth**2).mean(axis=-1) * damping_scale
 
 
+@quantity(unit="m/N", axes=("planet",))
+def mesh_compliance(mesh_deflection, contact_law, mesh_geometry, tip_relief, stiffness_change):
+    """Change of the approach with the load, over a pitch, (points, 2, planets, phases)."""
+    stiffness, exponent = contact_law[0], contact_law[1]
+    gap = _pairs(np.arange(PHASES) / PHASES, mesh_geometry, tip_relief)[:, None]
+    pressed = np.clip(mesh_deflection[..., None, :] - gap, 0, None)
+    slope = exponent * stiffness * np.sum(pressed ** (exponent - 1.0) * (pressed > 0), axis=-2)
+    return 1.0 / (slope * (1.0 + stiffness_change[None, :, None, None]))
+
+
+@quantity(
+    unit="N",
+    axes=("planet",),
+    reference="quasi-static balance of moments, two meshes in series on each planet",
+)
+def load_variation(sun_error, ring_error, torque_ripple, planet_load, mesh_stiffness):
+    """How each planet's load changes over the turn, (points, planets, angle).
+
+    A planet whose teeth hold more material is pressed more, the others less; a torque that varies presses all.
+    """
+    excess = sun_error + ring_error
+    excess = excess - excess.mean(axis=0)
+    series = mesh_stiffness[:, 0] * mesh_stiffness[:, 1] / mesh_stiffness.sum(axis=1)
+    return series[..., None] * excess[None] + planet_load[..., None] * torque_ripple
+
+
 @quantity(unit="m", axes=("planet",))
-def transmission_error(mesh_deflection, planet_phase, sun_error, ring_error, torque_ripple, planet_load,
-                       mesh_stiffness, carrier_turn, ring_teeth, harmonic_count):  # fmt: skip
+def transmission_error(mesh_deflection, mesh_compliance, load_variation, planet_phase, sun_error, ring_error,
+                       torque_ripple, planet_load, mesh_stiffness, carrier_turn, ring_teeth, harmonic_count):  # fmt: skip
     """Change of each mesh's approach under its load, (points, 2, planets, angle).
 
-    Harmonics of the deflection at the mesh's phase, what errors of the teeth ask for, and what a torque that varies adds.
+    Harmonics of the deflection at the mesh's phase; what errors of the teeth ask for, and a torque that varies; and, as
+    the deflection goes with the load, the mesh's harmonics modulated by the load's variation.
     """
-    coefficient = np.fft.rfft(mesh_deflection, axis=-1)[..., 1 : harmonic_count + 1] * (2.0 / PHASES)
     harmonic = np.arange(1, harmonic_count + 1)
-    turned = coefficient * np.exp(2j * np.pi * harmonic * planet_phase[None, :, :, None])
     per_harmonic = np.exp(2j * np.pi * ring_teeth * np.outer(harmonic, carrier_turn))
-    found = np.real(turned @ per_harmonic)
+    phase = np.exp(2j * np.pi * harmonic * planet_phase[None, :, :, None])
+    found = _synthesis(mesh_deflection, harmonic, phase, per_harmonic)
     found -= np.stack([sun_error, ring_error])[None]
     ripple = planet_load[:, None, :] / mesh_stiffness
-    return found + ripple[..., None] * torque_ripple
+    found += ripple[..., None] * torque_ripple
+    if np.any(load_variation):
+        found += _synthesis(mesh_compliance, harmonic, phase, per_harmonic) * load_variation[:, None]
+    return found
 
 
-QUANTITIES = (mesh_deflection, mesh_stiffness, mesh_damping, transmission_error)
+def _synthesis(table, harmonic, phase, per_harmonic):
+    """Harmonics of a function of the place in the pitch, without its mean, over the angle."""
+    coefficient = np.fft.rfft(table, axis=-1)[..., harmonic] * (2.0 / PHASES)
+    turned = coefficient * phase
+    return turned.real @ per_harmonic.real - turned.imag @ per_harmonic.imag
+
+
+QUANTITIES = (
+    mesh_deflection,
+    mesh_stiffness,
+    mesh_compliance,
+    mesh_damping,
+    load_variation,
+    transmission_error,
+)

@@ -154,7 +154,8 @@ def mesh_phases(gear: Gear) -> tuple[Real, Real]:
     """Phases of the sun-planet and the ring-planet meshes in tooth pitches, from 0 to 1.
 
     Parker and Lin, Mesh phasing relationships in planetary and epicyclic gears, J. Mech. Des. 126 (2004) 365: a
-    planet at the angle psi is z_sun psi / 2 pi and z_ring psi / 2 pi pitches ahead of one at zero; between the two
+    planet at the angle psi is z_sun psi / 2 pi pitches behind one at zero on the sun, which overtakes the carrier, and
+    z_ring psi / 2 pi ahead on the ring, which falls behind (the same where the set assembles); between the two
     meshes of one planet lies half a pitch where its number of teeth is even (the other flank, on the other side).
 
     Examples
@@ -162,11 +163,11 @@ def mesh_phases(gear: Gear) -> tuple[Real, Real]:
     >>> from specan.models.planetary_gear.rig import Gear
     >>> sun, ring = mesh_phases(Gear(z_sun=31, z_planet=31, z_ring=95, planets=3, module_mm=1.0))
     >>> sun.round(3).tolist(), ring.round(3).tolist()
-    ([0.0, 0.333, 0.667], [0.0, 0.667, 0.333])
+    ([0.0, 0.667, 0.333], [0.0, 0.667, 0.333])
     """
     turns = planet_angles(gear) / (2 * np.pi)
     other_flank = 0.5 * ((gear.z_planet + 1) % 2)
-    return (gear.z_sun * turns) % 1.0, (gear.z_ring * turns + other_flank) % 1.0
+    return (-gear.z_sun * turns) % 1.0, (gear.z_ring * turns + other_flank) % 1.0
 
 
 def check_assembly(gear: Gear) -> None:

@@ -50,7 +50,7 @@ def load_stiffness(mean_load, contact_law):
 def planet_phase(nominal_phase, planet_position, centre_distance, ring_teeth, sun_teeth):
     """Phases of the sun and the ring meshes in pitches, (2, planets)."""
     turn = planet_position / centre_distance / (2 * np.pi)
-    return nominal_phase + np.stack([sun_teeth * turn, ring_teeth * turn])
+    return nominal_phase + np.stack([-sun_teeth * turn, ring_teeth * turn])
 
 
 QUANTITIES = (operating_points, point_of_line, mean_load, load_stiffness, planet_load, planet_phase)
