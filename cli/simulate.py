@@ -103,7 +103,8 @@ def command(model_name: str, rig: Path, **options: Any) -> None:
 
     Worm gear: without --grid or --conditions the conditions run over the limits of the rig file.
 
-    Planetary gear: a recording of forces, torques, accelerations and tachos (-o run.tdms), or order lines (-o lines.csv).
+    Planetary gear: a recording of forces, torques, accelerations and tachos (-o run.tdms), or order lines
+    (-o lines.csv).
 
     Room: a recording of microphones, vibrometer and generator (-o recording.tdms), or with --field the sound field on a
     plane.

@@ -12,7 +12,7 @@ from specan.models.planetary_gear.compiled import compiled
 
 
 @compiled
-def impact(depth, rate, law):  # type: ignore[no-untyped-def]
+def impact(depth, rate, law):
     """Elastic and damping part of the contact law, equations 3 and 4 of the article."""
     part = depth / law[3]
     share = 1.0 if part >= 1.0 else (3.0 - 2.0 * part) * part * part
@@ -20,7 +20,7 @@ def impact(depth, rate, law):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def mesh_force(phase, frequency, x, v, law, mesh):  # type: ignore[no-untyped-def]
+def mesh_force(phase, frequency, x, v, law, mesh):
     """Force of all pairs of teeth of a mesh, N; power lost and power of the change of contact, W; energy held, J."""
     base = phase - np.floor(phase)
     force, lost, changed, stored = 0.0, 0.0, 0.0, 0.0
@@ -51,7 +51,7 @@ def mesh_force(phase, frequency, x, v, law, mesh):  # type: ignore[no-untyped-de
 
 
 @compiled
-def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, state, change, forces):  # type: ignore[no-untyped-def]
+def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, state, change, forces):
     """Derivative of the state, and the forces."""
     rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
     carrier, carrier_rate = state[0], state[n + 1]
@@ -88,7 +88,7 @@ def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, sta
 @compiled
 def advance(
     steps, every, dt, start, planets, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, state, out
-):  # type: ignore[no-untyped-def]
+):
     """Integrate and store every so many steps.
 
     Unknowns are the small angles of carrier and planets beside the steady rotation, and their rates; energy that was

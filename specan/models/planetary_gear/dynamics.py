@@ -44,7 +44,8 @@ class Motion:
     torque_in : array
         That the driver gives, N m.
     energy : array (6, samples)
-        Brought in, taken out, dissipated, taken up by the change of contact, held in the contacts, kinetic, J from the start of the integration.
+        Brought in, taken out, dissipated, taken up by the change of contact, held in the contacts, kinetic,
+        J from the start of the integration.
     step_s : float
     """
 

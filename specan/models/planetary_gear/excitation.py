@@ -82,11 +82,12 @@ def load_variation(sun_error, ring_error, torque_ripple, planet_load, mesh_stiff
 
 @quantity(unit="m", axes=("planet",))
 def transmission_error(mesh_deflection, mesh_compliance, load_variation, planet_phase, sun_error, ring_error,
-                       torque_ripple, planet_load, mesh_stiffness, carrier_turn, ring_teeth, harmonic_count):  # fmt: skip
+                       torque_ripple, planet_load, mesh_stiffness, carrier_turn, ring_teeth,
+                       harmonic_count):  # fmt: skip
     """Change of each mesh's approach under its load, (points, 2, planets, angle).
 
-    Harmonics of the deflection at the mesh's phase; what errors of the teeth ask for, and a torque that varies; and, as
-    the deflection goes with the load, the mesh's harmonics modulated by the load's variation.
+    Harmonics of the deflection at the mesh's phase; what errors of the teeth ask for, and a torque that varies; and,
+    as the deflection goes with the load, the mesh's harmonics modulated by the load's variation.
     """
     harmonic = np.arange(1, harmonic_count + 1)
     per_harmonic = np.exp(2j * np.pi * ring_teeth * np.outer(harmonic, carrier_turn))

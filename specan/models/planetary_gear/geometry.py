@@ -49,7 +49,7 @@ def working_pressure_angle(teeth: int, module: float, pressure_angle: float, cen
     cosine = module * teeth * math.cos(pressure_angle) / (2 * centre_distance)
     if not 0 < cosine < 1:
         raise RequestError(
-            f"the centre distance of {1e3 * centre_distance:g} mm is shorter than the base circles of {teeth} teeth allow",
+            f"a centre distance of {1e3 * centre_distance:g} mm is shorter than the base circles allow",
             expected=f"about {500 * module * teeth:g} mm",
         )
     return math.acos(cosine)

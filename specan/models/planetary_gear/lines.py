@@ -22,8 +22,9 @@ def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDAr
     Examples
     --------
     >>> article = Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0)
-    >>> kinematic_orders(article, harmonics=1, sidebands=1).round(3).tolist()
-    [33.0, 58.5, 61.5, 61.857, 62.25, 62.857, 63.25, 63.857, 65.0, 65.25, 66.0, 66.75, 67.0, 68.143, 68.75, 69.143, 69.75, 70.143, 70.5, 73.5]
+    >>> found = kinematic_orders(article, harmonics=1, sidebands=1)
+    >>> found[found >= 66].round(3).tolist()
+    [66.0, 66.75, 67.0, 68.143, 68.75, 69.143, 69.75, 70.143, 70.5, 73.5]
     """
     drive, planet = float(sun_order(gear)) + 1.0, float(planet_order(gear))
     families = [float(sun_order(gear)), planet - 1.0, planet, planet + 1.0]

@@ -10,7 +10,7 @@ from specan.models import Parameter, effect
     adds_to="ring_error",
     neutral={"bounce": 0.0},
     separate_by="a torque above which it is gone; jumps when the speed goes up and down",
-    reference="Kahraman and Blankenship, J. Appl. Mech. 64 (1997) 217: subharmonic motion of a gear pair with clearance",
+    reference="Kahraman and Blankenship, J. Appl. Mech. 64 (1997) 217: subharmonic motion with clearance",
 )
 def backlash(
     carrier_turn,

@@ -11,7 +11,7 @@ from specan.models import Parameter, effect
     neutral={"cosine": 0.0, "sine": 0.0},
     aliases=("planet-position-error", "torque-ripple"),
     separate_by="turn the ring in its housing by an angle: the phase goes with it",
-    reference="eccentric gears: approach along the line of action, e sin(angle); Gu and Velex, Mech. Mach. Theory 61 (2013)",
+    reference="eccentric gears: e sin(angle) on the line of action; Gu and Velex, Mech. Mach. Theory 61 (2013)",
 )
 def carrier_runout(
     carrier_turn,

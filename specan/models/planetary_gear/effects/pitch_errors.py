@@ -27,8 +27,8 @@ def pitch_errors(
 ):
     """The sun's teeth do not follow each other evenly: a comb of lines of the sun's turn, from its second on.
 
-    To a sensor on the ring, multiples of the shaft's turn beside the mesh: 66h +- 7.5 and +- 4.5 of the article's gear. What
-    turns once a turn is runout.
+    To a sensor on the ring, multiples of the shaft's turn beside the mesh: 66h +- 7.5 and +- 4.5 of the article's
+    gear. What turns once a turn is runout.
     """
     at = 2 * np.pi * sun_order * carrier_turn[None, :] - planet_angle[:, None]
     return cumulative * sum(4.0 / k**2 * np.cos(k * (at - phase)) for k in range(2, HARMONICS + 1))

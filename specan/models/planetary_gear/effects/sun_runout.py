@@ -24,8 +24,8 @@ def sun_runout(
 ):
     """An eccentric sun presses one planet after the other, once a turn of the sun against the carrier.
 
-    To a sensor on the ring that is the order of the sun's shaft: for the article's gear 66h +- 3.75 and 66h +- 0.75, as for
-    a torque ripple, but in another ratio. 66h +- 2.75 appears where the planets are not alike.
+    To a sensor on the ring that is the order of the sun's shaft: for the article's gear 66h +- 3.75 and 66h +- 0.75,
+    as for a torque ripple, but in another ratio. 66h +- 2.75 appears where the planets are not alike.
     """
     at = 2 * np.pi * sun_order * carrier_turn[None, :] - planet_angle[:, None] + pressure_angle
     return cosine * np.cos(at) + sine * np.sin(at)
