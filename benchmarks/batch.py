@@ -67,8 +67,8 @@ def measure(*command: str) -> dict[str, float]:
 
 def make_recording(path: Path, seconds: int, rate: float) -> None:
     """Gaussian noise that is partly common to all channels, with the laboratory's properties."""
-    from specan.testing.rig import Take, box_rig
-    from specan.testing.rig_files import write_tdms
+    from truth.rig import Take, box_rig
+    from truth.rig_files import write_tdms
 
     rng = np.random.default_rng(1)
     n = int(seconds * rate)

@@ -20,17 +20,17 @@ from typing import Any
 
 import numpy as np
 
+from specan.impedance.surface_impedance import FUNCTIONS, Impedance, impedance
+from specan.impedance.wall_admittance import wall_fit
 from specan.models.catalogue import load_model
 from specan.schema import read_toml
-from specan.study.impedance import FUNCTIONS, Impedance, impedance
-from specan.study.kinds import DataFile, DataRequest
-from specan.study.problem import base_problem
-from specan.study.recording_data import open_data
-from specan.study.room_plan import wall_areas
-from specan.study.wall_admittance import wall_fit
-from specan.testing.room import Truth, simulate, write
-from specan.testing.room.box import WALLS
-from specan.testing.room.branch import Lining
+from specan.study.data.open_recordings import open_data
+from specan.study.data.sources import DataFile, DataRequest
+from specan.study.design.planned_receivers import wall_areas
+from specan.study.estimation.problem import base_problem
+from truth.room import Truth, simulate, write
+from truth.room.box import WALLS
+from truth.room.branch import Lining
 
 FIRST_SEED = 3000
 SOFT = {"wall-impedance": (0.03, 0.2), "porous-absorber": (0.3, 1.0)}  # strengths

@@ -87,27 +87,29 @@ def _write_tdms(path: Path, made: SimulatedRecording, given: Mapping[str, Any]) 
     """As the laboratory's acquisition program would: volts of 24 bits, nominal sensitivities beside them."""
     import numpy as np
 
-    from specan.testing.rig import Rig, Take
-    from specan.testing.rig_files import write_tdms
+    from specan.io.write_tdms import write_tdms
 
     count = len(made.names) - 2
-    rig = Rig(
-        dims_m=given["room"]["dims_m"] or (0.0, 0.0, 0.0),
-        piston_centre_m=given["piston"]["centre_m"],
-        piston_radius_m=given["piston"]["radius_m"],
-        mic_position_m=np.array(given["mics"]["position_m"]),
-        sensitivity_dB=np.zeros(count),
-        phase_deg=np.zeros(count),
-        nominal_V_per_Pa=given["mics"]["nominal_sensitivity_mV_per_Pa"] / 1000.0,
-        vibrometer_m_s_per_V=given["vibrometer"]["sensitivity_mm_s_per_V"] / 1000.0,
-    )
-    gain = np.array([rig.nominal_V_per_Pa] * count + [1.0 / rig.vibrometer_m_s_per_V, 1.0])
-    excitation: dict[str, object] = {"Excitation": "gaussian noise"}
+    microphone = {
+        "QuantityUnit": "Pa",
+        "Sensitivity": given["mics"]["nominal_sensitivity_mV_per_Pa"],
+        "SensitivityUnit": "mV/Pa",
+    }
+    velocity = given["vibrometer"]["sensitivity_mm_s_per_V"] / 1000.0
+    vibrometer = {"QuantityUnit": "m/s", "Sensitivity": velocity, "SensitivityUnit": "(m/s)/V"}
+    gain = np.array([microphone["Sensitivity"] / 1000.0] * count + [1.0 / velocity, 1.0])
+    group: dict[str, object] = {"Excitation": "gaussian noise", "SamplingRate": made.sampling_rate}
     if made.frequency_hz is not None:
-        excitation = {"Excitation": "sine", "ExcitationFrequency_Hz": made.frequency_hz}
-    take = Take(made.names, made.sampling_rate, made.quantities, made.quantities * gain[:, None], excitation)
+        group |= {"Excitation": "sine", "ExcitationFrequency_Hz": made.frequency_hz}
     try:
-        write_tdms(path, rig, take, description="simulated")
+        write_tdms(
+            path,
+            made.names,
+            made.quantities * gain[:, None],
+            made.sampling_rate,
+            channels=[*([microphone] * count), vibrometer, {"QuantityUnit": "V"}],
+            group=group | {"Description": "simulated"},
+        )
     except OSError as fault:
         raise RequestError(
             f"the recording {path} cannot be written ({fault.strerror})", remedy="name another place"

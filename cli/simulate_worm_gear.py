@@ -66,7 +66,7 @@ def _conditions(request: Request, options: Mapping[str, Any]) -> Columns:
 
     model = request.assembly.model
     if options["conditions"]:
-        from specan.study.table_file import read_table
+        from specan.study.data.table_file import read_table
 
         given = read_table(options["conditions"]).columns
         known = {c.column for c in model.conditions.values()}
@@ -124,7 +124,7 @@ def _draw(request: Request, options: Mapping[str, Any]) -> None:
         raise RequestError("--figure has nowhere to go", remedy="name a file with -o, for example figure.png")
     measured = None
     if options["measurement"]:
-        from specan.study.table_file import read_table
+        from specan.study.data.table_file import read_table
 
         measured = read_table(options["measurement"]).columns
     wanted = [(11, options["plot"])] if options["plot"] else []

@@ -31,7 +31,7 @@ def command(
     \b
     specan study add my_study seal-drag --because "idle runs ask for it"
     """
-    from specan.study.change import add_effect
+    from specan.study.edit import add_effect
     from specan_cli.study_change_output import show_change
     from specan_cli.study_output import open_study
 

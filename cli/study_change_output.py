@@ -11,7 +11,7 @@ from specan_cli.output import emit_json, table
 from specan_cli.study_output import parameter_table
 
 if TYPE_CHECKING:
-    from specan.study.change import Change
+    from specan.study.edit import Change
 
 
 def show_change(change: Change, as_json: bool, plot: Path | None = None) -> None:

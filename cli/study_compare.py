@@ -31,7 +31,7 @@ def command(
     specan study compare my_study --plot compare.png
     specan study compare my_room --plot mic_7.png --channel "Mic 7"
     """
-    from specan.study.room_errors import study_errors
+    from specan.study.localisation.frf_errors import study_errors
     from specan_cli.output import emit_json, say
     from specan_cli.study_output import open_study
 
@@ -123,7 +123,7 @@ def _of_what(study) -> str:  # type: ignore[no-untyped-def]
 
 
 def _print_recordings(rooms) -> None:  # type: ignore[no-untyped-def]
-    from specan.study.room_errors import summary
+    from specan.study.localisation.frf_errors import summary
     from specan_cli.output import table
 
     for one in rooms:

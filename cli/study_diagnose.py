@@ -14,7 +14,7 @@ from specan_cli.output import emit_json, say, table
 from specan_cli.study_output import open_study, probability, study_options
 
 if TYPE_CHECKING:
-    from specan.study.diagnosis import Diagnosis, Ranked
+    from specan.study.verdict import Diagnosis, Ranked
 
 SHOWN = 10  # rows of the table of candidates
 DETAILED = 3  # of them with their parameters

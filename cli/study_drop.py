@@ -28,7 +28,7 @@ def command(
     \b
     specan study drop my_study seal-drag
     """
-    from specan.study.change import drop_effect
+    from specan.study.edit import drop_effect
     from specan_cli.study_change_output import show_change
     from specan_cli.study_output import open_study
 

@@ -11,8 +11,8 @@ import click
 from specan_cli.study_output import study_options
 
 if TYPE_CHECKING:
-    from specan.study.impedance import Impedance, Interval
-    from specan.study.impedance_advice import Advice
+    from specan.impedance.advice import Advice
+    from specan.impedance.surface_impedance import Impedance, Interval
 
 
 @click.command("impedance")
@@ -38,8 +38,8 @@ def command(
     \b
     specan study impedance my_room --plot walls.png
     """
-    from specan.study.impedance import study_impedance
-    from specan.study.impedance_advice import advise
+    from specan.impedance.advice import advise
+    from specan.impedance.surface_impedance import study_impedance
     from specan_cli.output import emit_json, say
     from specan_cli.study_output import open_study
 

@@ -46,7 +46,7 @@ def command(
     specan study new my_study --model worm-gear --rig sample_data/worm_gear/rig.toml \\
       --measurement sample_data/worm_gear/table_8_loaded.csv --hold-out torque=60
     """
-    from specan.study.begin import begin
+    from specan.study.create import begin
 
     chosen = (
         None if effects is None else [e.strip() for e in effects.split(",") if e.strip() not in ("", "none")]
@@ -70,8 +70,8 @@ def command(
 
 
 def _show(begun: object, as_json: bool) -> None:
-    from specan.study.assemble import certificates, held_for_want_of_variation
-    from specan.study.begin import Begun
+    from specan.study.build_problem import certificates, held_for_want_of_variation
+    from specan.study.create import Begun
     from specan_cli.output import emit_json
     from specan_cli.study_output import amount, error_table
 

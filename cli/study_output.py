@@ -11,7 +11,7 @@ import click
 from specan_cli.output import say, table
 
 if TYPE_CHECKING:
-    from specan.study.error import ObservableError
+    from specan.study.estimation.prediction_error import ObservableError
     from specan.study.study import Study
 
 

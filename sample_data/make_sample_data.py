@@ -1,7 +1,7 @@
 """Make the sample recordings and the truth behind them: ``python sample_data/make_sample_data.py``.
 
 A rig of 24 microphones, a laser vibrometer on a loudspeaker and a generator channel, simulated by
-`specan.testing.rig`; the same bytes every time.
+`truth.rig`; the same bytes every time.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from specan.testing.rig import (
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+
+from truth.rig import (
     Rig,
     Take,
     box_rig,
@@ -23,7 +25,7 @@ from specan.testing.rig import (
     pressure_per_velocity,
     sine_take,
 )
-from specan.testing.rig_files import write_tdms
+from truth.rig_files import write_tdms
 
 RATE = 8000.0
 FEW = ("Mic 1", "Mic 8", "Mic 15", "Mic 22", "Vibrometer", "Generator")

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from specan.testing.worm_gear import EFFECTS, TruthCase, simulate, write
+from truth.worm_gear import EFFECTS, TruthCase, simulate, write
 
 FIRST_DEVELOPMENT_SEED = 1000
 FIRST_RESERVED_SEED = 50_000

@@ -12,15 +12,15 @@ from typing import Any
 from hidden_effects.cases import Case
 from specan.models import Model, Use
 from specan.models.worm_gear.build import build
-from specan.study.data import read_tables
+from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
-from specan.study.fit import fit
-from specan.study.problem import Problem, base_problem
-from specan.study.refit import EffectSet, Refit, Refits
-from specan.study.score import Scored, score_pairs
-from specan.study.search import Search
-from specan.testing.worm_gear import TruthCase
+from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import Problem, base_problem
+from specan.study.selection.refits import EffectSet, Refit, Refits
+from specan.study.selection.score_test import Scored, score_pairs
+from specan.study.selection.search import Search
 from specan.units import convert
+from truth.worm_gear import TruthCase
 
 STARTS = 3  # traces of a candidate from which it is refitted to noise-free data
 

@@ -14,8 +14,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from specan.testing.rig_files import write_tdms
-from specan.testing.room import EFFECTS, RoomCase, simulate, write
+from truth.rig_files import write_tdms
+from truth.room import EFFECTS, RoomCase, simulate, write
 
 FIRST_DEVELOPMENT_SEED = 1000
 FIRST_RESERVED_SEED = 50_000

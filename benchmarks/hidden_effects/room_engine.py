@@ -14,19 +14,19 @@ from hidden_effects.room_cases import Case
 from specan.errors import ComputationError
 from specan.io.open import open_recording
 from specan.models import Use
-from specan.study.approach import approached
-from specan.study.begin import begin
-from specan.study.change import add_effect
-from specan.study.error import HeldOut
-from specan.study.fit import fit
+from specan.study.create import begin
+from specan.study.data.estimate_frf import observe_recording
+from specan.study.edit import add_effect
+from specan.study.estimation.fit import fit
+from specan.study.estimation.prediction_error import HeldOut
+from specan.study.estimation.problem import Problem
 from specan.study.observation.frf import FrfObservation
-from specan.study.problem import Problem
-from specan.study.recording_measurement import observe_recording
-from specan.study.refit import Refit, Refits
-from specan.study.score import score_pairs
-from specan.study.search import Search, Step
+from specan.study.selection.initial_fit import approached
+from specan.study.selection.refits import Refit, Refits
+from specan.study.selection.score_test import score_pairs
+from specan.study.selection.search import Search, Step
 from specan.study.study import Study
-from specan.testing.room import EFFECTS, RoomCase
+from truth.room import EFFECTS, RoomCase
 
 STARTS = 2
 RIVALS = 2  # wrong candidates that are refitted: those that promise most when linearised

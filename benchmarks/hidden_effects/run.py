@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import specan
+import truth
 from hidden_effects.benches import Case
 from hidden_effects.judge import Record
 
@@ -27,9 +28,9 @@ def fingerprint() -> str:
     """Of the code that decides: models, study and simulators. Results of different code are not mixed."""
     root = Path(specan.__file__).parent
     digest = hashlib.sha256()
-    for part in ("models", "study", "testing"):
-        for path in sorted((root / part).rglob("*.py")):
-            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    for part in (root / "models", root / "study", Path(truth.__file__).parent):
+        for path in sorted(part.rglob("*.py")):
+            digest.update(path.relative_to(part.parent).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 
 

@@ -10,10 +10,10 @@ from specan.inspect.opened import stamp_of
 from specan.inspect.superseded import Superseded, Tell
 from specan.inspect.trial import Trial, as_it_is
 from specan.study.diagnose import diagnose
-from specan.study.diagnosis import Diagnosis
 from specan.study.history import NAME as HISTORY
 from specan.study.study import Study
 from specan.study.study_file import NAME
+from specan.study.verdict import Diagnosis
 
 _WAIT_S = 0.2
 

@@ -23,8 +23,8 @@ from specan.inspect.trial import Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Work
 from specan.report.study_report import verdict_line
-from specan.study.change import Change, add_effect
-from specan.study.diagnosis import Diagnosis
+from specan.study.edit import Change, add_effect
+from specan.study.verdict import Diagnosis
 
 if TYPE_CHECKING:
     from bokeh.document import Document

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.report.residual_map import ResidualMap, residual_map
-from specan.study.assemble import parameter_table
-from specan.study.candidates import Candidate, candidates
-from specan.study.error import ObservableError, observable_errors
-from specan.study.fit import Fit, fit
-from specan.study.linearised import linearised
-from specan.study.problem import Problem
+from specan.study.build_problem import parameter_table
+from specan.study.estimation.fit import Fit, fit
+from specan.study.estimation.linearised_covariance import linearised
+from specan.study.estimation.prediction_error import ObservableError, observable_errors
+from specan.study.estimation.problem import Problem
+from specan.study.selection.candidates import Candidate, candidates
+from specan.study.selection.starting_values import kept_values, ways_in
 from specan.study.study import STARTS, Study
-from specan.study.ways_in import kept_values, ways_in
 
 
 @dataclass(frozen=True, eq=False)

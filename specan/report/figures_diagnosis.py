@@ -10,7 +10,7 @@ import numpy as np
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS
 from specan.report.study_report import verdict_line
-from specan.study.diagnosis import Diagnosis, Ranked
+from specan.study.verdict import Diagnosis, Ranked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

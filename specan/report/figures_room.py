@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from specan.impedance.surface_impedance import ALL, Impedance, WallBand
 from specan.report.figure_style import COLOURS, octave_axis, with_gaps
 from specan.report.measured_transfer import level_db, measured_transfer, phase_deg
-from specan.study.impedance import ALL, Impedance, WallBand
-from specan.study.room_errors import RoomErrors
+from specan.study.localisation.frf_errors import RoomErrors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

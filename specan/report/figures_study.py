@@ -14,7 +14,7 @@ from specan.report.figure_style import COLOURS
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
 from specan.study.history import Step
-from specan.study.localise import spoken
+from specan.study.localisation.by_blocks import spoken
 from specan.study.observation.table import TableObservation
 from specan.units import convert
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.study.fit import Fit
-from specan.study.localise import Block, localise, variable_name
-from specan.study.problem import Problem
+from specan.study.estimation.fit import Fit
+from specan.study.estimation.problem import Problem
+from specan.study.localisation.by_blocks import Block, localise, variable_name
 
 _LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
 _MOST_SHARE = 0.95  # of the cells that the scale tells apart where the model fails everywhere
@@ -59,7 +59,7 @@ class ResidualMap:
 def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
     """The map of a fitted model; None where no operating variable varies.
 
-    Blocks are those of `specan.study.localise`: nuisance parameters cannot hide a failure in them.
+    Blocks are those of `specan.study.localisation.by_blocks`: nuisance parameters cannot hide a failure in them.
     """
     labels = _shared_labels(problem)
     names = map_axes(labels)

@@ -13,8 +13,8 @@ from specan.report.residual_map import map_axes
 from specan.study.study_file import NAME
 
 if TYPE_CHECKING:
-    from specan.study.diagnosis import Diagnosis
     from specan.study.study import Study
+    from specan.study.verdict import Diagnosis
 
 
 def study_report(study: Study) -> str:

@@ -9,19 +9,19 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.alternatives import alternatives
-from specan.study.approach import Approach, approached, seen_about
-from specan.study.diagnosis import Diagnosis, LackOfFit, Ranked
-from specan.study.error import observable_errors
-from specan.study.fit import Fit, fit
-from specan.study.localise import MOST_ROWS, Block, localise
-from specan.study.next_measurement import Proposal, explore, propose
-from specan.study.power import by_effect, smallest_visible
-from specan.study.problem import Problem
-from specan.study.refit import FORM, Refit, Refits
-from specan.study.residual_law import residual_law
-from specan.study.search import Search
-from specan.study.significance import LACK_OF_FIT
+from specan.study.design.operating_points import Proposal, explore, propose
+from specan.study.estimation.fit import Fit, fit
+from specan.study.estimation.prediction_error import observable_errors
+from specan.study.estimation.problem import Problem
+from specan.study.localisation.by_blocks import MOST_ROWS, Block, localise
+from specan.study.selection.alternatives import alternatives
+from specan.study.selection.detectable_size import by_effect, smallest_visible
+from specan.study.selection.f_test import LACK_OF_FIT
+from specan.study.selection.initial_fit import Approach, approached, seen_about
+from specan.study.selection.refits import FORM, Refit, Refits
+from specan.study.selection.residual_law import residual_law
+from specan.study.selection.search import Search
+from specan.study.verdict import Diagnosis, LackOfFit, Ranked
 
 LEAST_DOF = 3.0
 STARTS = 3

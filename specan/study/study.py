@@ -14,17 +14,21 @@ from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import load_model
 from specan.models.rig_file import read_rig_file
-from specan.study.assemble import assemble, parameter_table
-from specan.study.coarse import coarse_fit
-from specan.study.diagnosis import Diagnosis
-from specan.study.error import HeldOut, ObservableError, held_out_error, observable_errors
-from specan.study.fit import Fit, describe, fit
+from specan.study.build_problem import assemble, parameter_table
+from specan.study.data.sources import DataFile, DataRequest, open_data
+from specan.study.estimation.continuation import coarse_fit
+from specan.study.estimation.fit import Fit, describe, fit
+from specan.study.estimation.linearised_covariance import linearised
+from specan.study.estimation.prediction_error import (
+    HeldOut,
+    ObservableError,
+    held_out_error,
+    observable_errors,
+)
+from specan.study.estimation.problem import Problem
 from specan.study.history import History, Step
-from specan.study.kinds import DataFile, DataRequest, open_data
-from specan.study.linearised import linearised
-from specan.study.localise import Localisation, localise
-from specan.study.own_effects import load_own_effects, take_in
-from specan.study.problem import Problem
+from specan.study.localisation.by_blocks import Localisation, localise
+from specan.study.selection.starting_values import kept_values, ways_in
 from specan.study.study_file import (
     NAME,
     DataEntry,
@@ -34,7 +38,8 @@ from specan.study.study_file import (
     read_study_file,
     rig_hash,
 )
-from specan.study.ways_in import kept_values, ways_in
+from specan.study.user_effects import load_own_effects, take_in
+from specan.study.verdict import Diagnosis
 
 BENT = 10.0
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again

@@ -17,8 +17,8 @@ from specan.analysis.tone import Tone
 from specan.analysis.transfer_function import TransferFunction
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
-from specan.testing.rig import box_rig, noise_take, sine_take
-from specan.testing.rig_files import write_tdms
+from truth.rig import box_rig, noise_take, sine_take
+from truth.rig_files import write_tdms
 
 RATE = 8000.0
 FEW = ("Mic 1", "Mic 2", "Vibrometer", "Generator")

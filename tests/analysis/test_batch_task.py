@@ -12,8 +12,8 @@ from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import Store
 from specan.analysis.batch.task import analyse_unchanged
 from specan.io.tdms_metadata import metadata_of
-from specan.testing.rig import box_rig, sine_take
-from specan.testing.rig_files import write_tdms
+from truth.rig import box_rig, sine_take
+from truth.rig_files import write_tdms
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from specan.analysis.insertion import CalibrationSettings, evaluate_insertion
 from specan.analysis.phase_chain import natural
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
-from specan.testing.rig import Rig, Take, box_rig, calibrator_take
+from truth.rig import Rig, Take, box_rig, calibrator_take
 
 RATE = 8000.0
 INSERTIONS = [(1, 2, 3, 4), (1, 5, 6, 7), (1, 8, 9, 10)]

@@ -13,7 +13,7 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
 
 from hidden_effects import cases, judge, run  # noqa: E402
-from specan.testing.worm_gear import EFFECTS  # noqa: E402
+from truth.worm_gear import EFFECTS  # noqa: E402
 
 
 def record(kind="single", truth=("windage",), verdict="effect", alternatives=(("windage",),), **more):

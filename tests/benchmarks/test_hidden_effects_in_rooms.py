@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 from hidden_effects import judge, judge_rooms, room_cases, room_engine
 from specan.models.catalogue import example_model
-from specan.testing.room import EFFECTS
+from truth.room import EFFECTS
 
 SMALL = {"n_mics": 4, "duration_s": 5.0, "rig": {"band.f_min_hz": 60.0, "band.f_max_hz": 160.0}}
 

@@ -15,9 +15,9 @@ from click.testing import CliRunner
 from nptdms import ChannelObject, GroupObject, TdmsWriter
 
 from specan.errors import SpecanError
-from specan.testing.rig import Rig, Take, box_rig, calibrator_take, noise_take, sine_take
-from specan.testing.rig_files import write_tdms
 from specan_cli.main import main
+from truth.rig import Rig, Take, box_rig, calibrator_take, noise_take, sine_take
+from truth.rig_files import write_tdms
 
 RATE = 8000.0
 FEW = ("Mic 1", "Mic 2", "Mic 3", "Vibrometer", "Generator")

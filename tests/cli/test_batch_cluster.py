@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from specan.testing.rig import box_rig, sine_take
-from specan.testing.rig_files import write_tdms
+from truth.rig import box_rig, sine_take
+from truth.rig_files import write_tdms
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="kills workers by a signal")

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from specan.testing.rig import box_rig, calibrator_take, noise_take, sine_take
-from specan.testing.rig_files import write_tdms
+from truth.rig import box_rig, calibrator_take, noise_take, sine_take
+from truth.rig_files import write_tdms
 
 RATE, FILES = 8000.0, 8
 FEW = ("Mic 1", "Mic 2", "Vibrometer", "Generator")

@@ -11,9 +11,9 @@ from click.testing import CliRunner
 from specan.errors import SpecanError
 from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
-from specan.testing.rig import Rig, box_rig, calibrator_take, noise_take
-from specan.testing.rig_files import write_tdms
 from specan_cli.main import main
+from truth.rig import Rig, box_rig, calibrator_take, noise_take
+from truth.rig_files import write_tdms
 
 RATE = 8000.0
 

@@ -10,9 +10,9 @@ from click.testing import CliRunner
 
 from specan.errors import SpecanError
 from specan.io.open import open_recording
-from specan.testing.rig import box_rig, sine_take
-from specan.testing.rig_files import write_tdms
 from specan_cli.main import main
+from truth.rig import box_rig, sine_take
+from truth.rig_files import write_tdms
 
 RATE = 8000.0
 N = 70_000  # more than one block

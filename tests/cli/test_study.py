@@ -7,8 +7,8 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from specan.testing.worm_gear import simulate, write
 from specan_cli.main import main, run
+from truth.worm_gear import simulate, write
 
 CHAIN = {"windage": 12.0}
 

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from scipy import signal
 
-from specan.testing.rig import box_rig
+from truth.rig import box_rig
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 RATE = 8000.0

@@ -17,9 +17,9 @@ from specan.inspect.plots import Band
 from specan.inspect.study_views.ranking import Ranking, uses_of
 from specan.inspect.superseded import Superseded, heard
 from specan.inspect.trial import as_it_is, candidates_of, try_effects
-from specan.study.change import add_effect
-from specan.study.diagnosis import Diagnosis, Ranked
+from specan.study.edit import add_effect
 from specan.study.study import Study
+from specan.study.verdict import Diagnosis, Ranked
 from specan_cli.study_new import command as study_new
 
 GEAR = Path(__file__).parents[2] / "sample_data" / "worm_gear"

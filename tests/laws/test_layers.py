@@ -18,11 +18,10 @@ ALLOWED = {
     "io": BASE | {"io", "data", "dsp"},
     "analysis": BASE | {"analysis", "data", "dsp", "io"},
     "models": BASE | {"models"},
-    "testing": BASE | {"testing", "data", "io", "dsp"},
-    "challenge": BASE | {"challenge", "testing", "data", "io", "dsp"},
     "study": BASE | {"study", "models", "analysis", "data", "dsp", "io"},
-    "report": BASE | {"report", "study", "models", "analysis", "data", "dsp", "io"},
-    "inspect": BASE | {"inspect", "report", "study", "models", "analysis", "data", "dsp", "io"},
+    "impedance": BASE | {"impedance", "study", "models", "analysis", "data", "dsp", "io"},
+    "report": BASE | {"report", "impedance", "study", "models", "analysis", "data", "dsp", "io"},
+    "inspect": BASE | {"inspect", "report", "impedance", "study", "models", "analysis", "data", "dsp", "io"},
 }
 
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from specan.study.family import Family, simulated_probability
-from specan.study.held_out import blocks, gain, score
-from specan.study.projection import Projection, orthonormal
-from specan.study.significance import (
+from specan.study.estimation.projection import Projection, orthonormal
+from specan.study.selection.cross_validation import blocks, gain, score
+from specan.study.selection.f_test import (
     improvement_probability,
     lack_of_fit_probability,
     visible_noncentrality,
 )
+from specan.study.selection.multiple_testing import Family, simulated_probability
 
 
 def arc(length: float, count: int = 200) -> np.ndarray:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from specan.models import Condition, LawSpace, Model, Nuisance, Observable, Parameter, effect, quantity
+from specan.study.estimation.problem import base_problem
 from specan.study.observation.table import TableObservation
-from specan.study.problem import base_problem
 
 
 @quantity(unit="W")

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from specan.study.begin import begin
-from specan.study.change import add_effect, drop_effect
+from specan.study.create import begin
 from specan.study.diagnose import diagnose
+from specan.study.edit import add_effect, drop_effect
 from specan.study.history import History
 from specan.study.study import Study
 

@@ -7,19 +7,19 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.study.candidates import candidates, taken_for
-from specan.study.coarse import coarse, coarse_fit
-from specan.study.fit import fit
-from specan.study.linearised import linearised
-from specan.study.observation.common_errors import CommonErrors
-from specan.study.observation.folding import Folding
+from specan.study.estimation.continuation import coarse, coarse_fit
+from specan.study.estimation.fit import fit
+from specan.study.estimation.linearised_covariance import linearised
+from specan.study.estimation.problem import base_problem
+from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
-from specan.study.plan import plan
-from specan.study.problem import base_problem
-from specan.study.refit import Refit
-from specan.study.score import best_of_each, score
-from specan.study.traces import traces
-from specan.study.ways_in import kept_values, looked_over, promised, ways, ways_in
+from specan.study.observation.window_leakage import Folding
+from specan.study.selection.candidates import candidates, taken_for
+from specan.study.selection.refits import Refit
+from specan.study.selection.score_test import best_of_each, score
+from specan.study.selection.shape_grid import plan
+from specan.study.selection.signatures import traces
+from specan.study.selection.starting_values import kept_values, looked_over, promised, ways, ways_in
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},

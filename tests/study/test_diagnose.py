@@ -10,17 +10,17 @@ from scipy.optimize import brentq
 
 from specan.errors import ComputationError
 from specan.models import Parameter, Use, effect
-from specan.study.alternatives import alternatives, distance
 from specan.study.diagnose import diagnose, parameters_of
-from specan.study.fit import fit
-from specan.study.gate import Gate, Passage
-from specan.study.localise import localise
-from specan.study.plausibility import plausible
-from specan.study.power import smallest_visible
-from specan.study.problem import base_problem
-from specan.study.refit import Refit, Refits
-from specan.study.residual_law import residual_law, simplest
-from specan.study.search import Search
+from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
+from specan.study.localisation.by_blocks import localise
+from specan.study.selection.acceptance import Gate, Passage
+from specan.study.selection.alternatives import alternatives, distance
+from specan.study.selection.detectable_size import smallest_visible
+from specan.study.selection.plausibility import plausible
+from specan.study.selection.refits import Refit, Refits
+from specan.study.selection.residual_law import residual_law, simplest
+from specan.study.selection.search import Search
 
 
 @effect("timid", adds_to="heat", neutral={"c": 0.0})
@@ -299,7 +299,7 @@ def test_a_base_parameter_may_be_pushed_as_far_as_the_form_of_an_effect_can(
     refits = Refits(Refit(frozenset(), problem, fit(problem)))
     square = refits.fit(refits.base, [[Search(refits).step(refits.base).by_use[Use("square")][0]]])
     beyond = lambda refit, name: 1.5 if refit is square and name == pushed else -2.0  # noqa: E731
-    monkeypatch.setattr("specan.study.plausibility._excess", beyond)
+    monkeypatch.setattr("specan.study.selection.plausibility._excess", beyond)
     assert plausible(square, refits.base) == believed
 
 

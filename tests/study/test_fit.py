@@ -5,10 +5,10 @@ import pytest
 
 from specan.errors import ComputationError, RequestError
 from specan.models import Condition, Model, Nuisance, Observable, Parameter, Use, effect, quantity
-from specan.study.fit import fit, profile_interval
+from specan.study.estimation.fit import fit, profile_interval
+from specan.study.estimation.problem import base_problem
 from specan.study.observation import Observation
 from specan.study.observation.table import TableObservation
-from specan.study.problem import base_problem
 
 
 @quantity(unit="W")
@@ -264,7 +264,7 @@ def test_a_fit_that_does_not_converge_is_an_error(monkeypatch):
 
     problem = base_problem(MODEL, [table(noisy(SPEED**2 + SPEED))])
     assert fit(problem, max_evaluations=1).converged  # the second method takes over
-    monkeypatch.setattr("specan.study.fit.descend", gives_up)
+    monkeypatch.setattr("specan.study.estimation.fit.descend", gives_up)
     with pytest.raises(ComputationError, match=r"loss\.drag.* failed: it did not settle"):
         fit(problem, max_evaluations=1)
 

@@ -6,10 +6,10 @@ import pytest
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
 from specan.models.catalogue import load_model
-from specan.study.local_polynomial import noise_density
-from specan.study.observation.folding import fold
+from specan.study.data.estimate_frf import observe_recording
+from specan.study.data.local_polynomial import noise_density
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
-from specan.study.recording_measurement import observe_recording
+from specan.study.observation.window_leakage import fold
 
 RATE, BLOCK = 2000.0, 2000
 MODES = [(60.0, 2.3, 1.0), (61.5, 4.0, -0.7), (180.0, 2.2, 0.5), (333.0, 3.0, 0.9), (500.0, 4.6, -1.2)]

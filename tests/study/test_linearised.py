@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
-from specan.study.fit import fit
-from specan.study.linearised import linearised
-from specan.study.observation.common_errors import CommonErrors
-from specan.study.observation.folding import Folding
+from specan.study.estimation.fit import fit
+from specan.study.estimation.linearised_covariance import linearised
+from specan.study.estimation.problem import base_problem
+from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
-from specan.study.problem import base_problem
+from specan.study.observation.window_leakage import Folding
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from specan.study.error import held_out_error, observable_errors
-from specan.study.fit import fit
-from specan.study.localise import LeftOut, benjamini_yekutieli, localise
+from specan.study.estimation.fit import fit
+from specan.study.estimation.prediction_error import held_out_error, observable_errors
+from specan.study.localisation.by_blocks import LeftOut, benjamini_yekutieli, localise
 
 
 def test_a_left_out_block_is_what_a_refit_without_it_says(toy):

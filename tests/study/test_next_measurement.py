@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from specan.models import Use
+from specan.study.design.operating_points import after_reading, explore, propose
 from specan.study.diagnose import diagnose
-from specan.study.fit import fit
-from specan.study.localise import localise
-from specan.study.next_measurement import after_reading, explore, propose
-from specan.study.refit import Refit, Refits
-from specan.study.search import Search
+from specan.study.estimation.fit import fit
+from specan.study.localisation.by_blocks import localise
+from specan.study.selection.refits import Refit, Refits
+from specan.study.selection.search import Search
 
 
 def fitted(problem, *names):

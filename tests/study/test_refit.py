@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from specan.models import Parameter, Use, effect
-from specan.study.fit import fit
-from specan.study.refit import Refit, Refits, start_nested
-from specan.study.search import Search
+from specan.study.estimation.fit import fit
+from specan.study.selection.refits import Refit, Refits, start_nested
+from specan.study.selection.search import Search
 
 
 @effect("hollow", adds_to="heat", neutral={"a": 0.0})

@@ -10,15 +10,15 @@ from click.testing import CliRunner
 from scipy.integrate import quad
 
 from specan.errors import RequestError
-from specan.study.absorption import diffuse_absorption, normal_absorption
-from specan.study.impedance import impedance
-from specan.study.room_plan import free_places, wall_areas, with_microphones
-from specan.study.wall_admittance import WallFit, spline_basis, third_octaves
-from specan.testing.room import simulate, write
-from specan.testing.worm_gear import simulate as simulate_gear
-from specan.testing.worm_gear import write as write_gear
+from specan.impedance.absorption import diffuse_absorption, normal_absorption
+from specan.impedance.surface_impedance import impedance
+from specan.impedance.wall_admittance import WallFit, spline_basis, third_octaves
+from specan.study.design.planned_receivers import free_places, wall_areas, with_microphones
 from specan_cli.main import main
 from specan_cli.study_impedance import _print
+from truth.room import simulate, write
+from truth.worm_gear import simulate as simulate_gear
+from truth.worm_gear import write as write_gear
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 

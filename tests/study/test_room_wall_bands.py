@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from specan.errors import RequestError
+from specan.impedance.surface_impedance import study_impedance
+from specan.impedance.wall_admittance import spline_basis, third_octaves, wall_fit
 from specan.models.catalogue import load_model
 from specan.models.room import EXAMPLE_RIG
 from specan.schema import parse
-from specan.study.assemble import assemble, parameter_table
-from specan.study.fit import fit
-from specan.study.impedance import study_impedance
-from specan.study.observation.folding import Folding
+from specan.study.build_problem import assemble, parameter_table
+from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
 from specan.study.observation.frf import FrfObservation
-from specan.study.problem import base_problem
+from specan.study.observation.window_leakage import Folding
 from specan.study.study_file import StudyFile
-from specan.study.wall_admittance import spline_basis, third_octaves, wall_fit
 
 FREQUENCY = np.arange(90.0, 300.0, 3.0)
 BAND = {"f_min_hz": 90.0, "f_max_hz": 300.0}

@@ -8,18 +8,18 @@ import pytest
 from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.room import EXAMPLE_RIG
-from specan.study.fit import fit
-from specan.study.localise import LeftOut, localise
-from specan.study.localise_frf import Cells, near_walls
-from specan.study.next_measurement import explore, propose
-from specan.study.next_position import _separations, _views, best_places
-from specan.study.observation.common_errors import CommonErrors
-from specan.study.observation.folding import Folding
+from specan.study.design.operating_points import explore, propose
+from specan.study.design.planned_receivers import free_places
+from specan.study.design.receiver_places import _separations, _views, best_places
+from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
+from specan.study.localisation.by_band_and_channel import Cells, near_walls
+from specan.study.localisation.by_blocks import LeftOut, localise
+from specan.study.localisation.frf_errors import likeness, room_errors
+from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
-from specan.study.problem import base_problem
-from specan.study.refit import Refit
-from specan.study.room_errors import likeness, room_errors
-from specan.study.room_plan import free_places
+from specan.study.observation.window_leakage import Folding
+from specan.study.selection.refits import Refit
 
 FREQUENCY = np.arange(60.0, 320.0, 4.0)
 PLACES = [

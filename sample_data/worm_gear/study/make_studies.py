@@ -4,16 +4,20 @@ Run from anywhere::
 
     python sample_data/worm_gear/study/make_studies.py
 
-The bench table comes from the simulated truth of `specan.testing`, which shares no formula with the model.
+The bench table comes from the simulated truth of `truth`, which shares no formula with the model.
 """
 
 import shutil
+import sys
 from pathlib import Path
 
-from specan.study.begin import begin
-from specan.study.change import add_effect, drop_effect
+from specan.study.create import begin
+from specan.study.edit import add_effect, drop_effect
 from specan.study.study import Study
-from specan.testing.worm_gear import simulate, write
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+
+from truth.worm_gear import simulate, write
 
 HERE = Path(__file__).parent
 GEAR = HERE.parent

@@ -13,8 +13,8 @@ from bokeh.models import Button, Div, Select
 from specan.inspect.plots import plain
 from specan.inspect.sheets import notice, sheet
 from specan.models import Use
-from specan.study.diagnosis import Diagnosis, Ranked
 from specan.study.study import Study
+from specan.study.verdict import Diagnosis, Ranked
 
 MOST_ROWS = 24  # candidates with a line of their own; the others stand in a list to choose from
 _WIDTH = 330

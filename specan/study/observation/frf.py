@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.study.observation.common_errors import PLACE, CommonErrors, moved_to
-from specan.study.observation.folding import Folding
+from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to
+from specan.study.observation.window_leakage import Folding
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from specan.errors import InputError
 from specan.models import Assembly
 from specan.study.observation import Array
-from specan.study.observation.rowwise import knowledge, rows_are_coupled
+from specan.study.observation.row_coupling import knowledge, rows_are_coupled
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.study.levels import MOST_LEVELS, Setting, cells, grouped, levels, round_step
+from specan.study.data.setpoints import MOST_LEVELS, Setting, cells, grouped, levels, round_step
 
 TORQUES = np.array([5, 15, 30, 50, 80.0])
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from specan.errors import InputError
-from specan.study.data import matching, read_tables
-from specan.study.measurement import read_measurement
-from specan.study.rows import join
+from specan.study.data.open_tables import matching, read_tables
+from specan.study.data.operating_table import join
+from specan.study.data.table_reader import read_measurement
 
 RATIO = 7.5
 

@@ -7,8 +7,8 @@ import pytest
 
 from specan.errors import ComputationError, RequestError
 from specan.report.study_report import study_report
-from specan.study.begin import begin
-from specan.study.change import add_effect, drop_effect
+from specan.study.create import begin
+from specan.study.edit import add_effect, drop_effect
 from specan.study.history import History
 from specan.study.study import Study
 from specan.study.study_file import read_study_file
@@ -158,7 +158,7 @@ def test_a_fit_that_fails_leaves_the_study_as_it_was(study, monkeypatch):
         raise ComputationError("it did not converge")
 
     study.step("now")
-    monkeypatch.setattr("specan.study.change.hold_undetermined", fails)
+    monkeypatch.setattr("specan.study.edit.hold_undetermined", fails)
     with pytest.raises(ComputationError):
         add_effect(study, "seal-drag")
     assert text_of(study) == before

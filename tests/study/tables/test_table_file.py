@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from specan.errors import InputError
-from specan.study.table_file import printed_step, read_table
+from specan.study.data.table_file import printed_step, read_table
 
 
 def written(tmp_path, text, name="t.csv"):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from specan.errors import InputError
-from specan.study.data import read_tables
-from specan.study.fit import fit
-from specan.study.problem import base_problem
-from specan.study.replicates import pooled
+from specan.study.data.open_tables import read_tables
+from specan.study.data.replicate_variance import pooled
+from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
 
 
 def opened(tables, tmp_path, columns, **uncertainty):

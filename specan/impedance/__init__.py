@@ -1,0 +1,1 @@
+"""Surface impedance and absorption of the walls of a room, from a study of its sound field."""

@@ -1,0 +1,227 @@
+"""From what a study file says to the fitting problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from specan.errors import RequestError, nearest
+from specan.models import Model, Parameter, Use, varying
+from specan.study.estimation.fit import Fit
+from specan.study.estimation.problem import Problem
+from specan.study.observation import Array, Observation
+from specan.study.study_file import EffectEntry, ParameterEntry, StudyFile
+from specan.units import convert, scale_to
+
+UNDETERMINED = 1e-6  # singular value, over the largest, below which a direction is not determined
+
+
+def assemble(model: Model, content: StudyFile, observations: Sequence[Observation]) -> Problem:
+    """The problem that a study file describes.
+
+    Raises
+    ------
+    RequestError
+        An effect or parameter that the model does not have, a unit that does not fit, a value outside
+        its own bounds.
+    """
+    for entry in content.effect:
+        if entry.use.name not in model.effects:
+            raise RequestError(
+                f"study.toml names the effect {entry.name!r}", remedy=nearest(entry.use.name, model.effects)
+            )
+    model = _with_axes(model, content)
+    assembly = model.assemble(entry.use for entry in content.effect)
+    said = _entries(content)
+    known = assembly.parameters
+    for name in said:
+        if name not in known:
+            raise RequestError(f"study.toml names the parameter {name!r}", remedy=nearest(name, known))
+    nuisances = {entry.use: entry for entry in content.effect if entry.role == "nuisance"}
+    priors = _priors(model, nuisances)
+    values, domains, links = _said(said, known)
+    for use in nuisances:
+        for name, value in model.effects[use.name].neutral_si.items():
+            values.setdefault(f"{use}.{name}", value)
+    determined = assembly.free(varying(o.conditions for o in observations))
+    instruments = {str(use) for use in nuisances}
+    free = []
+    for name in known:
+        if name in links:
+            continue
+        if name.rpartition(".")[0] in instruments:
+            chosen = name in priors
+        elif name in said and said[name].fixed is not None:
+            chosen = not said[name].fixed
+        else:
+            chosen = name in determined
+        if chosen:
+            free.append(name)
+    return Problem(
+        assembly, tuple(observations), tuple(free), values, priors, domains, links, frozenset(nuisances)
+    )
+
+
+def _entries(content: StudyFile) -> dict[str, ParameterEntry]:
+    said = dict(content.parameters)
+    for effect in content.effect:
+        said |= {f"{effect.use}.{name}": entry for name, entry in effect.parameters.items()}
+    return said
+
+
+def _with_axes(model: Model, content: StudyFile) -> Model:
+    """The model with parameters made vectors where the study says ``per``."""
+    for effect in content.effect:
+        for name, entry in effect.parameters.items():
+            known = model.effects[effect.use.name]
+            if entry.per is None or name not in known.parameters:
+                continue
+            if entry.per not in ("", "recording", *model.axes):
+                raise RequestError(
+                    f"study.toml: {effect.name}.{name} is per {entry.per!r}",
+                    remedy=nearest(entry.per, ["recording", *model.axes]),
+                )
+            changed = {**known.parameters, name: replace(known.parameters[name], per=entry.per)}
+            model = model.with_effect(replace(known, parameters=changed))
+    return model
+
+
+def _priors(model: Model, nuisances: Mapping[Use, EffectEntry]) -> dict[str, tuple[float, float]]:
+    priors = {}
+    for use, entry in nuisances.items():
+        effect = model.effects[use.name]
+        given = {n: p.prior_sd for n, p in entry.parameters.items() if p.prior_sd is not None}
+        if entry.prior_sd is not None:
+            open_ = [n.parameter for n in model.nuisances if n.effect == str(use)] or list(effect.neutral)
+            if len(open_) != 1:
+                raise RequestError(
+                    f"study.toml: prior_sd of {entry.name} could mean {' or '.join(open_)}",
+                    remedy="give it in the parameter: parameters.NAME = {prior_sd = ...}",
+                )
+            given.setdefault(open_[0], entry.prior_sd)
+        if not given:
+            raise RequestError(
+                f"study.toml: the nuisance {entry.name} has no prior_sd", remedy='give one, or role = "model"'
+            )
+        for name, sd in given.items():
+            if name not in effect.neutral:
+                raise RequestError(
+                    f"study.toml: {entry.name}.{name} has no neutral value to hold it at",
+                    remedy=nearest(name, effect.neutral),
+                )
+            parameter = effect.parameters[name]
+            unit = entry.parameters[name].unit if name in entry.parameters else None
+            width = sd * scale_to(unit or parameter.unit, parameter.unit)
+            mean = effect.neutral_si[name]
+            priors[f"{use}.{name}"] = (mean, abs(parameter.to_si(effect.neutral[name] + width) - mean))
+    return priors
+
+
+def _said(
+    said: Mapping[str, ParameterEntry], known: Mapping[str, Parameter]
+) -> tuple[dict[str, Any], dict[str, tuple[float, float]], dict[str, str]]:
+    values: dict[str, Any] = {}
+    domains: dict[str, tuple[float, float]] = {}
+    links: dict[str, str] = {}
+    for name, entry in said.items():
+        parameter = known[name]
+
+        def si(value: float, unit: str = entry.unit or parameter.unit, to: Parameter = parameter) -> float:
+            return to.to_si(float(convert(value, unit, to.unit)) if unit != to.unit else value)
+
+        if entry.value is not None:
+            given = entry.value
+            values[name] = np.array([si(v) for v in given]) if isinstance(given, tuple) else si(given)
+        if entry.low is not None or entry.high is not None:
+            low = parameter.si.lower if entry.low is None else si(entry.low)
+            high = parameter.si.upper if entry.high is None else si(entry.high)
+            if not low < high:
+                raise RequestError(
+                    f"study.toml: {name} goes from {entry.low} to {entry.high}", expected="low < high"
+                )
+            domains[name] = (low, high)
+        if entry.link is not None:
+            if entry.link not in known or entry.link == name:
+                raise RequestError(
+                    f"study.toml: {name} is linked to {entry.link!r}", remedy=nearest(entry.link, known)
+                )
+            links[name] = entry.link
+    for name in links:
+        if links[name] in links:
+            raise RequestError(f"study.toml: {name} is linked to {links[name]}, which is linked itself")
+    return values, domains, links
+
+
+def held_for_want_of_variation(problem: Problem) -> dict[str, tuple[str, ...]]:
+    """Parameters that are held because conditions that they need do not vary, with those conditions."""
+    varied = varying(o.conditions for o in problem.observations)
+    return {
+        name: tuple(c for c in parameter.needs if c not in varied)
+        for name, parameter in problem.assembly.parameters.items()
+        if not parameter.fixed and name not in problem.free and any(c not in varied for c in parameter.needs)
+    }
+
+
+def certificates(problem: Problem) -> dict[str, tuple[float, str]]:
+    """Standard uncertainty and unit of each instrument error that is held by its certificate."""
+    found = {}
+    for name, (mean, sd) in problem.priors.items():
+        parameter = problem.assembly.parameters[name]
+        found[name] = (abs(parameter.from_si(mean + sd) - parameter.from_si(mean)), parameter.unit)
+    return found
+
+
+def undetermined(problem: Problem, theta: Array) -> list[str]:
+    """Parameters that these data do not determine beside the others; holding them takes nothing away.
+
+    Of the parameters that only act together a dimensionless one (an exponent) is named first, since it
+    is the sizes that a fit needs.
+    """
+    names, found = list(problem.names), []
+    jacobian = problem.jacobian(theta) * problem.scale
+    units = {n: problem.assembly.parameters[n.split("[")[0]].unit for n in names}
+    while names:
+        place = [problem.names.index(n) for n in names]
+        size = np.linalg.norm(jacobian[:, place], axis=0)
+        idle = [n for n, s in zip(names, size, strict=True) if s < UNDETERMINED]
+        if idle:
+            worst = idle[-1]
+        else:
+            _, s, vt = np.linalg.svd(jacobian[:, place] / size, full_matrices=False)
+            if s[-1] > UNDETERMINED * s[0]:
+                break
+            share = np.abs(vt[-1])
+            together = [n for n, v in zip(names, share, strict=True) if v > 0.05 * share.max()]
+            worst = max(together, key=lambda n: (units[n] == "1", names.index(n)))
+        found.append(worst)
+        names.remove(worst)
+    return found
+
+
+def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
+    """Fitted parameters with 95 % intervals from the covariance, in their declared units.
+
+    The interval ends at the domain. `plausible` is false where the value lies outside the declared
+    plausible range by more than two standard uncertainties.
+    """
+    table = {}
+    low, high = problem.bounds()
+    widen = np.sqrt(max(best.reduced_chi2, 1.0)) if np.isfinite(best.reduced_chi2) else 1.0
+    for k, name in enumerate(problem.names):
+        parameter = problem.assembly.parameters[name.split("[")[0]]
+        value, sd = float(best.theta[k]), best.standard_error(name) * widen
+        least, most = problem.plausible(name.split("[")[0])
+        ends = max(value - 1.96 * sd, low[k]), min(value + 1.96 * sd, high[k])
+        table[name] = {
+            "value": parameter.from_si(value),
+            "low": parameter.from_si(float(ends[0])),
+            "high": parameter.from_si(float(ends[1])),
+            "unit": parameter.unit,
+            "plausible": bool(least - 2 * sd <= value <= most + 2 * sd),
+            "at_bound": name in best.at_bound,
+            "nuisance": name.split("[")[0] in problem.priors,
+        }
+    return table

@@ -1,0 +1,151 @@
+"""Begin a study: a directory with its study file, and the first step of its history."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from specan.errors import RequestError
+from specan.models import Model, Use
+from specan.models.catalogue import load_model
+from specan.models.rig_file import read_rig_file
+from specan.study.build_problem import undetermined
+from specan.study.data.sources import kind_of
+from specan.study.history import NAME as HISTORY
+from specan.study.history import Step
+from specan.study.study import Study, relative_to
+from specan.study.study_file import NAME, StudyText, file_hash
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A new study, and what was assumed on the way.
+
+    Attributes
+    ----------
+    held : tuple of str
+        Parameters that the data do not determine and that were fixed.
+    """
+
+    study: Study
+    step: Step
+    held: tuple[str, ...]
+
+
+def begin(
+    directory: Path,
+    model_name: str,
+    rig: Path,
+    measurements: Sequence[Path],
+    *,
+    validations: Sequence[Path] = (),
+    hold_out: Sequence[str] = (),
+    calibration: Path | None = None,
+    effects: Sequence[str] | None = None,
+) -> Begun:
+    """Make a study directory.
+
+    Parameters
+    ----------
+    directory : Path
+        Made if it does not exist; must not hold a study yet.
+    model_name : str
+        ``worm-gear``.
+    rig : Path
+        The rig file.
+    measurements, validations : sequence of Path
+        Data to fit, and data that are only ever predicted.
+    hold_out : sequence of str
+        Rows or channels of the measurements to put aside: ``torque=60,90``.
+    calibration : Path, optional
+    effects : sequence of str, optional
+        Effects to begin with; the model's base effects by default.
+
+    Raises
+    ------
+    RequestError, InputError
+        See `Study`. Nothing is left behind then.
+    """
+    if (directory / NAME).exists():
+        raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
+    if not measurements:
+        raise RequestError("a study needs a measurement", remedy="give one with --measurement FILE")
+    model = load_model(model_name, read_rig_file(rig))
+    content: dict[str, Any] = {"schema": 1, "model": model_name, "rig": relative_to(directory, rig)}
+    if calibration is not None:
+        content["calibration"] = relative_to(directory, calibration)
+    content["measurement"] = [_data_entry(directory, path) for path in measurements]
+    if validations:
+        content["validation"] = [_data_entry(directory, path) for path in validations]
+    if hold_out:
+        content["hold_out"] = [{"where": where} for where in hold_out]
+    content["effect"] = _effects(model, model.base_effects if effects is None else effects)
+    existed = directory.exists()
+    directory.mkdir(parents=True, exist_ok=True)
+    try:
+        StudyText.begin(directory / NAME, content).save()
+        study, held = hold_undetermined(Study(directory))
+        step = study.step("new")
+        study.history.append(step)
+    except BaseException:
+        for name in (NAME, HISTORY):
+            (directory / name).unlink(missing_ok=True)
+        if not existed:
+            directory.rmdir()
+        raise
+    return Begun(study, step, held)
+
+
+def _data_entry(directory: Path, path: Path) -> dict[str, Any]:
+    if not path.exists():
+        raise RequestError(f"the measurement {path} does not exist", remedy="check the path")
+    return {"file": relative_to(directory, path), "sha256": file_hash(path), "kind": kind_of(path)}
+
+
+def _effects(model: Model, names: Sequence[str]) -> list[dict[str, Any]]:
+    """Entries of the effects to begin with, and of the instrument errors that have a certificate."""
+    entries: list[dict[str, Any]] = []
+    uses = model.assemble(names).uses
+    for use in uses:
+        entries.append(effect_entry(use))
+    held: dict[Use, dict[str, float]] = {}
+    for nuisance in model.nuisances:
+        use = Use.parse(nuisance.effect)
+        if use not in uses:
+            held.setdefault(use, {})[nuisance.parameter] = nuisance.prior_sd
+    for use, widths in held.items():
+        entry = effect_entry(use, "nuisance")
+        effect = model.effects[use.name]
+        if len(widths) == 1:
+            entry["prior_sd"] = next(iter(widths.values()))
+        else:
+            entry["parameters"] = {
+                p: {"prior_sd": sd, "unit": effect.parameters[p].unit} for p, sd in widths.items()
+            }
+        entries.append(entry)
+    return entries
+
+
+def effect_entry(use: Use, role: str = "model") -> dict[str, Any]:
+    """What the study file says of an effect that was just added."""
+    name = use.name + (f"@{use.copy}" if use.copy > 1 else "")
+    return {"name": name, **({"at": use.at} if use.at else {}), "role": role}
+
+
+def hold_undetermined(study: Study) -> tuple[Study, tuple[str, ...]]:
+    """Fix, in the study file, the parameters that the data do not determine; says which."""
+    names = tuple(
+        n
+        for n in undetermined(study.problem, study.problem.start())
+        if n.split("[")[0] not in study.problem.priors
+    )
+    owners: Mapping[str, str] = {n: n.split("[")[0] for n in names}
+    if not names:
+        return study, ()
+    text = StudyText(study.directory / NAME)
+    for name in dict.fromkeys(owners.values()):
+        text.fix_parameter(name)
+    text.save()
+    return Study(study.directory), names

@@ -1,0 +1,104 @@
+"""From recordings to observations of transfer functions: what is fitted, what is held out."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.recording import Recording
+from specan.errors import RequestError, nearest
+from specan.io.open import open_recording
+from specan.models import Model
+from specan.study.data.estimate_frf import BLOCK_S, observe_recording, settling_s
+from specan.study.data.sources import DataFile, DataRequest, OpenedData
+from specan.study.observation.frf import FrfObservation
+
+
+def open_data(model: Model, request: DataRequest) -> OpenedData:
+    """Read the recordings of a study.
+
+    Raises
+    ------
+    InputError
+        See `observe_recording`.
+    RequestError
+        The model predicts no transfer function, or a held-out channel that no recording has.
+    """
+    if "frf" not in model.observables:
+        raise RequestError(
+            f"the model {model.name} predicts nothing that a recording holds", remedy="give a table instead"
+        )
+    fitted, held_out, statements = [], [], []
+    for file in request.measurements:
+        whole, said = _observe(model, request, file)
+        aside = _put_aside(whole, file, request)
+        if np.all(aside):
+            raise RequestError(f"all channels of {file.name} are held out", remedy="hold out fewer")
+        fitted.append(whole.take(~aside))
+        if np.any(aside):
+            held_out.append(whole.take(aside))
+        statements += said
+    for file in request.validations:
+        whole, said = _observe(model, request, file)
+        held_out.append(whole)
+        statements += said
+    given = model.settings["uncertainty"]
+    common = (
+        f"every microphone: place {1000 * given['position_m']:.3g} mm, calibration {given['calibration_dB']:.3g} dB "
+        f"and {given['calibration_phase_deg']:.3g} degrees, model discrepancy "
+        f"{given['model_discrepancy_percent']:.3g} % (from the rig file or its defaults)"
+    )
+    return OpenedData(
+        fitted=tuple(fitted),
+        held_out=tuple(held_out),
+        statements=(*statements, common),
+        discrepancy_percent=given["model_discrepancy_percent"],
+    )
+
+
+def _observe(model: Model, request: DataRequest, file: DataFile) -> tuple[FrfObservation, list[str]]:
+    recording = open_recording(file.path, calibration=request.calibration, label=file.name)
+    band = model.settings["rig"]["band"]
+    found = observe_recording(
+        recording,
+        model,
+        estimator=file.estimator or "H1",
+        f_min_hz=band["f_min_hz"],
+        f_max_hz=band["f_max_hz"],
+    )
+    settle = settling_s(recording.by_role("vibrometer")[0].duration_s)
+    return found, [
+        f"{file.name}: {len(found.channels)} microphones, {found.frequency_hz.size} lines of {1 / BLOCK_S:.3g} Hz, "
+        f"{file.estimator or 'H1'}, blocks of {BLOCK_S:.3g} s after {settle:.3g} s; the model filters the "
+        "recorded velocity and goes through the same blocks",
+        *_calibrated(recording),
+    ]
+
+
+def _calibrated(recording: Recording) -> list[str]:
+    first = recording.by_role("microphone")[0]
+    reason = first.decisions.get("sensitivity", "")
+    return [f"{recording.label}: sensitivities {reason}"] if reason else []
+
+
+def _put_aside(whole: FrfObservation, file: DataFile, request: DataRequest) -> NDArray[np.bool_]:
+    """Rows of the channels that ``channel=Mic 19,Mic 20`` names."""
+    aside = np.zeros(whole.n, dtype=bool)
+    for wanted, where in request.hold_out:
+        if wanted not in (None, file.name):
+            continue
+        key, _, names = where.partition("=")
+        if key.strip() not in whole.labels:
+            raise RequestError(
+                f"{key!r} in {where!r} is not known for a recording", remedy=nearest(key, whole.labels)
+            )
+        labels = whole.labels[key.strip()]
+        for name in names.split(","):
+            chosen = labels.astype(str) == name.strip()
+            if not chosen.any():
+                raise RequestError(
+                    f"{file.name} has no {key.strip()} {name.strip()!r}",
+                    remedy=nearest(name.strip(), [str(v) for v in np.unique(labels)]),
+                )
+            aside |= chosen
+    return aside

@@ -1,0 +1,137 @@
+"""From table files to observations: what is fitted, what is held out, what only validates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError, nearest
+from specan.models import Model
+from specan.study.data.operating_table import Rows, check_varied, grouping_of, join
+from specan.study.data.setpoints import Setting
+from specan.study.data.sources import DataFile, DataRequest, OpenedData
+from specan.study.data.table_covariance import uncertainty
+from specan.study.data.table_reader import Measurement, read_measurement
+from specan.units import convert
+
+
+def open_data(model: Model, request: DataRequest) -> OpenedData:
+    """Read the tables of a study and work out their uncertainty on the rows that are fitted.
+
+    Raises
+    ------
+    InputError
+        See `read_measurement`; or all rows are alike.
+    RequestError
+        A condition that no row meets, or nothing left to fit.
+    """
+    fitted = [_read(f, model) for f in request.measurements]
+    checked = [_read(f, model) for f in request.validations]
+    rows = join([*fitted, *checked], model)
+    aside = rows.recording >= len(fitted)
+    for file, where in request.hold_out:
+        aside |= matching(rows, model, where, file)
+    if np.all(aside):
+        raise RequestError(
+            "all rows are held out", expected="some to fit", remedy="hold out fewer conditions"
+        )
+    check_varied(rows.take(~aside))
+    found = uncertainty(model, rows.take(~aside))
+    whole = found.observe(rows)
+    kept = replace(whole.take(~aside), pure_dof=whole.pure_dof) if np.any(aside) else whole
+    return OpenedData(
+        fitted=(kept,),
+        held_out=(whole.take(aside),) if np.any(aside) else (),
+        statements=found.statements,
+        known=found.known,
+        discrepancy_percent=found.discrepancy_percent,
+    )
+
+
+def read_tables(
+    model: Model,
+    measurements: Sequence[Path],
+    validations: Sequence[Path] = (),
+    hold_out: Sequence[tuple[str | None, str]] = (),
+) -> OpenedData:
+    """Tables as observations, without a study directory.
+
+    Parameters
+    ----------
+    model : Model
+    measurements, validations : sequence of Path
+        Tables to fit and tables to predict only.
+    hold_out : sequence of (file name or None, condition)
+        Rows of the measurements to put aside, ``(None, "torque=60,90")``.
+    """
+    fitted, checked = ([DataFile(path.name, path) for path in paths] for paths in (measurements, validations))
+    return open_data(model, DataRequest(fitted, checked, hold_out))
+
+
+def _read(file: DataFile, model: Model) -> Measurement:
+    numbers = {}
+    for column, value in file.conditions.items():
+        if isinstance(value, str):
+            raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")
+        numbers[column] = value
+    return read_measurement(file.path, model, numbers, name=file.name)
+
+
+def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:
+    """Rows that meet a condition such as ``torque=60,90`` or ``speed_rpm=2400``.
+
+    A value stands for the level nearest to it, as far as the scatter of setting allows.
+
+    Raises
+    ------
+    RequestError
+        No such column or level; what there is, is named.
+    """
+    key, _, text = where.partition("=")
+    name = _condition_named(key.strip(), rows, model)
+    condition = model.conditions[name]
+    setting = grouping_of(model, condition)
+    found = np.zeros(rows.n, dtype=bool)
+    for word in text.split(","):
+        try:
+            value = float(convert(float(word), condition.column_unit, condition.unit))
+        except ValueError:
+            raise RequestError(
+                f"{word!r} in {where!r} is no number", expected=f"{condition.column}=value,value,..."
+            ) from None
+        found |= _at_level(rows, name, value, setting)
+        if not np.any(_at_level(rows, name, value, setting)):
+            levels = convert(np.unique(rows.levels[name]), condition.unit, condition.column_unit)
+            raise RequestError(
+                f"no row has {condition.column} = {word.strip()}",
+                expected="one of " + ", ".join(f"{level:.4g}" for level in levels[:20]),
+            )
+    if file is not None:
+        if file not in rows.recordings:
+            raise RequestError(f"no measurement {file!r}", remedy=nearest(file, rows.recordings))
+        found &= rows.recording == rows.recordings.index(file)
+    return found
+
+
+def _at_level(rows: Rows, name: str, value: float, setting: Setting) -> NDArray[np.bool_]:
+    distance = np.abs(rows.levels[name] - value)
+    read = 0.0 if rows.is_set[name] else float(setting.at(value))
+    reach = max(read, 1e-6 * abs(value), 1e-12)
+    return (distance <= reach) & (distance == distance.min())
+
+
+def _condition_named(key: str, rows: Rows, model: Model) -> str:
+    """Condition that a column, or a part of its name, stands for."""
+    columns = {model.conditions[name].column: name for name in rows.conditions}
+    if key in columns:
+        return columns[key]
+    close = [name for column, name in columns.items() if key and key in column]
+    if len(close) != 1:
+        raise RequestError(
+            f"{key!r} names no single column", expected="one of " + ", ".join(columns), remedy="write it out"
+        )
+    return close[0]

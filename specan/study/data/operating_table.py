@@ -1,0 +1,222 @@
+"""The rows of all tables of a study, with what belongs together: recordings, conditions, set-ups."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import InputError
+from specan.models import Condition, Model
+from specan.study.data.setpoints import Setting, cells, grouped, levels
+from specan.study.data.table_reader import Measurement
+from specan.study.observation import Array
+from specan.units import convert, scale_to
+
+TIME = "elapsed_time"  # orders the readings; never a setting
+# Scatter of setting, for telling levels apart where the rig says nothing: a brake, a drive, a heater, others.
+ASSUMED = {"N*m": Setting(relative=0.05), "rad/s": Setting(relative=0.01), "K": Setting(absolute=1.5)}
+ASSUMED_OTHERS = Setting(relative=0.02)
+ENOUGH = 8  # degrees of freedom above which repeats are believed
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of one or several tables.
+
+    Attributes
+    ----------
+    conditions : dict
+        SI values by the model's names.
+    levels : dict
+        Of each condition, the value that a row was meant to be at.
+    is_set : dict
+        Whether a condition's column holds set values rather than readings.
+    steps : dict
+        Printed step of each condition, and under ``""`` that of the observable; SI.
+    cell : array of int
+        Rows that were meant to be alike share a number.
+    setup : array of int
+        Rows that were read without setting anything in between share a number.
+    setups_from : str
+        How set-ups were told apart: ``setup``, ``repeat`` or ``order``.
+    """
+
+    recordings: tuple[str, ...]
+    recording: NDArray[np.intp]
+    lines: NDArray[np.int_]
+    observable: NDArray[np.str_]
+    measured: Array
+    conditions: dict[str, Array]
+    levels: dict[str, Array]
+    is_set: dict[str, bool]
+    steps: dict[str, Array]
+    cell: NDArray[np.intp]
+    setup: NDArray[np.intp]
+    setups_from: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return int(self.measured.size)
+
+    def take(self, mask: NDArray[np.bool_]) -> Rows:
+        """Keep some of the rows."""
+        return replace(
+            self,
+            recording=self.recording[mask],
+            lines=self.lines[mask],
+            observable=self.observable[mask],
+            measured=self.measured[mask],
+            conditions={name: values[mask] for name, values in self.conditions.items()},
+            levels={name: values[mask] for name, values in self.levels.items()},
+            steps={name: values[mask] for name, values in self.steps.items()},
+            cell=self.cell[mask],
+            setup=self.setup[mask],
+        )
+
+    def place(self, row: int) -> str:
+        """File and line of a row, for messages."""
+        return f"{self.recordings[self.recording[row]]}, line {self.lines[row]}"
+
+    def labels(self, model: Model) -> dict[str, NDArray[Any]]:
+        """Levels of the operating variables that vary, in the units of their columns; where from."""
+        found: dict[str, NDArray[Any]] = {}
+        for name, level in self.levels.items():
+            condition = model.conditions[name]
+            if condition.varies and np.unique(level).size > 1:
+                shown = np.asarray(convert(grouped(level), condition.unit, condition.column_unit))
+                digits = 6 if self.is_set[name] else 3
+                found[condition.column] = np.array([float(f"{value:.{digits}g}") for value in shown])
+        if len(self.recordings) > 1:
+            found["measurement"] = np.array(self.recordings)[self.recording]
+        return found
+
+
+def setting_of(model: Model, condition: Condition) -> Setting | None:
+    """Scatter of setting a condition, from the rig's ``[uncertainty]``; None where it says nothing.
+
+    Keys are ``<column>_setting_percent`` or ``<column>_setting_<unit>``, the column without its unit;
+    ``torque_setting_percent`` is understood for ``output_torque_Nm``.
+    """
+    given: Mapping[str, float] = model.settings.get("uncertainty", {})
+    stem = condition.column.rpartition("_")[0]
+    for name in (stem, stem.rpartition("_")[2]):
+        if f"{name}_setting_percent" in given:
+            return Setting(relative=given[f"{name}_setting_percent"] / 100)
+        for key, value in given.items():
+            head, _, unit = key.rpartition("_")
+            if head == f"{name}_setting":
+                return Setting(absolute=value * scale_to(unit, condition.unit))
+    return None
+
+
+def grouping_of(model: Model, condition: Condition) -> Setting:
+    """Scatter of setting by which levels are told apart: the rig's, or what is usual."""
+    return setting_of(model, condition) or ASSUMED.get(condition.unit, ASSUMED_OTHERS)
+
+
+def join(measurements: Sequence[Measurement], model: Model) -> Rows:
+    """Put the rows of several tables under each other.
+
+    A condition that some tables lack takes its default there; without a default it is left out of all.
+    """
+    sizes = [m.n for m in measurements]
+    recording = np.repeat(np.arange(len(sizes)), sizes)
+    conditions, steps, notes = _conditions(measurements, model)
+    settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
+    distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0) if conditions else np.empty((0, 0))
+    level, is_set = {}, {}
+    for k, (name, values) in enumerate(conditions.items()):
+        points, is_set[name] = levels(distinct[:, k], settings[name])
+        back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
+        level[name] = np.array([back[x] for x in values.tolist()])
+    alike = cells(*(values for name, values in level.items() if name != TIME))
+    cell = _within_files(alike, recording)
+    setup, how = _setups(measurements, recording, cell, conditions, settings)
+    return Rows(
+        recordings=tuple(m.name for m in measurements),
+        recording=recording,
+        lines=np.concatenate([m.lines for m in measurements]),
+        observable=np.concatenate([m.observable for m in measurements]),
+        measured=np.concatenate([m.measured for m in measurements]),
+        conditions=conditions,
+        levels=level,
+        is_set=is_set,
+        steps=steps,
+        cell=cell,
+        setup=setup,
+        setups_from=how,
+        notes=(*(f"{m.name}: {note}" for m in measurements for note in m.notes), *notes),
+    )
+
+
+def _conditions(
+    measurements: Sequence[Measurement], model: Model
+) -> tuple[dict[str, Array], dict[str, Array], list[str]]:
+    conditions: dict[str, Array] = {}
+    steps = {"": np.concatenate([m.steps[""] for m in measurements])}
+    notes = []
+    for name, condition in model.conditions.items():
+        have = [name in m.conditions for m in measurements]
+        if not any(have):
+            continue
+        default = np.nan if condition.default is None else condition.default
+        if not all(have) and np.isnan(default):
+            lacking = ", ".join(m.name for m, h in zip(measurements, have, strict=True) if not h)
+            notes.append(f"{condition.column} is left out: {lacking} has no such column")
+            continue
+        fill = float(convert(default, condition.column_unit, condition.unit))
+        conditions[name] = np.concatenate([m.conditions.get(name, np.full(m.n, fill)) for m in measurements])
+        steps[name] = np.concatenate([m.steps.get(name, np.zeros(m.n)) for m in measurements])
+        if not all(have):
+            notes.append(f"{condition.column} is taken as {default:g} where a table has no such column")
+    return conditions, steps, notes
+
+
+def _within_files(alike: NDArray[np.intp], recording: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Repeats are looked for inside each file, where there are enough of them.
+
+    What differs between files (another day, another specimen) is common to all rows of a file and no
+    scatter. Files that hold one round of the same plan each are repeats of each other.
+    """
+    apart = cells(recording, alike)
+    repeats = alike.size - np.unique(apart).size
+    return apart if repeats >= ENOUGH else alike
+
+
+def _setups(
+    measurements: Sequence[Measurement],
+    recording: NDArray[np.intp],
+    cell: NDArray[np.intp],
+    conditions: Mapping[str, Array],
+    settings: Mapping[str, Setting],
+) -> tuple[NDArray[np.intp], str]:
+    for how in ("setup", "repeat"):
+        marks = [getattr(m, how) for m in measurements]
+        if all(mark is not None for mark in marks):
+            return cells(recording, cell, np.concatenate(marks)), how
+    # Without a mark: the next row at the same condition, at values that were not set anew, is a second
+    # reading; a condition that comes back later was set again.
+    changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(cell, prepend=-1) != 0)
+    for name, values in conditions.items():
+        if name != TIME:
+            apart = np.abs(np.diff(values, prepend=values[0]))
+            changed |= apart > 0.5 * settings[name].at(values) + 1e-12
+    return np.cumsum(changed), "order"
+
+
+def check_varied(rows: Rows) -> None:
+    """Refuse a single condition, or rows that are all alike: no model can be tested on them."""
+    if all(np.unique(values).size < 2 for name, values in rows.levels.items() if name != TIME):
+        there = ", ".join(rows.recordings)
+        what = "one row" if rows.n == 1 else f"{rows.n} rows, all at the same condition"
+        raise InputError(
+            f"{there}: {what}",
+            expected="at least two different operating conditions",
+            remedy="measure at other speeds, torques or temperatures",
+        )

@@ -1,0 +1,92 @@
+"""Kinds of measured files, and who turns each into observations."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from specan.errors import RequestError, nearest
+from specan.models import Model
+from specan.study.observation import Observation
+
+# kind -> module with `open_data(model, request) -> OpenedData`
+OPENERS = {"table": "specan.study.data.open_tables", "frf": "specan.study.data.open_recordings"}
+SUFFIXES = {".csv": "table", ".tsv": "table", ".txt": "table", ".tdms": "frf", ".wav": "frf"}
+
+
+@dataclass(frozen=True)
+class DataFile:
+    """A measured file of a study.
+
+    Attributes
+    ----------
+    name : str
+        What results call it; unique in the study.
+    conditions : mapping
+        Conditions of the whole file that it does not hold itself.
+    """
+
+    name: str
+    path: Path
+    estimator: str = ""
+    conditions: Mapping[str, float | str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class DataRequest:
+    """The files of one kind, and what is to be put aside: pairs (file name or None, ``torque=60``)."""
+
+    measurements: Sequence[DataFile]
+    validations: Sequence[DataFile] = ()
+    hold_out: Sequence[tuple[str | None, str]] = ()
+    calibration: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedData:
+    """Observations, and what was found out about their uncertainty.
+
+    Attributes
+    ----------
+    fitted, held_out : tuple of Observation
+    statements : tuple of str
+        What was found and assumed, for a person.
+    known : bool
+        False where nothing tells the uncertainty.
+    discrepancy_percent : float
+        Declared discrepancy of the model that the covariance holds.
+    """
+
+    fitted: tuple[Observation, ...]
+    held_out: tuple[Observation, ...]
+    statements: tuple[str, ...] = ()
+    known: bool = True
+    discrepancy_percent: float = 0.0
+
+
+def kind_of(path: Path) -> str:
+    """Kind of a measured file, from its suffix."""
+    kind = SUFFIXES.get(path.suffix.lower())
+    if kind is None:
+        raise RequestError(
+            f"{path.name} is no kind of file that a study reads", expected="one of " + ", ".join(SUFFIXES)
+        )
+    return kind
+
+
+def open_data(model: Model, requests: Mapping[str, DataRequest]) -> OpenedData:
+    """Open the files of every kind."""
+    parts = []
+    for kind, request in requests.items():
+        if kind not in OPENERS:
+            raise RequestError(f"a study reads no {kind!r}", remedy=nearest(kind, OPENERS))
+        parts.append(importlib.import_module(OPENERS[kind]).open_data(model, request))
+    return OpenedData(
+        fitted=tuple(o for p in parts for o in p.fitted),
+        held_out=tuple(o for p in parts for o in p.held_out),
+        statements=tuple(s for p in parts for s in p.statements),
+        known=all(p.known for p in parts),
+        discrepancy_percent=max((p.discrepancy_percent for p in parts), default=0.0),
+    )

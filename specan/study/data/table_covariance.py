@@ -1,0 +1,409 @@
+"""The covariance of a measurement: what repeats, instruments and printed digits say, kept apart by origin.
+
+V = reading + setting anew + declared discrepancy of the model. What all rows share (the gain and the
+zero of a sensor) is not in it: those are nuisance parameters with a prior. Repeats that were set anew
+each time hold reading and setting together and are believed first; back-to-back repeats hold the reading
+only, so that the setting's scatter must come from the rig file - taken for the whole, they would make
+every model fail. A condition that was read and stands in the table is known, however it scatters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import InputError
+from specan.models import Model
+from specan.study.data import gear_table
+from specan.study.data.baseline import Reference, crude, reference
+from specan.study.data.operating_table import ENOUGH, TIME, Rows, setting_of
+from specan.study.data.replicate_variance import VarianceFunction, pooled
+from specan.study.data.table_reader import column_of
+from specan.study.observation import Array
+from specan.study.observation.table import TableObservation
+
+LEAST = 3  # degrees of freedom below which repeats say nothing
+COARSE = 1e-3  # rounding below this share of the reading is no account of a measurement's uncertainty
+SETTING = "the scatter of setting that the rig declares"
+CORNERS = 7  # of a course over time
+OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
+REACH = 0.5  # correlation length of the discrepancy, in ranges of each operating variable
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Scatter of one observable: of a reading, and of a set-up; variances as functions of the condition."""
+
+    reading: VarianceFunction | None = None
+    setup: VarianceFunction | None = None
+    dof: float = np.inf
+    pure_dof: float = 0.0
+    known: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """How uncertain rows of a measurement are; worked out on the rows that are fitted, used on any.
+
+    Attributes
+    ----------
+    noise : mapping
+        `Noise` of each observable.
+    known : bool
+        False where nothing tells the uncertainty: residuals can then be shown, but nothing be concluded.
+    statements : tuple of str
+        What was found and assumed, for a person.
+    """
+
+    model: Model
+    reference: Reference
+    noise: Mapping[str, Noise]
+    ranges: Mapping[str, tuple[float, float]]
+    statements: tuple[str, ...] = field(default=())
+
+    @property
+    def known(self) -> bool:
+        """Whether every observable's uncertainty is known."""
+        return all(noise.known for noise in self.noise.values())
+
+    @property
+    def discrepancy_percent(self) -> float:
+        """Declared discrepancy of the model, percent of the losses."""
+        return float(self.model.settings.get("uncertainty", {}).get("model_discrepancy_percent", 0.0))
+
+    def observe(self, rows: Rows) -> TableObservation:
+        """Rows with their covariance; `pure_dof` holds for the rows that this was worked out on."""
+        reading, setup = self._variances(rows)
+        together = (rows.setup[:, None] == rows.setup) & (rows.observable[:, None] == rows.observable)
+        root = np.sqrt(setup)
+        covariance = np.diag(reading) + np.where(together, np.outer(root, root), 0.0)
+        loss = self.discrepancy_percent / 100 * self.reference.losses(rows)
+        loss = np.where(np.isfinite(loss), loss, 0.0)
+        covariance += np.outer(loss, loss) * self._likeness(rows)
+        return TableObservation(
+            name=", ".join(dict.fromkeys(rows.recordings[k] for k in rows.recording)),
+            observable=rows.observable,
+            measured=rows.measured,
+            conditions=rows.conditions,
+            covariance=covariance,
+            labels=rows.labels(self.model),
+            recordings=rows.recordings,
+            recording=rows.recording,
+            noise_dof=self._dof(rows),
+            pure_dof=sum(noise.pure_dof for noise in self.noise.values()),
+            parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(loss)},
+            available=frozenset(rows.conditions),
+            known=self.known,
+        )
+
+    def _variances(self, rows: Rows) -> tuple[Array, Array]:
+        reading, setup = np.zeros(rows.n), np.zeros(rows.n)
+        parts = components(self.model, self.reference, rows)
+        declared = declared_reading(self.model, self.reference, rows)
+        resolution = rows.steps[""] ** 2 / 12
+        from_rig = declared_setting(self.model, self.reference, rows)
+        for name, noise in self.noise.items():
+            mine = rows.observable == name
+            own = {n: c[mine] for n, c in parts.items()}
+            if noise.reading is not None:
+                reading[mine] = noise.reading.at(own, int(mine.sum()))
+            elif noise.setup is None:
+                reading[mine] = declared[mine]
+            if noise.setup is not None:
+                setup[mine] = noise.setup.at(own, int(mine.sum()))
+            else:
+                setup[mine] = from_rig[mine]
+            # Repeats hold the rounding already; it stays the least that there is.
+            lacking = noise.reading is None and noise.setup is None
+            reading[mine] += resolution[mine] if lacking else 0.0
+            total = reading[mine] + setup[mine]
+            reading[mine] += np.maximum(resolution[mine] - total, 0.0)
+            if not noise.known:
+                reading[mine] = np.diag(crude(rows).covariance)[mine]
+        return reading, setup
+
+    def _dof(self, rows: Rows) -> float:
+        share = {name: float(np.mean(rows.observable == name)) for name in self.noise}
+        spread = sum(share[name] ** 2 / noise.dof for name, noise in self.noise.items())
+        return 1 / spread if spread > 0 else np.inf
+
+    def _likeness(self, rows: Rows) -> Array:
+        """Correlation of the discrepancy between rows: it is smooth over every operating variable."""
+        distance = np.zeros((rows.n, rows.n))
+        for name, (low, high) in self.ranges.items():
+            u = _stretched(rows.conditions[name], low, high)
+            distance += ((u[:, None] - u) / REACH) ** 2
+        return np.exp(-0.5 * distance)
+
+
+def uncertainty(model: Model, rows: Rows) -> Uncertainty:
+    """Work out the uncertainty of a measurement.
+
+    Parameters
+    ----------
+    model : Model
+        Its settings hold the rig's ``[uncertainty]``.
+    rows : Rows
+        The rows that are fitted.
+
+    Raises
+    ------
+    InputError
+        Repeats that contradict each other.
+    """
+    centre = reference(model, rows)
+    noise, statements = {}, [*rows.notes, *_about_conditions(model, rows)]
+    for observable in sorted(set(rows.observable.tolist())):
+        noise[observable], said = _noise_of(model, centre, rows, rows.observable == observable)
+        statements += [f"{column_of(model.observables[observable])}: {text}" for text in said]
+    ranges = {
+        name: (float(x.min()), float(x.max()))
+        for name, x in rows.conditions.items()
+        if np.ptp(x) > 0 and name != TIME and model.conditions[name].varies
+    }
+    found = Uncertainty(model, centre, noise, ranges)
+    percent = found.discrepancy_percent
+    statements.append(f"model discrepancy {percent:g} % of the losses, smooth over the operating variables")
+    return Uncertainty(model, centre, noise, ranges, tuple(statements))
+
+
+def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
+    """What a variance may grow with: the reading squared, and what a setting's scatter does to it."""
+    predicted = centre.predict(rows)
+    found = {"the reading": np.where(np.isfinite(predicted), predicted, rows.measured) ** 2}
+    for name, x in rows.conditions.items():
+        condition = model.conditions[name]
+        if name == TIME or not condition.varies or not np.ptp(rows.levels[name]) > 0:
+            continue
+        size = 1.0 if condition.unit == "K" else x
+        found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
+    return {**found, SETTING: declared_setting(model, centre, rows)}
+
+
+def declared_reading(model: Model, centre: Reference, rows: Rows) -> Array:
+    """Variance of a reading from the instruments of the rig file; zero where it names none."""
+    given = model.settings.get("uncertainty", {})
+    variance = np.zeros(rows.n)
+    for name in set(rows.observable.tolist()):
+        mine = rows.observable == name
+        column = column_of(model.observables[name])
+        if column in given:
+            variance[mine] = given[column] ** 2
+        elif column == gear_table.ETA and gear_table.IN in given:
+            torque = _input_torque(centre, rows, mine)
+            variance[mine] = (rows.measured[mine] / torque * given[gear_table.IN]) ** 2
+    for name, condition in model.conditions.items():
+        if name not in rows.conditions or rows.is_set[name] or condition.unit == "K":
+            continue
+        slope = centre.slope(rows, name)
+        variance += (slope * rows.steps[name]) ** 2 / 12
+        variance += (slope * given.get(condition.column, 0.0)) ** 2
+    return variance
+
+
+def is_declared(model: Model, observable: str) -> bool:
+    """Whether the rig file tells how uncertain a reading is."""
+    given = model.settings.get("uncertainty", {})
+    column = column_of(model.observables[observable])
+    return column in given or (column == gear_table.ETA and gear_table.IN in given)
+
+
+def _input_torque(centre: Reference, rows: Rows, mine: NDArray[np.bool_]) -> Array:
+    """Input torque that belongs to rows of measured efficiency."""
+    from dataclasses import replace
+
+    part = rows.take(mine)
+    return centre.predict(replace(part, observable=np.full(part.n, "input_torque", dtype="U64")))
+
+
+def declared_setting(model: Model, centre: Reference, rows: Rows) -> Array:
+    """Variance that the scatter of set values adds, from the rig file; values that were read add none."""
+    variance = np.zeros(rows.n)
+    for name, x in rows.conditions.items():
+        setting = setting_of(model, model.conditions[name])
+        if setting is not None and rows.is_set[name]:
+            variance += (centre.slope(rows, name) * setting.at(x)) ** 2
+    return variance
+
+
+def _noise_of(
+    model: Model, centre: Reference, rows: Rows, mine: NDArray[np.bool_]
+) -> tuple[Noise, list[str]]:
+    part = rows.take(mine)
+    predicted = centre.predict(part)
+    rest = part.measured - np.where(np.isfinite(predicted), predicted, part.measured)
+    grows = components(model, centre, part)
+    slopes = _slopes(part, np.where(np.isfinite(predicted), predicted, part.measured))
+    first = np.unique(part.setup, return_index=True)[1]
+    mean = _SetupMeans(part.setup)
+    means = np.stack([mean(c) for c in slopes.T], axis=1) if slopes.shape[1] else np.empty((first.size, 0))
+    declared = declared_reading(model, centre, part)
+    _check_repeats(rows, np.flatnonzero(mine), part, rest, declared + grows[SETTING])
+    reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
+    told = is_declared(model, str(part.observable[0]))
+    instrument = mean(declared) / np.bincount(mean.index) if told else None
+    setup = pooled(
+        mean(rest), part.cell[first], means, {n: mean(c) for n, c in grows.items()}, SETTING, instrument
+    )
+    column = column_of(model.observables[str(part.observable[0])])
+    unit = "" if model.observables[str(part.observable[0])].unit == "1" else " Nm"
+    several = float(np.mean(np.bincount(np.unique(part.setup, return_inverse=True)[1])))
+    anew = _usable(setup, told)
+    again = _usable(reading, told)
+    if anew:
+        assert setup is not None
+        if again:
+            assert reading is not None
+            setup = _less(setup, reading, several)
+        words = _told(setup, rows.setups_from, "set anew", unit, grows)
+        said = [words] + ([_told(reading, rows.setups_from, "back to back", unit, grows)] if again else [])
+        pure = setup.dof + (reading.dof if again and reading is not None else 0.0)
+        return Noise(reading if again else None, setup, setup.dof, pure), said
+    if again:
+        assert reading is not None
+        total = reading.at(grows, part.n) + declared_setting(model, centre, part)
+        dof = float(np.mean(total) ** 2 / np.mean(reading.at(grows, part.n) ** 2 / reading.dof))
+        said = [_told(reading, rows.setups_from, "back to back", unit, grows)]
+        said.append("such repeats do not show what setting a condition anew changes: " + _anew(model, rows))
+        return Noise(reading, None, dof, reading.dof), said
+    if told:
+        text = f"uncertainty {np.sqrt(np.median(declared)):.2g}{unit} from the rig file"
+        rounding = f", rounding in steps of {np.median(part.steps['']):g}"
+        return Noise(), [text + rounding + ", " + _anew(model, rows)]
+    share = np.median(part.steps[""] / np.sqrt(12) / np.maximum(np.abs(part.measured), 1e-300))
+    if share >= COARSE:
+        return Noise(), [
+            f"printed in steps of {np.median(part.steps['']):g}: uncertainty at least that over root 12; "
+            + _anew(model, rows)
+        ]
+    return Noise(known=False), [
+        f"nothing says how uncertain it is: repeat conditions, or give {column!r} in [uncertainty]"
+    ]
+
+
+class _SetupMeans:
+    """Mean over the readings of each set-up."""
+
+    def __init__(self, setup: NDArray[np.intp]) -> None:
+        _, self.index, self.counts = np.unique(setup, return_inverse=True, return_counts=True)
+
+    def __call__(self, column: Array) -> Array:
+        return np.bincount(self.index, column) / self.counts
+
+
+def _usable(found: VarianceFunction | None, declared: bool) -> bool:
+    return found is not None and found.dof >= (ENOUGH if declared else LEAST) and found.level > 0
+
+
+def _less(setup: VarianceFunction, reading: VarianceFunction, readings: float) -> VarianceFunction:
+    """Scatter of set-ups less the share that the readings of a set-up put into their mean."""
+    level = max(setup.level - reading.level / readings, 0.05 * setup.level)
+    return VarianceFunction(level, setup.share, setup.component, setup.dof)
+
+
+def _slopes(rows: Rows, predicted: Array) -> Array:
+    """What repeats of a condition may differ by without being scattered, the likeliest first.
+
+    A setting that was read differed: the reference's slope may be a little wrong, so that a correction
+    linear in the deviation, and in the condition, is left to be fitted. Time went on: a gear runs in,
+    quickly at first, by a torque or by a share of the torque.
+    """
+    scaled = [(x - x.mean()) / x.std() for n, x in rows.levels.items() if np.ptp(x) > 0 and n != TIME]
+    deviations = {
+        n: x - rows.levels[n] for n, x in rows.conditions.items() if n != TIME and not rows.is_set[n]
+    }
+    columns = list(deviations.values())
+    if TIME in rows.conditions:
+        tents = _tents(rows.conditions[TIME])
+        columns += [tent * weight for weight in (predicted, np.ones(rows.n)) for tent in tents]
+    columns += [deviation * u for deviation in deviations.values() for u in scaled]
+    return np.stack(columns, axis=1) if columns else np.empty((rows.n, 0))
+
+
+def _tents(time: Array) -> list[Array]:
+    """Piecewise straight functions of time whose corners lie closer together at the start."""
+    span = max(float(np.ptp(time)), 1e-300)
+    corners = time.min() + span * np.linspace(0, 1, CORNERS) ** 2
+    return [np.interp(time, corners, unit) for unit in np.eye(CORNERS)]
+
+
+def _check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array, declared: Array) -> None:
+    """Refuse repeats that no scatter explains; where the time is given they may drift, which an effect may explain."""
+    _, index, counts = np.unique(part.cell, return_inverse=True, return_counts=True)
+    if TIME in part.conditions:
+        return
+    centre = np.array([np.median(rest[index == k]) for k in range(counts.size)])
+    off = np.abs(rest - centre[index])
+    repeated = counts[index] > 1
+    if not np.any(repeated):
+        return
+    size = np.maximum(np.abs(part.measured), 1e-300)
+    limit = np.maximum(0.1 * size, OUTRAGEOUS * np.sqrt(declared))
+    moved = repeated & (off > 0)  # the one in the middle of three is no measure of their scatter
+    if np.sum(counts > 1) >= 4 and np.any(moved):
+        usual, usual_share = np.median(off[moved]), np.median((off / size)[moved])
+        limit = np.maximum(limit, OUTRAGEOUS * 1.4826 * np.maximum(usual, usual_share * size))
+    bad = repeated & (off > limit)
+    if np.any(bad):
+        k = int(np.argmax(np.where(bad, np.abs(rest), -1.0)))
+        others = [i for i in np.flatnonzero(index == index[k]) if i != k]
+        other = others[int(np.argmax(np.abs(part.measured[others] - part.measured[k])))]
+        raise InputError(
+            f"repeats contradict each other: {rows.place(where[k])} gives {part.measured[k]:g}, "
+            f"{rows.place(where[other])} gives {part.measured[other]:g} at the same condition",
+            expected="repeats that differ by their scatter",
+            remedy="correct or remove the wrong one",
+        )
+
+
+def _stretched(x: Array, low: float, high: float) -> Array:
+    """A variable on a scale of 0 to 1 over the fitted range; logarithmic where it spans much."""
+    if low >= 0 and high > 3 * max(low, 1e-300):
+        offset = 0.1 * high
+        x, low, high = np.log(np.maximum(x, 0.0) + offset), np.log(low + offset), np.log(high + offset)
+    return (x - low) / (high - low)
+
+
+# --- in words -----------------------------------------------------------------------------------
+
+
+def _about_conditions(model: Model, rows: Rows) -> list[str]:
+    said = []
+    for name, x in rows.conditions.items():
+        condition = model.conditions[name]
+        if name == TIME or not condition.varies:
+            continue
+        distinct = np.unique(rows.levels[name]).size
+        kind = "set values" if rows.is_set[name] else "read values (their scatter is known, no noise)"
+        if np.ptp(x) > 0:
+            said.append(f"{condition.column}: {kind}, {distinct} levels")
+    return said
+
+
+def _told(found: VarianceFunction | None, how: str, kind: str, unit: str, grows: Mapping[str, Array]) -> str:
+    assert found is not None
+    sigma = np.sqrt(found.at(grows, next(iter(grows.values())).size))
+    ends = f"{sigma.min():.2g} to {sigma.max():.2g}" if found.component else f"{sigma.mean():.2g}"
+    grown = f", growing with {found.component}" if found.component else ""
+    if found.component == SETTING:
+        grown = ", the scatter of setting that the rig declares in it"
+    by = {"setup": "column 'setup'", "repeat": "column 'repeat'", "order": "the order of the rows"}[how]
+    return f"scatter {ends}{unit} from repeats {kind} ({by}), {found.dof:.0f} degrees of freedom{grown}"
+
+
+def _anew(model: Model, rows: Rows) -> str:
+    given = []
+    for name in rows.conditions:
+        setting = setting_of(model, model.conditions[name])
+        if setting is not None and rows.is_set[name]:
+            column = model.conditions[name].column
+            size = f"{100 * setting.relative:g} %" if setting.relative else f"{setting.absolute:g} K"
+            given.append(f"{column} is set to {size}")
+    return (
+        " and ".join(given) + " (rig file)"
+        if given
+        else "no scatter of setting is declared (torque_setting_percent)"
+    )

@@ -1,0 +1,211 @@
+"""From a table file to operating points and measured values in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import InputError, nearest
+from specan.models import Condition, Model, Observable
+from specan.study.data import gear_table
+from specan.study.data.table_file import TableFile, read_table
+from specan.study.observation import Array
+from specan.units import convert, scale_to
+
+MARKS = ("repeat", "setup")
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """Rows of one table, checked, in SI.
+
+    Attributes
+    ----------
+    observable : array of str
+        Which observable each row holds: the first of the model's that it has.
+    conditions : dict
+        Operating conditions that the table holds, by the model's names.
+    steps : dict
+        Step in which each row's condition or observable was printed, SI, by condition or observable.
+    repeat, setup : array or None
+        Number of the set-up of a condition; mark that readings of one set-up share.
+    notes : tuple of str
+        What was assumed or left out.
+    """
+
+    name: str
+    path: Path
+    lines: NDArray[np.int_]
+    observable: NDArray[np.str_]
+    measured: Array
+    conditions: dict[str, Array]
+    steps: dict[str, Array]
+    repeat: Array | None
+    setup: Array | None
+    notes: tuple[str, ...]
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return int(self.measured.size)
+
+
+def column_of(observable: Observable) -> str:
+    """Header under which a table holds an observable: ``input_torque_Nm``, ``efficiency``."""
+    unit = observable.unit.replace("*", "").replace("/", "_per_").replace("^", "")
+    return observable.name if observable.unit == "1" else f"{observable.name}_{unit}"
+
+
+def read_measurement(
+    path: Path,
+    model: Model,
+    constants: Mapping[str, float] | None = None,
+    content: bytes | None = None,
+    name: str = "",
+) -> Measurement:
+    """Read a table as a measurement of what a model predicts.
+
+    Parameters
+    ----------
+    path : Path
+    model : Model
+        Says which columns there may be.
+    constants : mapping, optional
+        Conditions of all rows that the table does not hold, by column: ``{"oil_temperature_C": 45.0}``.
+    content : bytes, optional
+        The file's content where it has been read already.
+    name : str, optional
+        For messages; the file's name by default.
+
+    Raises
+    ------
+    InputError
+        Columns that are missing, unknown or contradict each other; values that cannot be.
+    """
+    table = read_table(path, content)
+    known = {c.column: c for c in model.conditions.values() if c.column}
+    measurable = {column_of(o): o for o in model.observables.values()}
+    _check_columns(table, known, measurable)
+    _add_constants(table, constants or {}, known)
+    steps = {n: np.full(table.lines.size, s) for n, s in table.steps.items()}
+    notes: list[str] = []
+    if {gear_table.IN, gear_table.ETA} <= set(measurable) and gear_table.OUT in known:
+        ratio = float(model.assemble().evaluate({}, wanted=["gear_ratio"])["gear_ratio"])
+        completed, its_steps, notes = gear_table.complete(table, ratio)
+        table.columns.update(completed)
+        steps |= its_steps
+    chosen, measured, step = _choose(table, measurable, steps)
+    conditions, its_steps = _conditions(table, known, steps)
+    return Measurement(
+        name=name or path.name,
+        path=path,
+        lines=table.lines,
+        observable=chosen,
+        measured=measured,
+        conditions=conditions,
+        steps={**its_steps, "": step},
+        repeat=_mark(table, "repeat"),
+        setup=_mark(table, "setup"),
+        notes=tuple(notes),
+    )
+
+
+def _check_columns(
+    table: TableFile, known: Mapping[str, Condition], measurable: Mapping[str, Observable]
+) -> None:
+    allowed = {*known, *measurable, *MARKS}
+    for name in table.columns:
+        if name not in allowed:
+            stem = [other for other in allowed if other.rsplit("_", 1)[0] == name.rsplit("_", 1)[0]]
+            hint = f"the unit belongs to the name: give {stem[0]!r}" if stem else nearest(name, allowed)
+            raise InputError(
+                f"{table.path}: unknown column {name!r}",
+                remedy=f"{hint.rstrip('?')}; a column whose name begins with 'note' is passed over",
+            )
+    for column, condition in known.items():
+        derivable = column == gear_table.OUT and {gear_table.IN, gear_table.ETA} <= set(table.columns)
+        if column not in table.columns and condition.default is None and not derivable:
+            raise InputError(
+                f"{table.path}: the column {column!r} is missing (found: {', '.join(table.columns)})",
+                remedy="add it",
+            )
+    if not any(name in table.columns for name in measurable):
+        raise InputError(
+            f"{table.path} holds nothing that the model predicts",
+            expected="a column " + " or ".join(measurable),
+        )
+
+
+def _add_constants(table: TableFile, constants: Mapping[str, float], known: Mapping[str, Condition]) -> None:
+    for column, value in constants.items():
+        if column not in known:
+            raise InputError(f"{table.path}: unknown condition {column!r}", remedy=nearest(column, known))
+        if column in table.columns:
+            raise InputError(
+                f"{table.path} holds the column {column!r}, and the study gives it as a constant too",
+                remedy="leave one of them out",
+            )
+        table.columns[column] = np.full(table.lines.size, float(value))
+        table.steps[column] = 0.0
+
+
+def _choose(
+    table: TableFile, measurable: Mapping[str, Observable], steps: Mapping[str, Array]
+) -> tuple[NDArray[np.str_], Array, Array]:
+    """For each row the first of the model's observables that it holds."""
+    size = table.lines.size
+    chosen, measured, step = np.full(size, "", dtype="U64"), np.full(size, np.nan), np.zeros(size)
+    for column, observable in measurable.items():
+        if column not in table.columns:
+            continue
+        values = table.columns[column]
+        rows = np.isnan(measured) & np.isfinite(values)
+        if column == gear_table.ETA:
+            rows &= values > 0
+        chosen[rows] = observable.name
+        measured[rows] = values[rows]
+        step[rows] = steps[column][rows]
+    if np.any(np.isnan(measured)):
+        raise InputError(
+            f"{table.path}, {table.rows(np.isnan(measured))}: no measured value",
+            expected="one of " + ", ".join(measurable),
+        )
+    return chosen, measured, step
+
+
+def _conditions(
+    table: TableFile, known: Mapping[str, Condition], steps: Mapping[str, Array]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    found, its_steps = {}, {}
+    for column, condition in known.items():
+        if column not in table.columns:
+            continue
+        values = table.columns[column]
+        if np.all(np.isnan(values)) and condition.default is not None:
+            continue
+        if np.any(np.isnan(values)):
+            raise InputError(
+                f"{table.path}, {table.rows(np.isnan(values))}: no value in the column {column!r}",
+                remedy="fill it or leave the rows out",
+            )
+        found[condition.name] = np.asarray(convert(values, condition.column_unit, condition.unit))
+        its_steps[condition.name] = steps.get(column, np.zeros(values.size)) * scale_to(
+            condition.column_unit, condition.unit
+        )
+    return found, its_steps
+
+
+def _mark(table: TableFile, name: str) -> Array | None:
+    values = table.columns.get(name)
+    if values is None:
+        return None
+    if np.any(np.isnan(values)):
+        raise InputError(
+            f"{table.path}, {table.rows(np.isnan(values))}: no value in the column {name!r}",
+            remedy="number every row, or leave the column out",
+        )
+    return values

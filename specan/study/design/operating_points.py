@@ -1,0 +1,347 @@
+"""Which measurement would decide between the explanations that are left.
+
+Over a grid of conditions that the rig can run, the point is taken where the rivals differ most in units of what
+a reading there could know (Box & Hill 1967; Buzzi-Ferraris & Forzatti 1984):
+
+    sum over pairs  w_a w_b (y_a - y_b)^2 / (sigma^2 + v_a + v_b),
+
+with v the variance that a prediction inherits from the fitted parameters. After each point the parameters'
+covariances are updated as if it had been measured, and neighbours of points that are taken are left out. In a
+room the points are places of microphones (`specan.study.design.receiver_places`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models import Condition, Model
+from specan.study.design.planned_receivers import spoken_place
+from specan.study.design.receiver_places import best_places, in_words, is_room, where_it_fails
+from specan.study.estimation.problem import Problem
+from specan.study.localisation.by_blocks import Block
+from specan.study.observation.table import TableObservation
+from specan.study.selection.refits import Refit
+from specan.units import convert
+
+Array = NDArray[np.float64]
+
+LEAST_WEIGHT = 0.02  # a wrong leader must not freeze the design
+STEPS = 9  # levels of each condition
+NEAR = 0.15  # share of the ranges within which a point is a near duplicate
+SEPARATES = 2.0  # sigma that a measurement must promise to be worth proposing
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A condition to measure, or another kind of measurement where no condition would tell.
+
+    Attributes
+    ----------
+    conditions : mapping
+        By column, in the column's unit; empty for another kind of measurement.
+    predictions : mapping
+        What each rival expects, in `unit`.
+    sigma : float
+        Standard uncertainty of a reading there.
+    separation : float
+        Largest difference of two rivals over its standard uncertainty.
+    """
+
+    text: str
+    conditions: Mapping[str, float]
+    predictions: Mapping[str, float]
+    unit: str
+    sigma: float | None
+    separation: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "text": self.text,
+            "conditions": dict(self.conditions),
+            "predictions": dict(self.predictions),
+            "unit": self.unit,
+            "sigma": self.sigma,
+            "separation_sigma": self.separation,
+        }
+
+
+def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True) -> tuple[Proposal, ...]:
+    """Propose measurements that would tell rivals apart, the best first.
+
+    Parameters
+    ----------
+    rivals : sequence of Refit
+        Sets of effects over one base; two at least.
+    count : int
+        How many.
+    other_kinds : bool
+        Whether to name another kind of measurement where no condition separates them.
+
+    Returns
+    -------
+    tuple of Proposal
+        Conditions, or what else to do where none within the rig's limits separates the rivals.
+    """
+    if len(rivals) < 2:
+        return ()
+    problem = rivals[0].problem
+    if is_room(problem):
+        found = _positions(rivals, count)
+        return tuple(found or (_other_kinds(rivals) if other_kinds else []))
+    grid = _grid(problem)
+    planned = None if grid is None else _planned(problem, grid)
+    found = []
+    if planned is not None:
+        found = _greedy(rivals, planned, count)
+    if not found and other_kinds:
+        found = _other_kinds(rivals)
+    return tuple(found)
+
+
+def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Proposal, ...]:
+    """Where to look at something unknown: far from what was measured, in the corner where the model fails.
+
+    Parameters
+    ----------
+    start : Refit
+        The model as it is.
+    blocks : sequence of Block
+        Where it fails, the worst first.
+    """
+    if blocks and is_room(start.problem):
+        return tuple(_position_to_explore(p, blocks[0]) for p in where_it_fails(start, blocks[0], count))
+    grid = _grid(start.problem)
+    if grid is None or not blocks:
+        return ()
+    planned = _planned(start.problem, grid)
+    predicted = _at(start.problem, planned).predictions(start.fit.theta)[0]
+    place, measured = _places(planned), _measured_places(start.problem, planned)
+    usable = np.isfinite(predicted) & _inside(start.problem, planned, blocks[0])
+    found = []
+    for _ in range(count):
+        gap = np.min(np.linalg.norm(place[:, None] - measured[None], axis=2), axis=1)
+        row = int(np.argmax(np.where(usable, gap, -1.0)))
+        if not usable[row]:
+            break
+        one = _proposal([start], planned, predicted[None, row], row, 0.0)
+        told = f"where the model fails ({blocks[0].text}) and nothing was measured nearby"
+        where = one.text.split(":")[0]
+        found.append(replace(one, text=f"{where}: {told}", separation=None))
+        measured = np.vstack([measured, place[row]])
+    return tuple(found)
+
+
+def _positions(rivals: Sequence[Refit], count: int) -> list[Proposal]:
+    """Places for microphones that separate the rivals."""
+    names = [_name(r) for r in rivals]
+    unit = rivals[0].problem.assembly.model.observables["frf"].unit
+    return [
+        Proposal(
+            in_words(found, names, unit),
+            dict(zip(("x_m", "y_m", "z_m"), found.place_m, strict=True)),
+            dict(zip(names, found.levels_dB, strict=True)),
+            "dB",
+            found.sigma_dB,
+            found.separation,
+        )
+        for found in best_places(rivals, _weights(rivals), count, SEPARATES)
+    ]
+
+
+def _position_to_explore(place: tuple[float, float, float], block: Block) -> Proposal:
+    told = f"where the model fails ({block.short_place}: {block.text}) and nothing was measured nearby"
+    conditions = dict(zip(("x_m", "y_m", "z_m"), place, strict=True))
+    return Proposal(f"a microphone at {spoken_place(place)}: {told}", conditions, {}, "dB", None, None)
+
+
+def _inside(problem: Problem, planned: TableObservation, block: Block) -> NDArray[np.bool_]:
+    """Planned points at the levels of a block, or at the level of the grid next to it."""
+    inside = np.ones(planned.n, dtype=bool)
+    for condition in problem.assembly.model.conditions.values():
+        values = planned.conditions.get(condition.name)
+        if condition.column in block.where and values is not None and np.ptp(values) > 0:
+            level = convert(float(block.where[condition.column]), condition.column_unit, condition.unit)
+            gap = np.abs(values - level)
+            inside &= gap <= gap.min() * (1 + 1e-9)
+    return inside
+
+
+def _measured_places(problem: Problem, planned: TableObservation) -> Array:
+    columns = []
+    for name, values in planned.conditions.items():
+        if np.ptp(values) > 0:
+            seen = np.concatenate([o.conditions[name] for o in problem.observations])
+            columns.append((seen - values.min()) / np.ptp(values))
+    return np.column_stack(columns)
+
+
+def _grid(problem: Problem) -> dict[str, Array] | None:
+    """Conditions within the limits, SI; None where the rig names none or the data are no table."""
+    model = problem.assembly.model
+    limits: Mapping[str, Sequence[float]] = model.settings.get("limits", {})
+    usable = {n: limits[n] for n in limits if n in model.conditions}
+    if not usable or not all(isinstance(o, TableObservation) for o in problem.observations):
+        return None
+    axes = [_round_steps(model.conditions[name], low, high) for name, (low, high) in usable.items()]
+    points = np.array(list(product(*axes)))
+    return dict(zip(usable, points.T))
+
+
+def _round_steps(condition: Condition, low: float, high: float) -> Array:
+    """Levels that a person would set: even steps, round in the column's unit."""
+    ends = [float(convert(v, condition.unit, condition.column_unit)) for v in (low, high)]
+    raw = (ends[1] - ends[0]) / (STEPS - 1)
+    size = 10.0 ** np.floor(np.log10(raw))
+    step = size * next(m for m in (1, 2, 2.5, 5, 10) if m * size >= raw * 0.999)
+    inner = np.arange(np.ceil(ends[0] / step), np.floor(ends[1] / step) + 1) * step
+    levels = np.unique(np.concatenate([ends[:1], inner, ends[1:]]))
+    return np.asarray(convert(levels, condition.column_unit, condition.unit))
+
+
+def _planned(problem: Problem, grid: Mapping[str, Array]) -> TableObservation:
+    """The grid as readings that are still to be made, as uncertain as the nearest ones that were made."""
+    observation = problem.observations[0]
+    assert isinstance(observation, TableObservation)
+    size = next(iter(grid.values())).size
+    conditions = {
+        name: grid[name] if name in grid else np.full(size, np.median(values))
+        for name, values in observation.conditions.items()
+    }
+    near = _nearest(observation, conditions, grid)
+    main = max(set(observation.observable.tolist()), key=observation.observable.tolist().count)
+    sigma = observation.sigma[near]
+    return replace(
+        observation,
+        name="planned",
+        observable=np.full(size, main),
+        measured=np.zeros(size),
+        conditions=conditions,
+        covariance=np.diag(sigma**2),
+        labels={},
+        recordings=observation.recordings[:1],
+        recording=np.zeros(size, dtype=np.intp),
+        parts={},
+        series=None,
+        position=None,
+        pure_dof=0.0,
+    )
+
+
+def _nearest(
+    observation: TableObservation, conditions: Mapping[str, Array], grid: Mapping[str, Array]
+) -> NDArray[np.intp]:
+    distance: Any = 0.0
+    for name in grid:
+        if name in observation.conditions:
+            span = float(np.ptp(conditions[name])) or 1.0
+            distance = (
+                distance + ((conditions[name][:, None] - observation.conditions[name][None, :]) / span) ** 2
+            )
+    return np.asarray(np.argmin(distance, axis=1))
+
+
+def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> list[Proposal]:
+    weights = _weights(rivals)
+    predicted = np.stack([_at(r.problem, planned).predictions(r.fit.theta)[0] for r in rivals])
+    usable = np.all(np.isfinite(predicted), axis=0)
+    slopes = [_slopes(r, planned) for r in rivals]
+    covariances = [r.fit.covariance * r.scale for r in rivals]
+    place = _places(planned)
+    found: list[Proposal] = []
+    for _ in range(count):
+        variance = np.stack([np.einsum("ij,jk,ik->i", j, c, j) for j, c in zip(slopes, covariances)])
+        gain = np.zeros(predicted.shape[1])
+        apart = np.zeros(predicted.shape[1])
+        for a, b in combinations(range(len(rivals)), 2):
+            square = (predicted[a] - predicted[b]) ** 2 / planned.sigma**2 / (1 + variance[a] + variance[b])
+            gain += weights[a] * weights[b] * square
+            apart = np.maximum(apart, np.sqrt(square))
+        best = int(np.argmax(np.where(usable, gain, -1.0)))
+        if apart[best] < SEPARATES:
+            break
+        found.append(_proposal(rivals, planned, predicted[:, best], best, float(apart[best])))
+        usable &= np.max(np.abs(place - place[best]), axis=1) > NEAR
+        covariances = [after_reading(c, j[best]) for c, j in zip(covariances, slopes)]
+        if not np.any(usable):
+            break
+    return found
+
+
+def _weights(rivals: Sequence[Refit]) -> Array:
+    scale = min(r.scale for r in rivals)
+    bic = np.array([r.bic(scale) for r in rivals])
+    weight = np.exp(-0.5 * (bic - bic.min()))
+    weight = np.maximum(weight / weight.sum(), LEAST_WEIGHT)
+    return np.asarray(weight / weight.sum())
+
+
+def _at(problem: Problem, planned: TableObservation) -> Problem:
+    return problem.over([planned])
+
+
+def _slopes(refit: Refit, planned: TableObservation) -> Array:
+    """Derivative of each planned prediction over the parameters, in units of sigma."""
+    return np.asarray(_at(refit.problem, planned).jacobian(refit.fit.theta)[: planned.n])
+
+
+def after_reading(covariance: Array, slope: Array) -> Array:
+    """Covariance of the parameters once a reading with this slope, in units of sigma, has been made."""
+    along = covariance @ slope
+    return covariance - np.outer(along, along) / (1 + slope @ along)
+
+
+def _places(planned: TableObservation) -> Array:
+    columns = [v for v in planned.conditions.values() if np.ptp(v) > 0]
+    return np.column_stack([(v - v.min()) / np.ptp(v) for v in columns])
+
+
+def _proposal(
+    rivals: Sequence[Refit], planned: TableObservation, predicted: Array, row: int, apart: float
+) -> Proposal:
+    model = rivals[0].problem.assembly.model
+    observable = model.observables[str(planned.observable[row])]
+    conditions = {
+        model.conditions[name].column: float(
+            f"{convert(values[row], model.conditions[name].unit, model.conditions[name].column_unit):.6g}"
+        )
+        for name, values in planned.conditions.items()
+        if np.ptp(values) > 0
+    }
+    predictions = {_name(r): float(value) for r, value in zip(rivals, predicted)}
+    sigma = float(planned.sigma[row])
+    where = ", ".join(f"{_spoken(model, column, value)}" for column, value in conditions.items())
+    unit = "" if observable.unit == "1" else " " + observable.unit.replace("*", "")
+    said = ", ".join(f"{name} expects {value:.4g}{unit}" for name, value in predictions.items())
+    text = (
+        f"{where}: {said}; sigma there is {sigma:.2g}{unit}, one reading separates them by {apart:.1f} sigma"
+    )
+    return Proposal(text, conditions, predictions, observable.unit, sigma, apart)
+
+
+def _spoken(model: Model, column: str, value: float) -> str:
+    condition = next(c for c in model.conditions.values() if c.column == column)
+    unit = {"degC": "°C", "N*m": "Nm", "percent": "%"}.get(condition.column_unit, condition.column_unit)
+    words = column.rpartition("_")[0].replace("_", " ")
+    return f"{words} {value:g} {unit}"
+
+
+def _name(refit: Refit) -> str:
+    return " with ".join(str(u) for u in sorted(refit.uses)) or "the model as it is"
+
+
+def _other_kinds(rivals: Sequence[Refit]) -> list[Proposal]:
+    """What the effects themselves say would separate them, where no condition within the limits does."""
+    effects = rivals[0].problem.assembly.model.effects
+    uses = sorted({use.name for r in rivals for use in r.uses})
+    return [
+        Proposal(f"{name}: {effects[name].separate_by}", {}, {}, "", None, None)
+        for name in uses
+        if effects[name].separate_by
+    ]

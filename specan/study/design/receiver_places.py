@@ -1,0 +1,219 @@
+"""Where the next microphone of a room should stand: where the explanations that are left differ most.
+
+At a place the rivals expect transfer functions y_a and y_b, vectors over all lines. What a microphone there would tell
+between them is, as for single readings (Box and Hill 1967; Buzzi-Ferraris and Forzatti 1984),
+
+    (y_a - y_b)' (V + J_a C_a J_a' + J_b C_b J_b')^-1 (y_a - y_b),
+
+with V what a microphone can know there (noise, its place, its calibration, the declared discrepancy) and J C J' what
+the fitted parameters leave open. Its root is the separation in sigma.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from specan.study.design.planned_receivers import (
+    by_microphone,
+    free_places,
+    planned,
+    spoken_place,
+    with_microphones,
+)
+from specan.study.estimation.problem import Problem
+from specan.study.localisation.by_blocks import Block
+from specan.study.localisation.frf_errors import DB
+from specan.study.observation import Array
+from specan.study.observation.frf import FrfObservation
+from specan.study.selection.refits import Refit
+
+
+@dataclass(frozen=True)
+class PlacedMicrophone:
+    """A proposed place and what is expected there.
+
+    Attributes
+    ----------
+    place_m : tuple of float
+    band_hz : float
+        The third octave that tells most.
+    levels_dB : tuple of float
+        Level of each rival there, re 1 of the observable's unit.
+    sigma_dB : float
+        Standard uncertainty of that level.
+    separation : float
+        Largest separation of two rivals, all lines together, in sigma.
+    """
+
+    place_m: tuple[float, float, float]
+    band_hz: float
+    levels_dB: tuple[float, ...]
+    sigma_dB: float
+    separation: float
+
+
+def is_room(problem: Problem) -> bool:
+    """Whether further microphones can be placed: a box, recordings, no parameter of its own for each microphone."""
+    model = problem.assembly.model
+    own = any(problem.assembly.parameters[name].per == "microphone" for name in problem.free)
+    recordings = all(isinstance(o, FrfObservation) for o in problem.observations)
+    return recordings and not own and bool((model.settings.get("rig", {}).get("room") or {}).get("dims_m"))
+
+
+def best_places(rivals: Sequence[Refit], weights: Array, count: int, least: float) -> list[PlacedMicrophone]:
+    """Places that separate rivals, the best first; each beside those before it.
+
+    Parameters
+    ----------
+    rivals : sequence of Refit
+        Two at least; the first is the best.
+    weights : array
+        Of the rivals.
+    count : int
+    least : float
+        Separation in sigma below which nothing is proposed.
+    """
+    places = free_places(rivals[0].problem.assembly.model)
+    views = _views(rivals, places)
+    covariances = [r.fit.covariance * r.scale for r in rivals]
+    left, found = set(range(len(places))), []
+    for _ in range(min(count, len(places))):
+        gains = {k: _separations(views, covariances, k) for k in left}
+        best = max(left, key=lambda k: sum(weights[a] * weights[b] * s for (a, b), s in gains[k].items()))
+        pair, square = max(gains[best].items(), key=lambda item: item[1])
+        if np.sqrt(square) < least:
+            break
+        found.append(_expected(views, places[best], best, pair, float(np.sqrt(square))))
+        covariances = [_after(c, view.slopes[best]) for c, view in zip(covariances, views, strict=True)]
+        left.discard(best)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """One rival at all places: response, and whitened prediction and slopes by place."""
+
+    observation: FrfObservation
+    response: Any
+    white: Array
+    slopes: Array
+
+
+def _views(rivals: Sequence[Refit], places: Array) -> list[_View]:
+    """All rivals at all places, whitened alike: by what the best of them makes of the common errors."""
+    views, seen = [], None
+    for rival in rivals:
+        problem = rival.problem
+        model, names = with_microphones(problem.assembly.model, places)
+        wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
+        first = problem.observations[0]
+        assert isinstance(first, FrfObservation)
+        if seen is None:
+            there = planned(first, names)
+            seen = there.about(wider.assembly, problem.seen_by(there, problem.values_at(rival.fit.theta)))
+        wider = wider.over([seen])
+        predicted = wider.predictions(rival.fit.theta)[0]
+        slopes = seen.whiten(wider.sensitivities(rival.fit.theta)[0])
+        half = seen.n // 2
+        response = (predicted[:half] + 1j * predicted[half:]).reshape(len(places), -1)
+        views.append(
+            _View(
+                seen,
+                response,
+                by_microphone(seen, seen.whiten(predicted[:, None]))[..., 0],
+                by_microphone(seen, slopes),
+            )
+        )
+    return views
+
+
+def _separations(
+    views: Sequence[_View], covariances: Sequence[Array], place: int
+) -> dict[tuple[int, int], float]:
+    """Squared separation of every pair of rivals by a microphone at one place."""
+    found = {}
+    for a, b in combinations(range(len(views)), 2):
+        gap = views[a].white[place] - views[b].white[place]
+        root = np.hstack([views[k].slopes[place] @ _root(covariances[k]) for k in (a, b)])
+        inner = root.T @ gap
+        open_ = inner @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ root, inner)
+        found[a, b] = max(float(gap @ gap - open_), 0.0)
+    return found
+
+
+def _root(covariance: Array) -> Array:
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _after(covariance: Array, slopes: Array) -> Array:
+    """Covariance of the parameters once a microphone with these whitened slopes has been there."""
+    if not covariance.size:
+        return covariance
+    root = _root(covariance)
+    seen = slopes @ root
+    return np.asarray(root @ np.linalg.solve(np.eye(seen.shape[1]) + seen.T @ seen, root.T))
+
+
+def _expected(
+    views: Sequence[_View], place: Array, number: int, pair: tuple[int, int], separation: float
+) -> PlacedMicrophone:
+    """The third octave in which the two that are furthest apart differ most against its uncertainty."""
+    observation = views[0].observation
+    mic = int(np.flatnonzero(observation.kept.any(axis=1))[number])
+    lines = observation.labels["third_octave_hz"][: observation.n // 2]
+    bands = lines.reshape(len(views[0].response), -1)[number]
+    told = []
+    for band in np.unique(bands):
+        inside = bands == band
+        levels = [10 * np.log10(np.mean(np.abs(v.response[number, inside]) ** 2)) for v in views]
+        sigma = _level_sigma(observation, mic, inside, views[0].response[number, inside])
+        told.append((abs(levels[pair[0]] - levels[pair[1]]) / sigma, float(band), levels, sigma))
+    _, band, levels, sigma = max(told, key=lambda t: t[0])
+    x, y, z = (float(v) for v in place)
+    return PlacedMicrophone((x, y, z), band, tuple(float(v) for v in levels), float(sigma), separation)
+
+
+def _level_sigma(observation: FrfObservation, mic: int, lines: Any, response: Any) -> float:
+    weight = np.conj(response) / np.sum(np.abs(response) ** 2)
+    random = np.sum(np.abs(weight * observation.noise[mic, lines]) ** 2)
+    common = weight @ observation.common[mic, lines]
+    return float(DB * np.sqrt(random + np.sum(common.real**2)))
+
+
+def where_it_fails(start: Refit, block: Block, count: int) -> list[tuple[float, float, float]]:
+    """Free places in the corner of a block - near its wall or its microphone - far from all microphones."""
+    model = start.problem.assembly.model
+    rig = model.settings["rig"]
+    places, taken = free_places(model), np.array(rig["mics"]["position_m"])
+    dims = np.array(rig["room"]["dims_m"])
+    wall, name = block.where.get("near_wall"), block.where.get("channel")
+    if wall is not None:
+        axis, far = "xyz".index(wall[0]), wall[1] == "1"
+        depth = dims[axis] - places[:, axis] if far else places[:, axis]
+        places = places[depth <= depth.min() + 1e-9]
+    elif name in model.axes["microphone"]:
+        away = np.linalg.norm(places - taken[model.axes["microphone"].index(name)], axis=1)
+        places = places[np.argsort(away, kind="stable")[:8]]
+    found: list[tuple[float, float, float]] = []
+    for _ in range(min(count, len(places))):
+        gap = np.min(np.linalg.norm(places[:, None] - taken[None], axis=2), axis=1)
+        x, y, z = (float(v) for v in places[int(np.argmax(gap))])
+        found.append((x, y, z))
+        taken = np.vstack([taken, [x, y, z]])
+    return found
+
+
+def in_words(found: PlacedMicrophone, names: Sequence[str], unit: str) -> str:
+    """A proposal as a sentence."""
+    said = ", ".join(f"{n} expects {v:.1f} dB" for n, v in zip(names, found.levels_dB, strict=True))
+    return (
+        f"a microphone at {spoken_place(found.place_m)}: around {found.band_hz:g} Hz {said} (re 1 {unit}); sigma "
+        f"there is {found.sigma_dB:.2g} dB, one recording over all frequencies separates them by "
+        f"{found.separation:.1f} sigma"
+    )

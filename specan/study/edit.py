@@ -1,0 +1,235 @@
+"""Add an effect to a study's model or take one out: refit, and tell what it did to the errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from specan.errors import RequestError, SpecanError, nearest
+from specan.models import Use
+from specan.models.catalogue import effects_from_file
+from specan.study.build_problem import undetermined
+from specan.study.create import effect_entry, hold_undetermined
+from specan.study.estimation.fit import fit, profile_interval
+from specan.study.history import Step
+from specan.study.study import STARTS, Study
+from specan.study.study_file import NAME, StudyText
+
+WIDTH = 1.96
+SAME = 0.005  # relative change of an error below which it counts as not having moved
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A step that changed the model.
+
+    Attributes
+    ----------
+    before, after : Step
+    study : Study
+        As it is now.
+    intervals : dict
+        95 % profile intervals of the new effect's parameters, in their declared units.
+    held : tuple of str
+        Parameters of the new effect that the data do not determine and that were fixed.
+    remarks : tuple of str
+        What a user should know: an error that did not fall, a bound, an effect no longer needed.
+    """
+
+    before: Step
+    after: Step
+    study: Study
+    intervals: dict[str, tuple[float, float]]
+    held: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+def add_effect(study: Study, effect: str, because: str = "") -> Change:
+    """Add an effect, refit, and keep the step.
+
+    Parameters
+    ----------
+    study : Study
+    effect : str
+        Name, with its place: ``seal-drag``, ``wall-impedance@z1``, ``panel-resonance@2``; or a Python
+        file that holds one effect.
+    because : str
+        Reason, for the history.
+
+    Raises
+    ------
+    RequestError
+        Unknown, in the model already, or not testable with these data.
+    ComputationError
+        The fit failed; the study stays as it was.
+    """
+    if effect.endswith(".py"):
+        study, effect = _own_file(study, Path(effect))
+    use = Use.parse(effect)
+    _check_addable(study, use)
+    study.record_changes()
+    before = study.step("now")
+    old_text = (study.directory / NAME).read_text(encoding="utf-8")
+    text = StudyText(study.directory / NAME)
+    if use in study.problem.nuisances:
+        text.set_role(use, "model")
+    else:
+        text.add_effect(effect_entry(use))
+    text.save()
+    try:
+        changed, held = hold_undetermined(Study(study.directory))
+        after = changed.step("add", str(use), because)
+        intervals = _intervals(changed, use)
+        remarks = _remarks_on_adding(study, changed, before, after, use, held)
+    except BaseException:
+        (study.directory / NAME).write_text(old_text, encoding="utf-8", newline="\n")
+        raise
+    changed.history.append(after)
+    return Change(before, after, changed, intervals, held, tuple(remarks))
+
+
+def drop_effect(study: Study, effect: str, because: str = "") -> Change:
+    """Take an effect out, refit, and keep the step."""
+    use = Use.parse(effect)
+    names = study.model_effects
+    if str(use) not in names:
+        raise RequestError(f"{effect!r} is not in the model", remedy=nearest(effect, names))
+    study.record_changes()
+    before = study.step("now")
+    old_text = (study.directory / NAME).read_text(encoding="utf-8")
+    text = StudyText(study.directory / NAME)
+    certified = any(Use.parse(n.effect) == use for n in study.model.nuisances)
+    if certified:
+        text.set_role(use, "nuisance")
+    else:
+        text.drop_effect(use)
+    text.save()
+    try:
+        changed = Study(study.directory)
+        after = changed.step("drop", str(use), because)
+    except BaseException:
+        (study.directory / NAME).write_text(old_text, encoding="utf-8", newline="\n")
+        raise
+    changed.history.append(after)
+    remarks = [f"{use} goes back under its certificate"] if certified else []
+    remarks += _on_errors(before, after, expected_to_fall=False)
+    return Change(before, after, changed, {}, (), tuple(remarks))
+
+
+def _own_file(study: Study, path: Path) -> tuple[Study, str]:
+    """Take an effect file into the study; its one effect is what is added."""
+    study = Study(study.directory, effects=[path])
+    names = [e.name for e in effects_from_file(path)]
+    if len(names) > 1:
+        raise RequestError(
+            f"{path} holds several effects: {', '.join(names)}",
+            remedy="they are candidates now; add one of them by its name",
+        )
+    return study, names[0]
+
+
+def _check_addable(study: Study, use: Use) -> None:
+    model = study.model
+    if use.name not in model.effects:
+        raise RequestError(
+            f"{model.name} knows no effect {use.name!r}", remedy=nearest(use.name, model.effects)
+        )
+    model.assemble([use])
+    if str(use) in study.model_effects:
+        raise RequestError(
+            f"{use} is in the model already", remedy=f"a second one of its kind is {use.name}@{use.copy + 1}"
+        )
+    available = set().union(*(o.available for o in study.data.fitted))
+    why = model.not_testable(available).get(use.name)
+    if why:
+        raise RequestError(f"{use} cannot be tested with these data: it {why}")
+
+
+def _intervals(study: Study, use: Use) -> dict[str, tuple[float, float]]:
+    found = {}
+    for name in study.problem.names:
+        if name.rpartition(".")[0] != str(use):
+            continue
+        parameter = study.problem.assembly.parameters[name.split("[")[0]]
+        ends = _interval(study, name)
+        found[name] = (parameter.from_si(ends[0]), parameter.from_si(ends[1]))
+    return found
+
+
+def _interval(study: Study, name: str) -> tuple[float, float]:
+    """By profile; of many rows, whose quadratic is sharp, from the covariance."""
+    problem, best = study.problem, study.best
+    if not problem.dear:
+        return profile_interval(problem, best, name, inflate=True)
+    k = problem.names.index(name)
+    reach = WIDTH * best.standard_error(name) * max(best.reduced_chi2, 1.0) ** 0.5
+    low, high = (float(end[k]) for end in problem.bounds())
+    return max(float(best.theta[k]) - reach, low), min(float(best.theta[k]) + reach, high)
+
+
+def _remarks_on_adding(
+    old: Study, new: Study, before: Step, after: Step, use: Use, held: Sequence[str]
+) -> list[str]:
+    remarks = [f"{name} is held: these data do not determine it" for name in held]
+    remarks += _on_errors(before, after, expected_to_fall=True)
+    fall = old.best.chi2 - new.best.chi2
+    count = len(new.best.theta) - len(old.best.theta)
+    if new.data.known and fall < count * np.log(new.problem.n_effective):
+        remarks.append(
+            f"chi-square falls by {fall:.1f}, less than its {count} new parameter{'s' * (count != 1)} would by chance "
+            f"and thrift allow ({count * np.log(new.problem.n_effective):.1f}): the data do not ask for {use}"
+        )
+    for name in new.best.at_bound:
+        ends = new.problem.domain(name.split("[")[0])
+        end = min(ends, key=lambda e: abs(e - new.best.theta[new.best.names.index(name)]))
+        parameter = new.problem.assembly.parameters[name.split("[")[0]]
+        remarks.append(f"{name} sits on the end of its domain, {parameter.from_si(end):g} {parameter.unit}")
+    for name, row in after.parameters.items():
+        if not row["plausible"]:
+            remarks.append(f"{name} = {row['value']:.3g} {row['unit']} lies outside what is plausible")
+    free = [n for n in undetermined(new.problem, new.best.theta) if n.split("[")[0] not in new.problem.priors]
+    remarks += [f"{name} is not determined by these data at the values that were found" for name in free]
+    if new.data.known:
+        remarks += [f"{other} has become superfluous" for other in _superfluous(old, new)]
+    return remarks
+
+
+def _on_errors(before: Step, after: Step, expected_to_fall: bool) -> list[str]:
+    remarks = []
+    for what, one, two in (
+        ("fitted", before.fit_error, after.fit_error),
+        ("held-out", before.held_out_error, after.held_out_error),
+    ):
+        if one is None or two is None:
+            continue
+        if expected_to_fall and two["value"] > one["value"] * (1 + SAME):
+            remarks.append(f"the error on {what} data rises")
+        elif expected_to_fall and two["value"] > one["value"] * (1 - SAME):
+            remarks.append(f"the error on {what} data does not fall")
+        elif not expected_to_fall and two["value"] < one["value"] * (1 - SAME):
+            remarks.append(f"the error on {what} data falls")
+    return remarks
+
+
+def _superfluous(old: Study, new: Study) -> list[str]:
+    """Effects that the model can do without now, and could not before."""
+    found = []
+    for name in old.model_effects:
+        if _can_go(new, name) and not _can_go(old, name):
+            found.append(name)
+    return found
+
+
+def _can_go(study: Study, name: str) -> bool:
+    """Whether the fit without an effect is no worse than its parameters' price (BIC)."""
+    try:
+        lean = study.problem.without(name)
+        without = fit(lean, start=study.best.values, starts=STARTS)
+    except SpecanError:  # without it there is no fit: it is needed
+        return False
+    scale = max(study.best.reduced_chi2, 1.0)
+    spared = len(study.problem.names) - len(lean.names)
+    return (without.chi2 - study.best.chi2) / scale < spared * np.log(study.problem.n_effective)

@@ -1,0 +1,1 @@
+"""Fitting a model to observations: least squares, starting values, intervals."""

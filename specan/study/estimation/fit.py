@@ -1,0 +1,370 @@
+"""Weighted least squares of a problem: bounds, several starts, covariance, profile intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from specan.errors import ComputationError, RequestError, nearest
+from specan.study.estimation.levenberg_marquardt import descend
+from specan.study.estimation.problem import Problem
+from specan.study.observation import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A converged minimum of the sum of squares.
+
+    Attributes
+    ----------
+    theta : array
+        Free parameters in the order of `names`, SI.
+    values : mapping
+        SI value of every parameter of the model, those held included.
+    chi2 : float
+        Sum of squares of `residual`: data and priors.
+    residual, jacobian : array
+        As `Problem.residual` and `Problem.jacobian` give them at the minimum.
+    covariance : array
+        (J'J)^-1. A direction that the data do not determine has a huge variance, never a small one.
+    at_bound : tuple of str
+        Parameters that rest on an end of their domain.
+    dof : float
+        n_effective + number of priors - number of free parameters.
+    reduced_chi2 : float
+        Chi-square per degree of freedom, both without what only compares repeats (`Observation.pure_dof`):
+        one for a true model.
+    p_value : float
+        Probability of a worse fit of a true model, see `misfit_p_value`.
+    """
+
+    names: tuple[str, ...]
+    theta: Array
+    values: Mapping[str, Any]
+    chi2: float
+    residual: Array
+    jacobian: Array
+    covariance: Array
+    at_bound: tuple[str, ...]
+    converged: bool
+    n_effective: float
+    dof: float
+    reduced_chi2: float
+    p_value: float
+
+    def standard_error(self, name: str) -> float:
+        """Standard uncertainty of a parameter, from the covariance."""
+        return float(np.sqrt(self.covariance[self.names.index(name), self.names.index(name)]))
+
+
+def fit(
+    problem: Problem,
+    start: Array | Mapping[str, Any] | None = None,
+    starts: int = 1,
+    max_evaluations: int = 60,
+) -> Fit:
+    """Fit the free parameters of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : array or mapping, optional
+        Theta, or SI values by name, to start from; the problem's own start by default.
+    starts : int
+        Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
+        so that the same problem always gives the same answer. Only the first where an evaluation is dear.
+    max_evaluations : int
+        Trust-region steps that one start may take before another method is tried.
+
+    Raises
+    ------
+    ComputationError
+        No start converged, or the best is not finite: never a verdict.
+    RequestError
+        More free parameters than values to determine them.
+    """
+    first = np.asarray(start, dtype=float) if isinstance(start, np.ndarray) else problem.start(start)
+    if first.size > problem.n_data + problem.n_priors:
+        raise RequestError(
+            f"{problem.n_data} measured values cannot determine {first.size} parameters",
+            remedy="hold some of them fixed or measure more conditions",
+        )
+    best: tuple[float, Array] | None = None
+    reason = "no start gave finite values"
+    for theta0 in [first, *_other_starts(problem, 0 if problem.dear else starts - 1)]:
+        try:
+            cost, theta = _descend(problem, theta0, max_evaluations)
+        except ComputationError as fault:
+            reason = fault.found
+            continue
+        if best is None or cost < best[0] - 1e-9 * abs(best[0]):
+            best = (cost, theta)
+    if best is None:
+        raise ComputationError(
+            f"the fit of {', '.join(problem.names) or 'no parameter'} failed: {reason}",
+            remedy="give other start values or narrower bounds, or take an effect out",
+        )
+    return describe(problem, best[1])
+
+
+def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[float, Array]:
+    """Trust-region steps; in a valley that bends too much for them, those of `descent` from where they got."""
+    if theta0.size == 0:
+        return float(np.sum(_finite(problem.residual(theta0)) ** 2)), theta0
+    if problem.dear:
+        minimum = descend(problem, _nearer(problem, theta0) if problem.resonant else theta0)
+        return minimum.chi2, minimum.theta
+    from scipy.optimize import least_squares
+
+    low, high = problem.bounds()
+    inside = np.clip(theta0, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
+    try:
+        found = least_squares(
+            lambda theta: _finite(problem.residual(theta)),
+            inside,
+            jac=lambda theta: _finite(problem.jacobian(theta)),
+            bounds=(low, high),
+            x_scale=problem.scale,
+            method="trf",
+            xtol=1e-9,
+            ftol=1e-9,
+            gtol=1e-9,
+            max_nfev=max_evaluations,
+        )
+    except np.linalg.LinAlgError as fault:
+        raise ComputationError(f"linear algebra failed ({fault})") from None
+    if found.status > 0:
+        return 2 * float(found.cost), found.x
+    minimum = descend(problem, found.x)
+    return minimum.chi2, minimum.theta
+
+
+def _nearer(problem: Problem, theta0: Array) -> Array:
+    """Where a descent on a sketch leads, if it leads anywhere."""
+    try:
+        return descend(problem.sketched(theta0), theta0).theta
+    except ComputationError:
+        return theta0
+
+
+def _finite(array: Array) -> Array:
+    if not np.all(np.isfinite(array)):
+        raise ComputationError("the model gives values that are not finite")
+    return array
+
+
+def _other_starts(problem: Problem, count: int) -> list[Array]:
+    """Places in the plausible ranges by the additive recurrence of the generalised golden ratio."""
+    if count < 1 or not problem.names:
+        return []
+    size = len(problem.names)
+    root = 2.0
+    for _ in range(30):  # the root of x^(d+1) = x + 1
+        root = (1 + root) ** (1 / (size + 1))
+    steps = root ** -np.arange(1, size + 1)
+    low, high = _plausible(problem)
+    return [low + (0.5 + k * steps) % 1 * (high - low) for k in range(1, count + 1)]
+
+
+def _plausible(problem: Problem) -> tuple[Array, Array]:
+    low, high = problem.bounds()
+    start, scale = problem.start(), problem.scale
+    inner = [problem.assembly.parameters[name.split("[")[0]].si for name in problem.names]
+    low = np.maximum(low, [s.min for s in inner])
+    high = np.minimum(high, [s.max for s in inner])
+    low = np.where(np.isfinite(low), low, start - 2 * scale)
+    high = np.where(np.isfinite(high), high, start + 2 * scale)
+    return np.minimum(low, high), np.maximum(low, high)
+
+
+def describe(
+    problem: Problem, theta: Array, residual: Array | None = None, jacobian: Array | None = None
+) -> Fit:
+    """A Fit of a theta that some descent has found to be a minimum; what it knows there is used again."""
+    snapped, at_bound = _snap(problem, theta)
+    if residual is None or jacobian is None or np.any(snapped != theta):
+        residual = _finite(problem.residual(snapped))
+        jacobian = _finite(problem.jacobian(snapped))
+    theta = snapped
+    chi2 = float(residual @ residual)
+    dof = problem.n_effective + problem.n_priors - theta.size
+    lack, own = chi2 - problem.pure_dof, dof - problem.pure_dof
+    reduced = max(lack, 0.0) / own if own > 0 else float("nan")
+    return Fit(
+        names=problem.names,
+        theta=theta,
+        values=problem.values_at(theta),
+        chi2=chi2,
+        residual=residual,
+        jacobian=jacobian,
+        covariance=covariance(jacobian, problem.scale),
+        at_bound=at_bound,
+        converged=True,
+        n_effective=problem.n_effective,
+        dof=dof,
+        reduced_chi2=reduced,
+        p_value=misfit_p_value(chi2, dof, problem.noise_dof, problem.pure_dof),
+    )
+
+
+def _snap(problem: Problem, theta: Array) -> tuple[Array, tuple[str, ...]]:
+    """Put parameters that stopped a hair from an end of their domain on it, where that is no worse."""
+    if not theta.size:
+        return theta, ()
+    low, high = problem.bounds()
+    near = 1e-4 * problem.scale
+    snapped = np.where(theta - low < near, low, np.where(high - theta < near, high, theta))
+    touching = (snapped == low) | (snapped == high)
+    if not np.any(touching):
+        return theta, ()
+    before, after = (float(np.sum(problem.residual(t) ** 2)) for t in (theta, snapped))
+    if not after <= before + 1e-3:
+        return theta, ()
+    return snapped, tuple(n for n, t in zip(problem.names, touching, strict=True) if t)
+
+
+def covariance(jacobian: Array, scale: Array) -> Array:
+    """(J'J)^-1, with the variance of undetermined directions large but finite.
+
+    Parameters
+    ----------
+    jacobian : array, shape (n, p)
+        Derivative of a whitened residual.
+    scale : array, shape (p,)
+        Typical size of each parameter, which makes the columns comparable.
+    """
+    if jacobian.shape[1] == 0:
+        return np.empty((0, 0))
+    _, s, vt = np.linalg.svd(jacobian * scale, full_matrices=False)
+    floor = max(float(s[0]), 1.0) * 1e-8
+    root = vt.T / np.maximum(s, floor) * 1.0
+    root = scale[:, None] * root
+    return root @ root.T
+
+
+def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_dof: float = 0.0) -> float:
+    """Probability that a true model fits worse.
+
+    Chi-square where the noise is known; else the lack of fit over the pure error,
+    F = ((chi2 - pure_dof) / (dof - pure_dof)) with dof - pure_dof and noise_dof degrees of freedom.
+
+    Parameters
+    ----------
+    chi2, dof : float
+        Sum of squares and degrees of freedom of the whole fit.
+    noise_dof : float
+        Degrees of freedom of the noise estimate.
+    pure_dof : float
+        Those of them that are part of `dof` (see `Observation.pure_dof`).
+
+    Examples
+    --------
+    >>> round(misfit_p_value(124.342, 100), 3)
+    0.05
+    >>> misfit_p_value(150.0, 100, 60, 60) < misfit_p_value(150.0, 100, 60)
+    True
+    """
+    from scipy.special import chdtrc, fdtrc
+
+    lack, own = chi2 - pure_dof, dof - pure_dof
+    if own <= 0:
+        return float("nan")
+    if np.isinf(noise_dof):
+        return float(chdtrc(own, max(lack, 0.0)))
+    return float(fdtrc(own, noise_dof, max(lack, 0.0) / own))
+
+
+def profile_interval(
+    problem: Problem, best: Fit, name: str, level: float = 0.95, inflate: bool = False
+) -> tuple[float, float]:
+    """Interval {x : min chi2(x) - chi2_min < quantile}, all other parameters refitted (Raue et al. 2009).
+
+    An end that lies beyond the domain is the end of the domain: the interval is then one-sided.
+
+    Parameters
+    ----------
+    name : str
+        Element of `problem.names`.
+    level : float
+        Confidence.
+    inflate : bool
+        Widen by the root of the reduced chi-square where that exceeds one.
+    """
+    if name not in problem.names:
+        raise RequestError(f"{name!r} is no free parameter", remedy=nearest(name, problem.names))
+    quantile = _quantile(level, problem.noise_dof)
+    if inflate and best.dof > 0:
+        quantile *= max(1.0, best.reduced_chi2)
+    ends = [_profile_end(problem, best, name, side, quantile) for side in (-1, 1)]
+    return ends[0], ends[1]
+
+
+def _quantile(level: float, noise_dof: float) -> float:
+    from scipy.special import chdtri, fdtri
+
+    return float(chdtri(1, 1 - level) if np.isinf(noise_dof) else fdtri(1, noise_dof, level))
+
+
+def _profile_end(problem: Problem, best: Fit, name: str, side: int, quantile: float) -> float:
+    from scipy.optimize import brentq
+
+    index = problem.names.index(name)
+    low, high = problem.bounds()
+    end = (low if side < 0 else high)[index]
+    centre = best.theta[index]
+    if centre == end:
+        return float(end)
+    direction = best.covariance[:, index] / max(best.covariance[index, index], 1e-300)
+    memory: dict[float, float] = {}
+
+    def excess(value: float) -> float:
+        if value not in memory:
+            guess = np.clip(best.theta + direction * (value - centre), low, high)
+            memory[value] = _chi2_holding(problem, index, value, guess) - best.chi2 - quantile
+        return memory[value]
+
+    step = np.sqrt(quantile) * best.standard_error(name)
+    inner = centre
+    memory[centre] = -quantile
+    for _ in range(12):
+        outer = centre + side * step
+        if side * (outer - end) >= 0:
+            if excess(end) <= 0:
+                return float(end)
+            outer = end
+        if excess(outer) > 0:
+            return float(brentq(excess, inner, outer, xtol=1e-4 * abs(outer - centre), rtol=1e-10))
+        inner, step = outer, 1.6 * step
+    return float(end)
+
+
+def _chi2_holding(problem: Problem, index: int, value: float, guess: Array) -> float:
+    """Least chi-square with one element of theta held."""
+    if problem.names == (problem.names[index],):
+        return float(np.sum(_finite(problem.residual(np.array([value]))) ** 2))
+    from scipy.optimize import least_squares
+
+    others = np.arange(guess.size) != index
+    low, high = problem.bounds()
+    full = guess.copy()
+
+    def whole(part: Array) -> Array:
+        full[others] = part
+        full[index] = value
+        return full.copy()
+
+    inside = np.clip(guess, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
+    found = least_squares(
+        lambda part: _finite(problem.residual(whole(part))),
+        inside[others],
+        jac=lambda part: _finite(problem.jacobian(whole(part)))[:, others],
+        bounds=(low[others], high[others]),
+        x_scale=problem.scale[others],
+        xtol=1e-7,
+        ftol=1e-7,
+        max_nfev=60,
+    )
+    return 2 * float(found.cost)

@@ -1,0 +1,154 @@
+"""How far a model is from what was measured, in the unit of the observable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from specan.study.estimation.fit import Fit
+from specan.study.estimation.problem import Problem
+from specan.study.observation import Array, Observation
+
+
+@dataclass(frozen=True)
+class ObservableError:
+    """Errors of one observable over some rows.
+
+    Attributes
+    ----------
+    rms, bias : float
+        Root mean square and mean of predicted less measured, in `unit`.
+    relative_rms, relative_max : float
+        Root mean square and largest magnitude of the same over the measured value, percent.
+    """
+
+    observable: str
+    unit: str
+    n: int
+    rms: float
+    bias: float
+    relative_rms: float
+    relative_max: float
+
+    def as_error(self) -> dict[str, Any]:
+        """The form in which a history keeps it."""
+        return {"value": self.rms, "unit": self.unit, "metric": f"RMS of {self.observable}"}
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything, for JSON."""
+        return {
+            "observable": self.observable, "n": self.n, "rms": self.rms, "bias": self.bias,
+            "unit": self.unit, "relative_rms_percent": self.relative_rms,
+            "relative_max_percent": self.relative_max,
+        }  # fmt: skip
+
+
+def observable_errors(
+    problem: Problem, observations: Sequence[Observation], predictions: Sequence[Array]
+) -> list[ObservableError]:
+    """Errors of every observable, the one with most values first."""
+    rows: dict[str, list[tuple[Array, Array]]] = {}
+    for observation, predicted in zip(observations, predictions, strict=True):
+        names = np.broadcast_to(
+            getattr(observation, "observable", observation.name), observation.measured.shape
+        )
+        for name in dict.fromkeys(names.tolist()):
+            mine = names == name
+            rows.setdefault(name, []).append((predicted[mine], observation.measured[mine]))
+    found = []
+    for name, parts in rows.items():
+        predicted, measured = (np.concatenate([p[k] for p in parts]) for k in (0, 1))
+        observable = problem.assembly.model.observables.get(name)
+        found.append(_error(name, observable.unit if observable else "", predicted, measured))
+    return sorted(found, key=lambda e: -e.n)
+
+
+def _error(name: str, unit: str, predicted: Array, measured: Array) -> ObservableError:
+    gap = predicted - measured
+    size = np.abs(measured)
+    if measured.size and measured.min() < 0 < measured.max():  # near a zero a value is no measure of an error
+        size = np.full(size.shape, np.sqrt(np.mean(measured**2)))
+    relative = 100 * gap[size > 0] / size[size > 0]
+    return ObservableError(
+        observable=name,
+        unit=unit,
+        n=int(gap.size),
+        rms=float(np.sqrt(np.mean(gap**2))),
+        bias=float(np.mean(gap)),
+        relative_rms=float(np.sqrt(np.mean(relative**2))) if relative.size else float("nan"),
+        relative_max=float(np.max(np.abs(relative))) if relative.size else float("nan"),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """What a fit says about data that it has never seen.
+
+    Attributes
+    ----------
+    chi2 : float
+        r' (V + J C J')^-1 r: the uncertainty of the parameters is part of the prediction's.
+    sigma : tuple of array
+        Standard uncertainty of predicted less measured, parameters included, one array an observation.
+    """
+
+    errors: tuple[ObservableError, ...]
+    chi2: float
+    n: int
+    predictions: tuple[Array, ...]
+    sigma: tuple[Array, ...]
+
+    @property
+    def reduced_chi2(self) -> float:
+        """Chi-square per value."""
+        return self.chi2 / self.n
+
+
+def held_out_error(problem: Problem, best: Fit, observations: Sequence[Observation]) -> HeldOut:
+    """Predict observations that were not fitted, with the covariance of the prediction."""
+    joint = problem.over([*problem.observations, *observations])
+    theta, covariance = _carried_over(problem, best, joint)
+    seen = len(problem.observations)
+    predictions = joint.predictions(theta)[seen:]
+    slopes = joint.sensitivities(theta)[seen:]
+    white = np.concatenate([o.whiten(s) for o, s in zip(observations, slopes, strict=True)])
+    gap = np.concatenate([o.whiten(p - o.measured) for o, p in zip(observations, predictions, strict=True)])
+    # (I + A C A')^-1 by Woodbury: theta has few elements, the data may have many.
+    root = white @ _root(covariance)
+    inner = root.T @ gap
+    chi2 = float(gap @ gap - inner @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ root, inner))
+    sigma = [
+        np.sqrt(o.sigma**2 + np.einsum("ij,jk,ik->i", s, covariance, s))
+        for o, s in zip(observations, slopes, strict=True)
+    ]
+    errors = observable_errors(problem, observations, predictions)
+    return HeldOut(tuple(errors), chi2, int(gap.size), tuple(predictions), tuple(sigma))
+
+
+def _root(covariance: Array) -> Array:
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _carried_over(problem: Problem, best: Fit, joint: Problem) -> tuple[Array, Array]:
+    """Theta and covariance of a problem with more recordings.
+
+    A parameter of a recording that was not fitted is taken as the mean of those that were, with their
+    scatter as its uncertainty.
+    """
+    place = {name: k for k, name in enumerate(problem.names)}
+    theta = np.empty(len(joint.names))
+    covariance = np.zeros((theta.size, theta.size))
+    known = [(k, place[name]) for k, name in enumerate(joint.names) if name in place]
+    for k, old in known:
+        theta[k] = best.theta[old]
+        for other, old_other in known:
+            covariance[k, other] = best.covariance[old, old_other]
+    for k, name in enumerate(joint.names):
+        if name not in place:
+            fitted = [best.theta[i] for n, i in place.items() if n.split("[")[0] == name.split("[")[0]]
+            theta[k], covariance[k, k] = np.mean(fitted), np.var(fitted)
+    return theta, covariance

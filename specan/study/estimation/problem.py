@@ -1,0 +1,451 @@
+"""The fitting problem: a model with some effects, observations, and which parameters are free.
+
+This is what every other part of the study engine works on. In short::
+
+    problem = base_problem(model, observations)          # base effects, nuisances with their priors
+    result = fit(problem)                                # specan.study.estimation.fit
+    richer = problem.with_uses([Use("seal-drag")])       # its parameters free, at their defaults
+    problem.residual(theta)       # V^(-1/2) (predicted - measured), then (theta - mean) / sd of the priors
+    problem.jacobian(theta)       # derivative of that residual: the Gauss-Newton step is -(J'J)^-1 J'r
+    richer.start(result.values)   # a start that keeps what was fitted
+    problem.split(array)          # rows of a residual or Jacobian by observation; the priors come last
+
+An instrument effect that is in the problem as a nuisance (held by its certificate) becomes a candidate
+by `with_uses` as well: the use loses its priors and its parameters are free; `nuisances` says which uses
+can be treated so, `without` puts them back under their certificate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from specan.errors import RequestError, nearest
+from specan.models import Assembly, Model, Use, varying
+from specan.study.observation import Array, Observation
+
+DEAR = 2000  # rows from which an evaluation of the model is dear
+SKETCHED = 5000  # rows of a sketch
+STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Observations, a model, its free parameters and what is known about them beforehand.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        The model with its effects switched on, nuisances included.
+    observations : tuple of Observation
+    free : tuple of str
+        Full names of the parameters that are fitted (``churning.exponent``).
+    values : mapping
+        SI values: those of the parameters that are held, and starts for the others.
+    priors : mapping
+        ``{name: (mean, standard deviation)}`` in SI: certificates of instruments.
+    domains : mapping
+        ``{name: (low, high)}`` in SI where a study narrows or widens the parameter's own domain.
+    links : mapping
+        ``{name: other}``: the parameter always has the other's value.
+    nuisances : frozenset of Use
+        Uses that stand for instrument errors held by a prior.
+    """
+
+    assembly: Assembly
+    observations: tuple[Observation, ...]
+    free: tuple[str, ...]
+    values: Mapping[str, Any] = field(default_factory=dict)
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    domains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    links: Mapping[str, str] = field(default_factory=dict)
+    nuisances: frozenset[Use] = frozenset()
+
+    def __post_init__(self) -> None:
+        known = self.assembly.parameters
+        for name in (
+            *self.free,
+            *self.values,
+            *self.priors,
+            *self.domains,
+            *self.links,
+            *self.links.values(),
+        ):
+            if name not in known:
+                raise RequestError(f"the model has no parameter {name!r}", remedy=nearest(name, known))
+
+    # --- names and sizes ----------------------------------------------------------------------
+
+    @cached_property
+    def elements(self) -> dict[str, tuple[str, ...]]:
+        """Elements of each parameter that is a vector: ``{"microphone-gain.gain": ("Mic 1", ...)}``."""
+        found = {}
+        for name, parameter in self.assembly.parameters.items():
+            if parameter.per == "recording":
+                found[name] = self.recordings
+            elif parameter.per:
+                found[name] = tuple(self.assembly.model.axes[parameter.per])
+        return found
+
+    @cached_property
+    def recordings(self) -> tuple[str, ...]:
+        """Recordings of all observations, in their order."""
+        return tuple(dict.fromkeys(r for o in self.observations for r in o.recordings))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Name of every element of theta: ``churning.exponent``, ``microphone-gain.gain[Mic 3]``."""
+        return tuple(
+            f"{name}[{element}]" if element else name
+            for name in self.free
+            for element in self.elements.get(name, ("",))
+        )
+
+    @cached_property
+    def _owner(self) -> tuple[str, ...]:
+        return tuple(name for name in self.free for _ in self.elements.get(name, ("",)))
+
+    @cached_property
+    def n_data(self) -> int:
+        """Number of measured values."""
+        return sum(o.n for o in self.observations)
+
+    @property
+    def about_model(self) -> bool:
+        """Whether covariances depend on where the model is (see `specan.study.estimation.linearised_covariance`)."""
+        return any(o.about_model for o in self.observations)
+
+    @property
+    def resonant(self) -> bool:
+        """Whether the data are narrow peaks, which a fit from a poor start misses (`estimation.continuation`)."""
+        return any(o.resonant for o in self.observations)
+
+    @property
+    def dear(self) -> bool:
+        """Whether an evaluation is worth saving."""
+        return self.n_data > DEAR
+
+    @cached_property
+    def n_effective(self) -> float:
+        """Number of independent values that the data are worth."""
+        return float(sum(o.n_effective for o in self.observations))
+
+    @cached_property
+    def noise_dof(self) -> float:
+        """Degrees of freedom of the noise estimate over all observations (Satterthwaite)."""
+        total = sum(o.n for o in self.observations)
+        spread = sum((o.n / total) ** 2 / o.noise_dof for o in self.observations)
+        return 1 / spread if spread > 0 else float("inf")
+
+    @cached_property
+    def pure_dof(self) -> float:
+        """Degrees of freedom that only compare repeats with each other."""
+        return float(sum(o.pure_dof for o in self.observations))
+
+    @cached_property
+    def n_priors(self) -> int:
+        """Number of pseudo-residuals after the data."""
+        return len(self._prior_index)
+
+    # --- from theta to values ------------------------------------------------------------------
+
+    def values_at(self, theta: Array) -> dict[str, Any]:
+        """SI value of every parameter, those held and linked included."""
+        values: dict[str, Any] = dict(self._held)
+        position = 0
+        for name in self.free:
+            if name in self.elements:
+                size = len(self.elements[name])
+                values[name] = np.asarray(theta[position : position + size], dtype=float)
+                position += size
+            else:
+                values[name] = float(theta[position])
+                position += 1
+        for name, other in self.links.items():
+            values[name] = values[other]
+        return values
+
+    @cached_property
+    def _held(self) -> dict[str, Any]:
+        held = {}
+        for name, default in self.assembly.defaults().items():
+            value = self.values.get(name, default)
+            if name in self.elements and np.ndim(value) == 0:
+                value = np.full(len(self.elements[name]), float(value))
+            held[name] = value
+        return held
+
+    def start(self, values: Mapping[str, Any] | None = None) -> Array:
+        """Theta at the start values (declared defaults, a study's own), or at `values` where they have it."""
+        parts = []
+        for name in self.free:
+            value = (values or {}).get(name, self._held[name])
+            size = len(self.elements.get(name, ("",)))
+            parts.append(np.broadcast_to(np.asarray(value, dtype=float), (size,)))
+        theta = np.concatenate(parts) if parts else np.empty(0)
+        low, high = self.bounds()
+        return np.clip(theta, low, high)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper end of the domain of theta."""
+        ends = [self.domain(name) for name in self._owner]
+        return np.array([e[0] for e in ends]), np.array([e[1] for e in ends])
+
+    def domain(self, name: str) -> tuple[float, float]:
+        """Where a parameter may go, SI."""
+        si = self.assembly.parameters[name].si
+        return self.domains.get(name, (si.lower, si.upper))
+
+    def plausible(self, name: str) -> tuple[float, float]:
+        """Where a parameter is expected, SI; an amplitude of an effect beyond the base also where it vanishes.
+
+        A leak that is smaller than those one usually finds is a leak nevertheless.
+        """
+        si, model = self.assembly.parameters[name].si, self.assembly.model
+        owner, _, own = name.rpartition(".")
+        acting = {str(use): use for use in self.assembly.uses}
+        if owner not in acting or owner in map(str, model.base_effects):
+            return si.min, si.max
+        neutral = model.effects[acting[owner].name].neutral_si.get(own, si.min)
+        return min(si.min, neutral), max(si.max, neutral)
+
+    @cached_property
+    def scale(self) -> Array:
+        """Typical size of each element of theta: the prior's width, a quarter of the range, the default."""
+        return np.array([self._size(name) for name in self._owner])
+
+    def _size(self, name: str) -> float:
+        si = self.assembly.parameters[name].si
+        if name in self.priors:
+            return self.priors[name][1]
+        if np.isfinite(si.max - si.min) and si.max > si.min:
+            return float(min(si.max - si.min, 4 * abs(si.default) or np.inf)) / 4
+        return abs(si.default) or 1.0
+
+    # --- residual ------------------------------------------------------------------------------
+
+    def residual(self, theta: Array) -> Array:
+        """V^(-1/2) (predicted - measured) of every observation, then (theta - mean) / sd of the priors."""
+        values = self.values_at(theta)
+        parts = [
+            o.whiten(o.predict(self.assembly, self.seen_by(o, values)) - o.measured)
+            for o in self.observations
+        ]
+        return np.concatenate([*parts, self._prior_residual(theta)])
+
+    def jacobian(self, theta: Array) -> Array:
+        """Derivative of `residual`, shape (n_data + n_priors, len(theta))."""
+        slopes = self.sensitivities(theta)
+        white = [o.whiten(slope) for o, slope in zip(self.observations, slopes, strict=True)]
+        return np.concatenate([*white, self._prior_jacobian], axis=0)
+
+    def sensitivities(self, theta: Array) -> list[Array]:
+        """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences."""
+        theta = np.asarray(theta, dtype=float)
+        if not theta.size:
+            return [np.empty((o.n, 0)) for o in self.observations]
+        points, weights = self._stencil(theta)
+        many = [self.values_at(p) for p in points]
+        return [
+            o.predict_many(self.assembly, [self.seen_by(o, v) for v in many]) @ weights
+            for o in self.observations
+        ]
+
+    def _stencil(self, theta: Array) -> tuple[list[Array], Array]:
+        """Points around theta (itself first) and the weights that make derivatives of their predictions.
+
+        Central differences; one-sided ones of second order where a bound is near. Where an evaluation is
+        dear, plain one-sided ones: what they err by, the step's share of the parameter's width, no step
+        of a fit and no interval shows.
+        """
+        low, high = self.bounds()
+        points = [theta]
+        weights = np.zeros((2 * theta.size + 1, theta.size))
+        for k, scale in enumerate(self.scale):
+            h = STEP * max(scale, abs(theta[k]))
+            h = (theta[k] + h) - theta[k]
+            if self.dear:
+                h = -h if theta[k] + h > high[k] else h
+                weights[0, k] = -1 / h
+                weights[len(points), k] = 1 / h
+                points.append(theta.copy())
+                points[-1][k] += h
+                continue
+            if theta[k] - h < low[k]:
+                offsets, at_centre, outside = (1, 2), -1.5, (2.0, -0.5)
+            elif theta[k] + h > high[k]:
+                offsets, at_centre, outside = (-1, -2), 1.5, (-2.0, 0.5)
+            else:
+                offsets, at_centre, outside = (-1, 1), 0.0, (-0.5, 0.5)
+            weights[0, k] = at_centre / h
+            for place, (offset, weight) in enumerate(zip(offsets, outside, strict=True)):
+                point = theta.copy()
+                point[k] += offset * h
+                points.append(point)
+                weights[1 + 2 * k + place, k] = weight / h
+        return points, weights[: len(points)]
+
+    def predictions(self, theta: Array) -> list[Array]:
+        """What the model expects in place of `measured`, one vector an observation."""
+        values = self.values_at(theta)
+        return [o.predict(self.assembly, self.seen_by(o, values)) for o in self.observations]
+
+    def whiten(self, array: Array) -> Array:
+        """V^(-1/2) of all observations on an array over the `n_data` measured rows (no priors)."""
+        edges = np.cumsum([o.n for o in self.observations])[:-1]
+        return np.concatenate(
+            [o.whiten(part) for o, part in zip(self.observations, np.split(array, edges), strict=True)]
+        )
+
+    def split(self, array: Array) -> list[Array]:
+        """Rows of a residual or Jacobian: one part an observation, the priors' last."""
+        return np.split(array, np.cumsum([o.n for o in self.observations]))
+
+    def seen_by(self, observation: Observation, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Values as one observation sees them: of vectors over recordings, its own elements."""
+        own = [name for name in self._per_recording if name in values]
+        if not own or observation.recordings == self.recordings:
+            return values
+        index = [self.recordings.index(r) for r in observation.recordings]
+        return {**values, **{name: values[name][index] for name in own}}
+
+    @cached_property
+    def _per_recording(self) -> tuple[str, ...]:
+        return tuple(n for n, p in self.assembly.parameters.items() if p.per == "recording")
+
+    @cached_property
+    def _prior_index(self) -> list[int]:
+        return [i for i, owner in enumerate(self._owner) if owner in self.priors]
+
+    def _prior_residual(self, theta: Array) -> Array:
+        mean_sd = [self.priors[self._owner[i]] for i in self._prior_index]
+        return np.array([(theta[i] - m) / s for i, (m, s) in zip(self._prior_index, mean_sd, strict=True)])
+
+    @cached_property
+    def _prior_jacobian(self) -> Array:
+        rows = np.zeros((len(self._prior_index), len(self._owner)))
+        for row, i in enumerate(self._prior_index):
+            rows[row, i] = 1 / self.priors[self._owner[i]][1]
+        return rows
+
+    # --- other problems ------------------------------------------------------------------------
+
+    def sketched(self, theta: Array) -> Problem:
+        """The problem on part of its rows, with the residual that the whole has at theta; itself where they are few."""
+        if self.n_data <= SKETCHED:
+            return self
+        values, share = self.values_at(theta), SKETCHED / self.n_data
+        return self.over(
+            [o.sketch(self.assembly, self.seen_by(o, values), round(share * o.n)) for o in self.observations]
+        )
+
+    def with_uses(self, uses: Iterable[Use | str]) -> Problem:
+        """Add effects, their parameters free as far as declared and varied; a nuisance loses its certificate."""
+        new = [Use.parse(u) if isinstance(u, str) else u for u in uses]
+        assembly = self.assembly.model.assemble({*self.assembly.uses, *new})
+        varied = varying(o.conditions for o in self.observations)
+        own = [n for n in assembly.free(varied) if _owned(n, new)]
+        return replace(
+            self,
+            assembly=assembly,
+            free=tuple(dict.fromkeys([*self.free, *(n for n in own if n not in self.links)])),
+            priors={n: p for n, p in self.priors.items() if not _owned(n, new)},
+            nuisances=self.nuisances - set(new),
+        )
+
+    def without(self, use: Use | str) -> Problem:
+        """Take an effect out; an instrument error with a certificate goes back under it."""
+        use = Use.parse(use) if isinstance(use, str) else use
+        if use not in self.assembly.uses:
+            raise RequestError(
+                f"{use} is not in the model", remedy=nearest(str(use), map(str, self.assembly.uses))
+            )
+        model = self.assembly.model
+        kept = {n: v for n, v in self.values.items() if not _owned(n, [use])}
+        out = replace(
+            self,
+            assembly=model.assemble(u for u in self.assembly.uses if u != use),
+            free=tuple(n for n in self.free if not _owned(n, [use])),
+            values=kept,
+            priors={n: p for n, p in self.priors.items() if not _owned(n, [use])},
+            domains={n: d for n, d in self.domains.items() if not _owned(n, [use])},
+            links={n: o for n, o in self.links.items() if not _owned(n, [use]) and not _owned(o, [use])},
+            nuisances=self.nuisances - {use},
+        )
+        certified = use not in self.nuisances and any(str(use) == n.effect for n in model.nuisances)
+        return _with_nuisances(out, only=use) if certified else out
+
+    def holding(self, values: Mapping[str, float]) -> Problem:
+        """Hold parameters at given SI values instead of fitting them."""
+        return replace(
+            self,
+            free=tuple(n for n in self.free if n not in values),
+            values={**self.values, **values},
+            priors={n: p for n, p in self.priors.items() if n not in values},
+        )
+
+    def over(self, observations: Sequence[Observation]) -> Problem:
+        """The same model and parameters on other observations."""
+        return replace(self, observations=tuple(observations))
+
+
+def base_problem(
+    model: Model, observations: Sequence[Observation], uses: Iterable[Use | str] | None = None
+) -> Problem:
+    """Model with its base effects (or `uses`), every parameter free, its nuisances under their priors.
+
+    Parameters
+    ----------
+    model : Model
+    observations : sequence of Observation
+    uses : iterable of Use or str, optional
+        Effects instead of the model's base effects.
+    """
+    assembly = model.assemble(model.base_effects if uses is None else uses)
+    free = assembly.free(varying(o.conditions for o in observations))
+    return _with_nuisances(Problem(assembly, tuple(observations), free))
+
+
+def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
+    """Add the model's instrument errors that have a certificate and are not in the problem yet.
+
+    An error that the data cannot show at all (its conditions are missing) stays out.
+    """
+    model = problem.assembly.model
+    available = set().union(*(o.available for o in problem.observations)) if problem.observations else set()
+    untestable = model.not_testable(available)
+    priors, free, new = dict(problem.priors), list(problem.free), set()
+    values = dict(problem.values)
+    for nuisance in model.nuisances:
+        use = Use.parse(nuisance.effect)
+        if use in problem.assembly.uses or use.name in untestable or (only and use != only):
+            continue
+        effect = model.effects[use.name]
+        parameter = effect.parameters[nuisance.parameter]
+        mean = effect.neutral_si[nuisance.parameter]
+        sd = abs(parameter.to_si(effect.neutral[nuisance.parameter] + nuisance.prior_sd) - mean)
+        name = f"{use}.{nuisance.parameter}"
+        priors[name], values[name] = (mean, sd), mean
+        free.append(name)
+        new.add(use)
+    for use in new:  # parameters without a certificate rest where the effect vanishes
+        for name, value in model.effects[use.name].neutral_si.items():
+            values.setdefault(f"{use}.{name}", value)
+    return replace(
+        problem,
+        assembly=model.assemble({*problem.assembly.uses, *new}),
+        free=tuple(free),
+        values=values,
+        priors=priors,
+        nuisances=problem.nuisances | new,
+    )
+
+
+def _owned(name: str, uses: Sequence[Use]) -> bool:
+    """Whether a parameter's full name belongs to one of the uses."""
+    owner = name.rpartition(".")[0]
+    return any(owner == str(use) for use in uses)

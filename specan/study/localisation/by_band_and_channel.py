@@ -1,0 +1,325 @@
+"""Where a model fails on transfer functions: level and phase, by third octave, microphone and nearest wall.
+
+Whether a place stands out is a matter of the left-out algebra of `by_blocks`: in a cell, a third octave at
+one microphone, the prediction may be off along itself (a level) and across itself (a phase). Errors of
+different microphones are independent, or low in rank, so what holds for any set of cells follows from sums over
+cells. By how much
+the model is off there is said in plain dB and degrees (`specan.study.localisation.frf_errors`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.study.estimation.fit import Fit, misfit_p_value
+from specan.study.estimation.problem import Problem
+from specan.study.localisation.by_blocks import (
+    CLEAR,
+    LEAST_SHARE,
+    LEVEL,
+    Block,
+    LeftOut,
+    Localisation,
+    Trend,
+    benjamini_yekutieli,
+)
+from specan.study.localisation.frf_errors import room_errors
+from specan.study.observation import Array
+from specan.study.observation.frf import FrfObservation
+
+NEAR = 0.3  # of an edge: within this distance a microphone is near a wall
+MOST_SENTENCES = 3
+LONGEST_RUN = 3  # third octaves: an error that goes on further is said of all frequencies
+GAIN = 1.1  # by how much |z| has to be larger for a smaller or larger place to be named instead
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Mean error of the model over some cells, and its size in standard uncertainties.
+
+    Attributes
+    ----------
+    level_dB, phase_deg : float
+        Model over measurement; a positive phase is ahead.
+    z, z_phase : float
+    """
+
+    level_dB: float
+    phase_deg: float
+    z: float
+    z_phase: float
+
+    @property
+    def clarity(self) -> float:
+        """The larger of both z, as a size."""
+        return max(abs(self.z), abs(self.z_phase))
+
+
+class Cells:
+    """Sums over the cells of a fit: what any set of them says.
+
+    Attributes
+    ----------
+    bands : array
+        Nominal third octaves.
+    channels : tuple of str
+    """
+
+    def __init__(self, algebra: LeftOut) -> None:
+        observations = [o for o in algebra.problem.observations if isinstance(o, FrfObservation)]
+        band = np.concatenate([o.labels["third_octave_hz"] for o in observations])
+        channel = np.concatenate([o.labels["channel"] for o in observations])
+        self.bands = np.unique(band)
+        self.channels = tuple(dict.fromkeys(channel.tolist()))
+        turned = np.concatenate([_turned(p) for p in np.split(algebra.predicted, _ends(observations))])
+        both = [np.where(band == b, part, 0.0) for b in self.bands for part in (algebra.predicted, turned)]
+        parts = np.split(np.stack(both, axis=1), _ends(observations))
+        white = np.concatenate([o.whiten_each(part) for o, part in zip(observations, parts, strict=True)])
+        spread, shrink = _of_all(observations)
+        seen = white.shape[0]
+        basis, clean = algebra.basis[:seen], algebra.clean[:seen]
+        # Columns of one microphone are whitened to d - U s U'd, with d on its own rows: sums of d and of U'd do.
+        self._shared = 2 * shrink - shrink**2
+        of_basis, of_clean = (shrink[:, None] * (spread.T @ basis), shrink * (spread.T @ clean))
+        self._gram, self._fitted, self._along, self._spread = [], [], [], []
+        for name in self.channels:
+            rows = np.flatnonzero(channel == name)
+            own, onto = white[rows], spread[rows].T @ white[rows]
+            self._gram.append(own.T @ own)
+            self._spread.append(onto)
+            self._fitted.append(own.T @ basis[rows] - onto.T @ of_basis)
+            self._along.append(own.T @ clean[rows] - onto.T @ of_clean)
+
+    def statistic(self, channels: Sequence[int], bands: Sequence[int]) -> tuple[float, float]:
+        """Chi-square of a level and a phase error over some cells, all others refitted; its degrees of freedom."""
+        pick = np.zeros((2 * len(self.bands), 2))
+        for b in bands:
+            pick[2 * b, 0] = pick[2 * b + 1, 1] = 1.0
+        onto = sum(self._spread[m] for m in channels) @ pick
+        gram = pick.T @ sum(self._gram[m] for m in channels) @ pick - self._common(onto)
+        fitted = pick.T @ sum(self._fitted[m] for m in channels)
+        along = pick.T @ sum(self._along[m] for m in channels)
+        return _statistic(gram, fitted, along, np.diag(gram))
+
+    def fall(self, variable: str) -> tuple[float, float]:
+        """Fall of chi-square, and degrees of freedom, if every level of a variable had its own error."""
+        if variable == "channel":
+            level = np.tile(np.eye(2), (len(self.bands), 1))
+            grams = [level.T @ g @ level for g in self._gram]
+            gram = np.zeros((2 * len(grams), 2 * len(grams)))
+            for k, g in enumerate(grams):
+                gram[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = g
+            gram -= self._common(np.concatenate([onto @ level for onto in self._spread], axis=1))
+            fitted = np.concatenate([level.T @ f for f in self._fitted])
+            along = np.concatenate([level.T @ a for a in self._along])
+        else:
+            gram, fitted, along = (np.sum(parts, axis=0) for parts in (self._gram, self._fitted, self._along))
+            gram = gram - self._common(np.sum(self._spread, axis=0))
+        return _statistic(gram, fitted, along, np.diag(gram))
+
+    def _common(self, onto: Array) -> Array:
+        """What the errors that all microphones share take from a Gram matrix."""
+        taken: Array = onto.T @ (self._shared[:, None] * onto)
+        return taken
+
+
+def _of_all(observations: Sequence[FrfObservation]) -> tuple[Array, Array]:
+    """Directions that errors common to all microphones of a recording widen, and by how much each is shortened."""
+    from scipy.linalg import block_diag
+
+    found = [o.of_all for o in observations]
+    return block_diag(*(basis for basis, _ in found)), np.concatenate([shrink for _, shrink in found])
+
+
+def _statistic(gram: Array, fitted: Array, along: Array, whole: Array) -> tuple[float, float]:
+    """Chi-square along directions; those that the parameters all but absorb do not count."""
+    size = np.sqrt(np.maximum(whole, 1e-300))
+    values, vectors = np.linalg.eigh((gram - fitted @ fitted.T) / np.outer(size, size))
+    kept = values > LEAST_SHARE
+    turned = vectors[:, kept].T @ (along / size)
+    return float(np.sum(turned**2 / values[kept])), float(kept.sum())
+
+
+def _ends(observations: Sequence[Any]) -> NDArray[np.intp]:
+    return np.cumsum([o.n for o in observations])[:-1]
+
+
+def _turned(predicted: Array) -> Array:
+    """Real parts, then imaginary parts, of the prediction times j."""
+    real, imaginary = np.split(predicted, 2)
+    return np.concatenate([-imaginary, real])
+
+
+class Words:
+    """Level and phase errors of all recordings of a problem, over any set of cells of `Cells`."""
+
+    def __init__(self, problem: Problem, best: Fit, cells: Cells) -> None:
+        predictions = problem.predictions(best.theta)
+        nowhere = np.empty((0, 3))
+        self._errors = [
+            room_errors(o, p, nowhere)  # type: ignore[arg-type]
+            for o, p in zip(problem.observations, predictions, strict=True)
+        ]
+        self._cells = cells
+
+    def failure(self, channels: Sequence[int], bands: Sequence[int]) -> Failure:
+        """Mean error over some microphones and bands: of several recordings, of the one that is furthest off."""
+        names = {self._cells.channels[m] for m in channels}
+        wanted = self._cells.bands[list(bands)]
+        found = []
+        for one in self._errors:
+            rows = [m for m, name in enumerate(one.channels) if name in names]
+            level, u_level, phase, u_phase = one.mean(
+                rows, np.flatnonzero(np.isin(one.bands, wanted)).tolist()
+            )
+            if np.isfinite(level):
+                found.append(Failure(level, phase, level / u_level, phase / u_phase))
+        return max(found, key=lambda f: f.clarity)
+
+
+def localise_frf(problem: Problem, best: Fit) -> Localisation:
+    """Find third octaves, microphones and walls at which a fitted model of transfer functions fails."""
+    cells = Cells(LeftOut(problem, best))
+    words = Words(problem, best, cells)
+    near = near_walls(problem.assembly.model.settings.get("rig", {}), cells.channels, problem)
+    blocks = [_block(cells, words, problem, where, m, b) for where, m, b in _places(cells, near)]
+    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
+    marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
+    fails = any(b.significant for b in marked)
+    return Localisation(
+        blocks=tuple(sorted(marked, key=lambda b: (b.p_value, -b.statistic))),
+        trends=_trends(cells, problem),
+        notes=tuple(_sentences(cells, words, near)) if fails else (),
+    )
+
+
+def near_walls(rig: Mapping[str, Any], channels: Sequence[str], problem: Problem) -> dict[str, list[int]]:
+    """Numbers of the channels near each wall of a box; at least two, and not all."""
+    dims = (rig.get("room") or {}).get("dims_m")
+    if dims is None:
+        return {}
+    names = problem.assembly.model.axes["microphone"]
+    place = np.array([rig["mics"]["position_m"][names.index(c)] for c in channels])
+    found = {}
+    for axis, edge in enumerate(dims):
+        for side, distance in (("0", place[:, axis]), ("1", edge - place[:, axis])):
+            inside = np.flatnonzero(distance <= NEAR * edge).tolist()
+            if 2 <= len(inside) < len(channels):
+                found["xyz"[axis] + side] = inside
+    return found
+
+
+Place = tuple[dict[str, Any], list[int], list[int]]
+
+
+def _places(cells: Cells, near: Mapping[str, list[int]]) -> Iterator[Place]:
+    """Third octaves, microphones, walls, and every pair of a third octave with one of the others."""
+    everywhere, always = list(range(len(cells.channels))), list(range(len(cells.bands)))
+    groups: list[tuple[dict[str, Any], list[int]]] = []
+    if len(everywhere) > 1:
+        groups += [({"channel": name}, [m]) for m, name in enumerate(cells.channels)]
+    groups += [({"near_wall": wall}, inside) for wall, inside in near.items()]
+    for where, chosen in groups:
+        yield where, chosen, always
+    for b, band in enumerate(cells.bands.tolist()):
+        yield {"third_octave_hz": band}, everywhere, [b]
+        for where, chosen in groups:
+            yield {"third_octave_hz": band, **where}, chosen, [b]
+
+
+def _block(
+    cells: Cells,
+    words: Words,
+    problem: Problem,
+    where: Mapping[str, Any],
+    channels: list[int],
+    bands: list[int],
+) -> Block:
+    found = words.failure(channels, bands)
+    statistic, dof = cells.statistic(channels, bands)
+    rows = sum(
+        int(np.sum(np.isin(o.labels["third_octave_hz"], cells.bands[bands])
+                   & np.isin(o.labels["channel"], [cells.channels[m] for m in channels])))
+        for o in problem.observations
+    )  # fmt: skip
+    observable = problem.observations[0].observable  # type: ignore[attr-defined]
+    relative = 100 * (10 ** (found.level_dB / 20) - 1)
+    p = misfit_p_value(statistic, dof, problem.noise_dof) if dof else float("nan")
+    unit = problem.assembly.model.observables[observable].unit
+    return Block(
+        where, observable, rows, statistic, p, found.z, relative, float("nan"), unit,
+        level_dB=found.level_dB, phase_deg=found.phase_deg, z_phase=found.z_phase,
+    )  # fmt: skip
+
+
+def _trends(cells: Cells, problem: Problem) -> tuple[Trend, ...]:
+    names = ["third_octave_hz", *(["channel"] if len(cells.channels) > 1 else [])]
+    p = [misfit_p_value(*cells.fall(name), problem.noise_dof) for name in names]
+    passed = benjamini_yekutieli(p, LEVEL)
+    found = [Trend(n, v, bool(ok), "") for n, v, ok in zip(names, p, passed, strict=True)]
+    return tuple(sorted(found, key=lambda t: t.p_value))
+
+
+# --- sentences ---------------------------------------------------------------------------------------
+
+
+def _sentences(cells: Cells, words: Words, near: Mapping[str, list[int]]) -> list[str]:
+    """The clearest places, each a run of third octaves at some microphones; none twice."""
+    groups: list[tuple[str, list[int]]] = [("all microphones", list(range(len(cells.channels))))]
+    groups += [(f"microphones near wall {wall}", inside) for wall, inside in near.items()]
+    groups += [(name, [m]) for m, name in enumerate(cells.channels)]
+    count = len(cells.bands)
+    ends = [(a, a + n) for n in range(1, LONGEST_RUN + 1) for a in range(count - n + 1)]
+    runs = [list(range(*pair)) for pair in dict.fromkeys([*ends, (0, count)])]
+    every = [(words.failure(m, b), text, m, b) for text, m in groups for b in runs]
+    taken: set[tuple[int, int]] = set()
+    found: list[str] = []
+    for _ in range(MOST_SENTENCES):
+        free = [e for e in every if not taken.intersection((m, b) for m in e[2] for b in e[3])]
+        if not free:
+            break
+        best = max(free, key=lambda e: e[0].clarity)
+        # of places that are about as clear, the widest says most
+        alike = [e for e in free if GAIN * e[0].clarity >= best[0].clarity]
+        failure, text, channels, bands = max(alike, key=lambda e: len(e[2]) * len(e[3]))
+        if failure.clarity < CLEAR:
+            break
+        taken |= {(m, b) for m in channels for b in bands}
+        z = failure.z if abs(failure.z) >= abs(failure.z_phase) else failure.z_phase
+        band = "all frequencies" if len(bands) == count else _edges(cells.bands[bands])
+        where = f"{band}, {text}"
+        found.append(f"{where}: {failure_text(failure)} (z = {z:.1f})")
+    return found
+
+
+def _edges(bands: Array) -> str:
+    """Lower and upper edge of a run of third octaves: ``178-224 Hz``."""
+    exact = 1000 * 10 ** (np.round(10 * np.log10(bands / 1000)) / 10)
+    return f"{exact[0] * 10**-0.05:.0f}-{exact[-1] * 10**0.05:.0f} Hz"
+
+
+def failure_text(found: Failure | Block) -> str:
+    """``model 4.0 dB high``, ``model 12 degrees ahead``, or both.
+
+    Examples
+    --------
+    >>> failure_text(Failure(3.96, -2.0, 8.0, -1.0))
+    'model 4 dB high'
+    >>> failure_text(Failure(-0.31, -12.2, -4.0, -9.0))
+    'model 0.31 dB low and 12 degrees behind'
+    """
+    parts = []
+    if abs(found.z) >= CLEAR and found.level_dB is not None:
+        parts.append(f"{_round(found.level_dB)} dB {'high' if found.level_dB > 0 else 'low'}")
+    if found.z_phase is not None and abs(found.z_phase) >= CLEAR and found.phase_deg is not None:
+        parts.append(f"{_round(found.phase_deg)} degrees {'ahead' if found.phase_deg > 0 else 'behind'}")
+    return "model " + (" and ".join(parts) or "off in no one direction")
+
+
+def _round(value: float) -> str:
+    return f"{abs(value):.2g}"

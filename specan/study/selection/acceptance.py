@@ -1,0 +1,162 @@
+"""The gate that an effect has to pass before it is believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from specan.study.selection import cross_validation
+from specan.study.selection.f_test import improvement_probability
+from specan.study.selection.multiple_testing import Family, simulated_probability
+from specan.study.selection.refits import FORM, Refit
+
+LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
+DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
+DRAWS = 20_000
+
+
+@dataclass(frozen=True)
+class Passage:
+    """How an extension of a model fares.
+
+    Attributes
+    ----------
+    p_value : float
+        Family-wise probability of such an improvement by chance.
+    delta_bic : float
+        Fall in BIC, chi-square in units of max(s^2, 1).
+    held_out_gain : float
+        Gain in blocked cross-validation.
+    p_beyond_form : float
+        As `p_value`, allowing for effects that are in the model already but have another form in truth.
+    """
+
+    p_value: float
+    p_beyond_form: float
+    delta_bic: float
+    held_out_gain: float
+    plausible: bool
+    level: float
+
+    @property
+    def passed(self) -> bool:
+        """All of: improbable by chance, decisive, predicts better what was left out, plausible."""
+        return self.needed and self.p_beyond_form <= self.level
+
+    @property
+    def needed(self) -> bool:
+        """The same if the effects that are in the model already had exactly the form of their equations."""
+        return (
+            self.p_value <= self.level
+            and self.delta_bic > DECISIVE
+            and self.held_out_gain > 0
+            and self.plausible
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Gate:
+    """The tests of one step of the search.
+
+    Attributes
+    ----------
+    start : Refit
+        What is to be extended.
+    family : Family
+        All directions tried from there.
+    explained : float
+        Chi-square that the effects which the search has added so far have taken away.
+    level : float
+        Family-wise level of this step.
+    bootstrap : bool
+        Family-wise probabilities by simulation of the maximum instead of the bound.
+    """
+
+    start: Refit
+    family: Family
+    explained: float = 0.0
+    level: float = LEVEL
+    bootstrap: bool = False
+
+    def passage(self, extended: Refit, *, plausible: bool, tests: float | None = None) -> Passage:
+        """Fate of an extension.
+
+        Parameters
+        ----------
+        extended : Refit
+            The start, or another set with fewer effects, with further effects.
+        plausible : bool
+            Whether its parameters are (see `plausibility`).
+        tests : float, optional
+            Number of tests in the family, where it is not that of the directions (pairs).
+        """
+        start, scale = self.start, extended.scale
+
+        def probability(tolerated: float) -> float:
+            single = improvement_probability(
+                start.chi2 - extended.chi2,
+                max(extended.amplitudes - start.amplitudes, 1),
+                scale=scale,
+                noise_dof=noise_dof(extended),
+                sided=1 if extended.uses - start.uses <= extended.one_sided else 2,
+                tolerated=tolerated,
+            )
+            return self._family_wise(single) if tests is None else min(tests * single, 1.0)
+
+        return Passage(
+            p_value=probability(0.0),
+            p_beyond_form=probability(FORM**2 * self.explained / scale),
+            delta_bic=start.bic(scale) - extended.bic(scale),
+            held_out_gain=held_out_gain(start, extended),
+            plausible=plausible,
+            level=self.level,
+        )
+
+    def _family_wise(self, single: float) -> float:
+        bound = self.family.probability(single)
+        if self.bootstrap and bound > 0.05 * self.level:
+            return simulated_probability(self.family, single, DRAWS)
+        return bound
+
+    @property
+    def pairs(self) -> float:
+        """Number of independent tests that all pairs are worth."""
+        p = self.level / 100
+        count = self.family.probability(p) / p
+        return max(count * (count - 1) / 2, 1.0)
+
+    @property
+    def single_level(self) -> float:
+        """Two-sided probability of one test that the family-wise level leaves to it."""
+        from scipy.optimize import brentq
+
+        low = np.log(self.level * 1e-5)
+        if self.family.probability(self.level) <= self.level:
+            return self.level
+        root = brentq(
+            lambda x: self.family.probability(float(np.exp(x))) - self.level, low, np.log(self.level)
+        )
+        return float(np.exp(root))
+
+    @property
+    def needed_gain(self) -> float:
+        """Chi-square that one amplitude has to gain to pass."""
+        from scipy.special import chdtri
+
+        return float(chdtri(1, self.single_level))
+
+
+def noise_dof(refit: Refit) -> float:
+    """Degrees of freedom behind max(s^2, 1): those of the noise estimate and of the residual."""
+    return refit.problem.noise_dof + refit.dof
+
+
+def held_out_gain(start: Refit, extended: Refit) -> float:
+    """Gain in blocked cross-validation, every level of every operating variable left out in turn."""
+    problem = start.problem
+    left_out, first = [], 0
+    for observation in problem.observations:
+        left_out += [b + first for b in cross_validation.blocks(observation.labels, observation.n)]
+        first += observation.n
+    return cross_validation.gain(start.linear, extended.linear, left_out, extended.scale)

@@ -1,0 +1,126 @@
+"""Which explanations the data cannot tell apart.
+
+D is the chi-square that a rival leaves on the noise-free data of another: the criterion of T-optimal designs
+(Atkinson & Fedorov 1975, Biometrika 62:57) on the measured design. With D = 9 one is mistaken for the other in
+7 % of cases, with D = 0 they are aliases.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from specan.study.estimation.projection import Projection
+from specan.study.selection.acceptance import DECISIVE
+from specan.study.selection.candidates import candidates, taken_for
+from specan.study.selection.refits import FORM, Refit
+from specan.study.selection.score_test import best_of_each, score, score_pairs
+from specan.study.selection.search import Search
+from specan.study.selection.starting_values import ways
+
+TELLING = 10.0  # D below which two explanations are not told apart
+WIDE = 30.0  # D of the linearised distance within which a rival is refitted
+MOST_RIVALS, MOST_DEAR_RIVALS = 8, 3
+
+
+def distance(truth: Refit, rival: Refit) -> float:
+    """Chi-square that the rival leaves on what the truth predicts, one step inside its bounds from its fit."""
+    gap = rival.fit.residual * rival.weights - truth.residual_like(rival)
+    if not rival.fit.at_bound:
+        return rival.linear.free_chi2(gap)
+    from scipy.optimize import lsq_linear
+
+    size = rival.problem.scale
+    low, high = rival.problem.bounds()
+    ends = ((low - rival.fit.theta) / size, np.maximum(high - rival.fit.theta, 0.0) / size + 1e-12)
+    columns = rival.fit.jacobian * rival.weights[:, None] * size
+    return 2 * float(lsq_linear(columns, -gap, (np.minimum(ends[0], 0.0), ends[1])).cost)
+
+
+def seen_from(base: Refit, best: Refit) -> Refit:
+    """The base model at the parameters of another fit, and what it lacks there.
+
+    Its residual is that against the best fit's noise-free prediction, so that scores of candidates from
+    here say what each of them leaves of it: chi-square to a linear refit less gain = D.
+    """
+    problem = base.problem
+    theta = problem.start(best.fit.values)
+    here = replace(
+        base.fit,
+        theta=theta,
+        values=problem.values_at(theta),
+        residual=problem.residual(theta),
+        jacobian=problem.jacobian(theta),
+    )
+    return replace(base, fit=here)
+
+
+def refit_rivals(search: Search) -> None:
+    """Refit sets as large as the best one that the linearised distance does not rule out."""
+    best = search.step(search.best).seen
+    there = seen_from(search.step(search.base).seen, best)
+    found, _ = candidates(there.problem)
+    gap = there.fit.residual * there.weights - best.residual_like(there)
+    noise_free = replace_residual(there.linear, gap)
+    scored = score(noise_free, search.tried_at(there, found), there.weights)
+    whole = noise_free.free_chi2(gap)
+    if len(best.uses) == 1:
+        options = [(whole - items[0].gain, [items[0]]) for items in best_of_each(scored).values()]
+    else:
+        options = [(whole - pair.gain, [pair.first, pair.second]) for pair in score_pairs(noise_free, scored)]
+    options.sort(key=lambda option: option[0])
+    dear = search.best.problem.dear  # then the search has refitted few, and none for its place in the ranking
+    limit = max(WIDE * best.scale, FORM**2 * (search.base.chi2 - search.best.chi2) if dear else 0.0)
+    near = [members for d, members in options[: MOST_DEAR_RIVALS if dear else MOST_RIVALS] if d < limit]
+    if dear and len(search.best.uses) == 1:  # first: what is refitted here is not refitted below
+        declared = [
+            use
+            for use in taken_for(there.problem.assembly.model, *search.best.uses)
+            if (done := search.refits.done.get(frozenset({use}))) is None or done.chi2 > best.chi2 + WIDE
+        ]
+        for items in ways(there, declared).values():
+            search.refits.fit(there, [[item] for item in items], again=True)
+    for members in near:
+        search.refits.fit(there, [members])
+
+
+def replace_residual(linear: Projection, residual: np.ndarray) -> Projection:
+    """The same tangent plane with another residual."""
+    return Projection(residual, linear.basis)
+
+
+def alternatives(search: Search) -> list[Refit]:
+    """Sets that the data cannot tell from the best, best first; the best alone where they can."""
+    best = search.best
+    if not best.uses:
+        return []
+    refit_rivals(search)
+    rivals = [
+        refit
+        for uses, refit in search.refits.done.items()
+        if uses and uses != best.uses and not uses > best.uses and len(uses) <= len(best.uses)
+    ]
+    kept = [r for r in rivals if _alike(search, best, r)]
+    return [best, *sorted([*kept, *search.extensions], key=lambda r: r.bic(best.scale))]
+
+
+def _alike(search: Search, best: Refit, rival: Refit) -> bool:
+    """BIC as good as the best one's, or a distance below 10 while the data do not rule the rival out.
+
+    As good is within 6, and within what an equation that is not exact may cost the right effect.
+    """
+    if not search.believable(rival) or (len(rival.uses) > 1 and not search.needs_all(rival)):
+        return False
+    behind = rival.bic(best.scale) - best.bic(best.scale)
+    explained = (search.base.chi2 - best.chi2) / best.scale
+    if behind < DECISIVE + FORM**2 * explained:
+        return True
+    there, back = distance(best, rival) / best.scale, distance(rival, best) / best.scale
+    off = (rival.chi2 - best.chi2) / best.scale
+    return (there < TELLING and off < _as_far_as(there)) or (back < TELLING and behind < TELLING)
+
+
+def _as_far_as(distance_there: float) -> float:
+    """Chi-square by which a rival at this distance may lie behind in one of twenty samples: D + 2 sd."""
+    return distance_there + 4 * float(np.sqrt(max(distance_there, 1.0)))

@@ -1,0 +1,122 @@
+"""The smallest size at which each effect would have been seen in these data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from specan.study.estimation.fit import Fit
+from specan.study.selection.acceptance import DECISIVE, Gate
+from specan.study.selection.candidates import Candidate, candidates
+from specan.study.selection.f_test import visible_noncentrality
+from specan.study.selection.refits import Refit
+from specan.study.selection.signatures import changes, default_value, prior_rows
+
+POWER = 0.8
+ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Visible:
+    """Smallest visible value of an effect's amplitude; None where none in its domain would be seen."""
+
+    use: str
+    parameter: str
+    value: float | None
+    unit: str
+
+
+def smallest_visible(start: Refit, gate: Gate, scale: float) -> list[Visible]:
+    """For every candidate the amplitude that the gate would let through in 80 % of repetitions.
+
+    An effect of this size, its shapes at their defaults, leaves a chi-square lambda on the refitted model
+    without it, where lambda = (z_(1 - level/2) + z_0.8)^2 at the single-test level that the family-wise one
+    leaves (Saris, Satorra & van der Veld 2009). Smaller effects may be there all the same.
+
+    Parameters
+    ----------
+    start : Refit
+        The model that the effect would be added to.
+    gate : Gate
+        Of a step from there.
+    scale : float
+        max(s^2, 1) of the best model.
+    """
+    found, _ = candidates(start.problem)
+    level = gate.single_level
+    return [_of(start, candidate, level, scale) for candidate in found]
+
+
+def _of(start: Refit, candidate: Candidate, level: float, scale: float) -> Visible:
+    name = candidate.amplitudes[0]
+    price = DECISIVE + candidate.count * float(np.log(start.problem.n_effective))
+    needed = max(visible_noncentrality(level, POWER), (np.sqrt(price) + 0.84) ** 2) * scale
+    value = _released(start, candidate, needed) if candidate.released else _moved(start, candidate, needed)
+    parameter = candidate.parameter(name)
+    return Visible(
+        str(candidate.use), name, None if value is None else float(parameter.from_si(value)), parameter.unit
+    )
+
+
+def _released(start: Refit, candidate: Candidate, needed: float) -> float | None:
+    """Size of an instrument error: its certificate pulls it to zero until the data insist."""
+    name = candidate.released[0]
+    row = prior_rows(start.problem)[name]
+    step = np.zeros(start.fit.residual.size)
+    step[row] = 1.0
+    left = start.linear.free_chi2(step)
+    width = start.problem.priors[name.split("[")[0]][1]
+    low, high = candidate.extended.domain(name.split("[")[0])
+    if left <= 0:
+        return None
+    size = width * float(np.sqrt(needed / left))
+    return size if size <= max(high, -low) else None
+
+
+def _moved(start: Refit, candidate: Candidate, needed: float) -> float | None:
+    """Size at which the trace that the model cannot absorb reaches `needed`, by a secant in its logarithm."""
+    name = candidate.amplitudes[0]
+    neutral = candidate.neutral(name)
+    toward = default_value(candidate, name) - neutral
+    low, high = candidate.extended.domain(name.split("[")[0])
+    most = abs((high if toward > 0 else low) - neutral)
+    size, power = abs(toward), 2.0
+    previous: tuple[float, float] | None = None
+    for _ in range(ROUNDS):
+        size = min(size, most)
+        left = _left(start, start.fit, candidate, name, neutral + np.sign(toward) * size)
+        if left is None or left <= 0:
+            return None
+        if abs(np.log(left / needed)) < 0.02:
+            return size
+        if previous and previous[0] != size and previous[1] != left:
+            power = float(np.clip(np.log(left / previous[1]) / np.log(size / previous[0]), 0.5, 4.0))
+        previous = (size, left)
+        if size == most and left < needed:
+            return None
+        size *= (needed / left) ** (1 / power)
+    return size if size <= most else None
+
+
+def _left(start: Refit, fit: Fit, candidate: Candidate, name: str, value: float) -> float | None:
+    shapes = {n: default_value(candidate, n) for n in candidate.shapes}
+    column = changes(start.problem, fit, candidate, [{**shapes, name: value}])[0]
+    return None if column is None else start.linear.free_chi2(column * start.weights)
+
+
+def by_effect(found: Sequence[Visible]) -> dict[str, dict[str, float | str] | None]:
+    """Per bare effect name; of an effect at several places the least visible one's value."""
+    table: dict[str, dict[str, float | str] | None] = {}
+    for visible in found:
+        name = visible.use.split("@")[0]
+        entry: dict[str, float | str] | None = (
+            None if visible.value is None else {"value": visible.value, "unit": visible.unit}
+        )
+        before = table.get(name, entry)
+        if entry is None or before is None:
+            table[name] = None
+        else:
+            table[name] = max(before, entry, key=lambda e: abs(float(e["value"])))
+    return dict(sorted(table.items()))

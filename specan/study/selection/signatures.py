@@ -1,0 +1,219 @@
+"""What each candidate does to the whitened residual, for sizes and shapes over its plausible range."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import ComputationError
+from specan.models import Use
+from specan.study.estimation.fit import Fit
+from specan.study.estimation.problem import Problem
+from specan.study.selection.candidates import Candidate
+
+Array = NDArray[np.float64]
+
+MOST_VALUES = 4_000_000  # predicted values held at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """Change of the residual by one candidate at one place of its shapes.
+
+    Attributes
+    ----------
+    columns : array, (n_rows, q)
+        Change when each amplitude goes from its neutral value by its `size`; rows as in the residual
+        of the problem without the candidate. A released certificate is a unit step of its prior's row.
+    names : tuple of str
+        Amplitudes, one a column.
+    neutral, size : array, (q,)
+        Values that the columns stand for; size 0 for a released certificate.
+    shapes : mapping
+        SI values of the shape parameters.
+    reach : tuple of float
+        Smallest and largest multiple of `size` that the domain allows (one amplitude), else infinite.
+    """
+
+    use: Use
+    columns: Array
+    names: tuple[str, ...]
+    neutral: Array
+    size: Array
+    shapes: Mapping[str, float]
+    reach: tuple[float, float]
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the amplitude can have one sign only."""
+        return self.columns.shape[1] == 1 and (self.reach[0] > -1e-9 or self.reach[1] < 1e-9)
+
+
+Point = Mapping[str, float]
+Known = dict[tuple[Use, tuple[tuple[str, float], ...]], "Array | None"]
+
+
+def traces(
+    problem: Problem,
+    fit: Fit,
+    found: Sequence[Candidate],
+    points: Mapping[Use, Sequence[Point]],
+    known: Known | None = None,
+) -> list[Trace]:
+    """Traces of candidates at a fit of the problem that lacks them, at planned points.
+
+    `known` holds changes that were worked out at the same fit already.
+    """
+    known = {} if known is None else known
+    return [
+        trace
+        for candidate in found
+        if candidate.use in points
+        for trace in _of(problem, fit, candidate, points[candidate.use], known)
+    ]
+
+
+def _of(
+    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known
+) -> Iterator[Trace]:
+    if candidate.released:
+        yield _certificate(problem, fit, candidate)
+    elif len(candidate.amplitudes) > 1:
+        yield from _several_amplitudes(problem, fit, candidate, points)
+    else:
+        amplitude = candidate.amplitudes[0]
+        for point, column in zip(points, changes(problem, fit, candidate, points, known)):
+            if column is not None:
+                shapes = {name: value for name, value in point.items() if name != amplitude}
+                yield _trace(candidate, amplitude, point[amplitude], shapes, column)
+
+
+def carried(seen: Sequence[Trace], old: Problem, new: Problem, uses: Collection[Use]) -> list[Trace]:
+    """Traces for another set of effects, taken as they were: rows of priors that it put aside fall out.
+
+    What an effect does to the residual depends little on the effects beside it, and where an evaluation is
+    dear that is enough to see which ones are worth a refit.
+    """
+    rows = [*range(old.n_data), *(row for name, row in prior_rows(old).items() if name in prior_rows(new))]
+    return [replace(t, columns=t.columns[rows]) for t in seen if t.use in uses]
+
+
+def _trace(
+    candidate: Candidate, amplitude: str, value: float, shapes: Mapping[str, float], column: Array
+) -> Trace:
+    neutral = candidate.neutral(amplitude)
+    size = value - neutral
+    low, high = candidate.extended.domain(amplitude.split("[")[0])
+    ends = sorted(((low - neutral) / size, (high - neutral) / size))
+    return Trace(
+        candidate.use, column[:, None], (amplitude,), np.array([neutral]), np.array([size]), shapes,
+        (ends[0], ends[1]),
+    )  # fmt: skip
+
+
+def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Trace:
+    """Without its prior a nuisance is free: the same as a free step of the prior's pseudo-datum."""
+    rows = prior_rows(problem)
+    columns = np.zeros((fit.residual.size, len(candidate.released)))
+    for k, name in enumerate(candidate.released):
+        columns[rows[name], k] = 1.0
+    count = len(candidate.released)
+    return Trace(
+        candidate.use, columns, candidate.released, np.zeros(count), np.zeros(count),
+        {n: default_value(candidate, n) for n in candidate.shapes}, (-np.inf, np.inf),
+    )  # fmt: skip
+
+
+def prior_rows(problem: Problem) -> dict[str, int]:
+    """Row of the residual that holds the prior of each element of theta."""
+    held = [n for n in problem.names if n.split("[")[0] in problem.priors]
+    return {name: problem.n_data + k for k, name in enumerate(held)}
+
+
+def _several_amplitudes(
+    problem: Problem, fit: Fit, candidate: Candidate, places: Sequence[Point]
+) -> Iterator[Trace]:
+    names = candidate.amplitudes
+    neutral = np.array([candidate.neutral(n) for n in names])
+    value = np.array([default_value(candidate, n) for n in names])
+    rest = dict(zip(names, neutral))
+    points = [{**s, **rest, n: v} for s in places for n, v in zip(names, value)]
+    columns = changes(problem, fit, candidate, points)
+    for k, shapes in enumerate(places):
+        part = [c for c in columns[k * len(names) : (k + 1) * len(names)] if c is not None]
+        if len(part) == len(names):
+            yield Trace(
+                candidate.use, np.column_stack(part), names, neutral, value - neutral, shapes,
+                (-np.inf, np.inf),
+            )  # fmt: skip
+
+
+def default_value(candidate: Candidate, name: str) -> float:
+    """Default of an own element; an amplitude whose default is neutral takes the far plausible end."""
+    value = candidate.parameter(name).si.default
+    if name in candidate.amplitudes and value == candidate.neutral(name):
+        low, high = candidate.plausible(name)
+        neutral = candidate.neutral(name)
+        return high if high - neutral >= neutral - low else low
+    return value
+
+
+def changes(
+    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known | None = None
+) -> list[Array | None]:
+    """Whitened change of all rows at each point; None where the model has no finite value there."""
+    known = {} if known is None else known
+    keys = [(candidate.use, tuple(sorted(point.items()))) for point in points]
+    new = {key: point for key, point in zip(keys, points) if key not in known}
+    known.update(zip(new, _worked_out(problem, fit, candidate, list(new.values()))))
+    return [known[key] for key in keys]
+
+
+def _worked_out(
+    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point]
+) -> list[Array | None]:
+    extended = candidate.extended
+    start = extended.start({**fit.values, **_neutral_values(candidate)})
+    places = {name: k for k, name in enumerate(extended.names)}
+    many = []
+    for point in points:
+        theta = start.copy()
+        for name, value in point.items():
+            theta[places[name]] = value
+        many.append(extended.values_at(theta))
+    out: list[Array | None] = []
+    chunk = max(1, MOST_VALUES // problem.n_data)
+    for first in range(0, len(many), chunk):
+        out += _residual_changes(extended, fit, many[first : first + chunk], problem.n_data)
+    return out
+
+
+def _neutral_values(candidate: Candidate) -> dict[str, float]:
+    return {f"{candidate.use}.{n}": v for n, v in candidate.effect.neutral_si.items()}
+
+
+def _residual_changes(
+    extended: Problem, fit: Fit, many: Sequence[Mapping[str, Any]], n_data: int
+) -> list[Array | None]:
+    try:
+        table = residuals(extended, many)
+    except ComputationError:  # a loop that runs away at one point must not take the others with it
+        if len(many) == 1:
+            return [None]
+        return [c for values in many for c in _residual_changes(extended, fit, [values], n_data)]
+    change = np.zeros((fit.residual.size, len(many)))
+    change[:n_data] = table - fit.residual[:n_data, None]
+    return [c if np.all(np.isfinite(c)) else None for c in change.T]
+
+
+def residuals(problem: Problem, many: Sequence[Mapping[str, Any]]) -> Array:
+    """Whitened data residuals (no priors) for several sets of values, one a column."""
+    parts = []
+    for o in problem.observations:
+        seen = [problem.seen_by(o, values) for values in many]
+        parts.append(o.whiten(o.predict_many(problem.assembly, seen) - o.measured[:, None]))
+    return np.concatenate(parts)

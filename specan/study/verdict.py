@@ -1,0 +1,141 @@
+"""The verdict on what a model is missing, as a user and other programs get it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from specan.study.selection.residual_law import ResidualLaw
+
+VERDICTS = ("effect", "group", "nothing-missing", "unknown-effect", "cannot-tell")
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One set of effects and how the model does with it.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Bare names.
+    at : mapping
+        Elements of an axis at which an effect acts: ``{"wall-impedance": ("z1",)}``.
+    delta_bic : float
+        Fall in BIC from the base.
+    p_value : float
+        Family-wise probability of such a fall by chance; of two effects, from the better one alone.
+    held_out_gain : float
+        Gain in blocked cross-validation, in units of chi-square.
+    error_after : float
+        RMS of measured less predicted, in the observable's SI unit.
+    parameters : mapping
+        ``{"effect.parameter": {"value", "low", "high", "unit"}}``, 95 % intervals.
+    plausible, at_bound : bool
+        Whether the values are ones that the machine could have; whether one rests on an end of its domain.
+    """
+
+    effects: tuple[str, ...]
+    at: Mapping[str, tuple[str, ...]]
+    delta_bic: float
+    p_value: float
+    held_out_gain: float
+    error_after: float
+    parameters: Mapping[str, Mapping[str, Any]]
+    plausible: bool
+    at_bound: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "effects": list(self.effects),
+            "at": {name: list(places) for name, places in self.at.items()},
+            "delta_bic": self.delta_bic,
+            "p_value": self.p_value,
+            "held_out_gain": self.held_out_gain,
+            "error_after": self.error_after,
+            "parameters": {name: dict(row) for name, row in self.parameters.items()},
+            "plausible": self.plausible,
+            "at_bound": self.at_bound,
+        }
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """How badly the base model fits."""
+
+    reduced_chi2: float
+    p_value: float
+    n_effective: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Verdict, what it rests on, and what could be measured next. See docs/diagnosis.md for each number.
+
+    Attributes
+    ----------
+    verdict : str
+        ``effect``, ``group``, ``nothing-missing``, ``unknown-effect`` or ``cannot-tell``.
+    reason : str
+        One sentence on how the verdict came about.
+    alternatives : tuple of tuple of str
+        Every set of effects that the data cannot tell from the best; names in one set act together.
+    at : mapping
+        Where effects of the alternatives act.
+    unknown_possible : bool
+        Something that is not in the catalogue explains the data as well.
+    """
+
+    verdict: str
+    reason: str
+    alternatives: tuple[tuple[str, ...], ...] = ()
+    at: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    unknown_possible: bool = False
+    ranking: tuple[Ranked, ...] = ()
+    lack_of_fit: LackOfFit | None = None
+    model_discrepancy_percent: float = 0.0
+    fails_at: tuple[Mapping[str, Any], ...] = ()
+    residual_law: ResidualLaw | None = None
+    smallest_visible: Mapping[str, Mapping[str, Any] | None] = field(default_factory=dict)
+    not_testable: Mapping[str, str] = field(default_factory=dict)
+    next_measurement: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names in any of the alternatives."""
+        return tuple(sorted({name for names in self.alternatives for name in names}))
+
+    def to_json(self) -> dict[str, Any]:
+        """The contract of ``specan study diagnose --json``; plain values."""
+        lack, law = self.lack_of_fit, self.residual_law
+        return {
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "alternatives": [list(names) for names in self.alternatives],
+            "effects": list(self.effects),
+            "at": {name: list(places) for name, places in self.at.items()},
+            "unknown_possible": self.unknown_possible,
+            "ranking": [row.to_json() for row in self.ranking],
+            "lack_of_fit": {
+                "reduced_chi2": lack.reduced_chi2 if lack else None,
+                "p_value": lack.p_value if lack else None,
+                "n_effective": lack.n_effective if lack else None,
+            },
+            "model_discrepancy_percent": self.model_discrepancy_percent,
+            "fails_at": [_plain(place) for place in self.fails_at],
+            "residual_law": None
+            if law is None
+            else {"text": law.text, "exponents": law.exponents, "low": law.low, "high": law.high},
+            "smallest_visible": {n: None if v is None else dict(v) for n, v in self.smallest_visible.items()},
+            "not_testable": dict(self.not_testable),
+            "next_measurement": [_plain(row) for row in self.next_measurement],
+        }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(name): _plain(item) for name, item in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_plain(item) for item in value]
+    return value.item() if hasattr(value, "item") else value
