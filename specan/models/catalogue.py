@@ -17,7 +17,8 @@ from specan.models.model import Model
 # name -> package that holds `build(rig) -> Model` and `EXAMPLE_RIG`
 MODELS = {
     "planetary-gear": "specan.models.planetary_gear",
-    "room": "specan.models.room", "worm-gear": "specan.models.worm_gear",
+    "room": "specan.models.room",
+    "worm-gear": "specan.models.worm_gear",
 }
 
 ENTRY_POINTS = "specan.effects"
