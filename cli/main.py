@@ -21,6 +21,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "octave": ("octave", "Levels in octave bands, and overall levels; against time."),
     "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
+    "orders": ("orders", "Order spectra, lines and averages against a tacho or a known speed."),
     "rms": ("rms", "RMS, level, peak, crest factor, equivalent and percentile levels."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "Everything in a directory of recordings, as text tables."),

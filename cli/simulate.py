@@ -11,7 +11,11 @@ import click
 from specan_cli.output_file import OutputFile, Verb
 
 # model -> module of this package with `run(model, options) -> None`
-SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear", "room": "specan_cli.simulate_room"}
+SIMULATORS = {
+    "planetary-gear": "specan_cli.simulate_planetary_gear",
+    "room": "specan_cli.simulate_room",
+    "worm-gear": "specan_cli.simulate_worm_gear",
+}
 
 
 @click.command("simulate", cls=Verb)
@@ -69,7 +73,7 @@ SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear", "room": "specan_cli.
     default=10.0,
     show_default=True,
     metavar="S",
-    help="Room: length of the recording.",
+    help="Length of the recording.",
 )
 @click.option(
     "--frequency", type=float, metavar="HZ", help="Room: a sine instead of noise; the frequency of --field."
@@ -100,6 +104,9 @@ def command(model_name: str, rig: Path, **options: Any) -> None:
     """Predict what would be measured if the rig were as MODEL says.
 
     Worm gear: without --grid or --conditions the conditions run over the limits of the rig file.
+
+    Planetary gear: a recording of forces, torques, accelerations and tachos (-o run.tdms), or order lines
+    (-o lines.csv).
 
     Room: a recording of microphones, vibrometer and generator (-o recording.tdms), or with --field the sound field on a
     plane.
