@@ -87,7 +87,7 @@ def _limits(model: Model, points: Mapping[str, int]) -> dict[str, Sequence[float
     axes: dict[str, Sequence[float]] = {}
     for name, count in points.items():
         known = model.conditions[name]
-        low, high = (convert(end, known.unit, known.column_unit) for end in model.settings["limits"][name])
+        low, high = (convert(end, known.unit, known.column_unit) for end in model.rig.limits[name])
         axes[known.column] = np.round(np.linspace(low, high, count), 9).tolist()
     return axes
 

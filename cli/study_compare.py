@@ -31,7 +31,6 @@ def command(
     specan study compare my_study --plot compare.png
     specan study compare my_room --plot mic_7.png --channel "Mic 7"
     """
-    from specan.study.localisation.frf_errors import study_errors
     from specan_cli.output import emit_json, say
     from specan_cli.study_output import open_study
 
@@ -40,7 +39,7 @@ def command(
     kept = study.record_changes()
     if kept is not None:
         say(f"The study was changed since its last step: kept as step {kept.step}.")
-    rooms = study_errors(study)
+    rooms = study.frf_errors()
     shown = rooms[0].number(channel) if rooms else None
     if as_json:
         recordings = {"recordings": [one.as_dict() for one in rooms]} if rooms else {}
@@ -83,7 +82,7 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
     from specan_cli.study_output import error_table, parameter_table, probability
 
     best, where = found.fit, found.localisation
-    click.echo("Model: " + (", ".join(study.model_effects) or "the ideal machine"))
+    click.echo("Model: " + (", ".join(study.model_effects) or study.model.words.ideal))
     error_table("\nError on the fitted data", found.errors)
     click.echo("")
     parameter_table(found.parameters)
@@ -119,7 +118,7 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
 
 
 def _of_what(study) -> str:  # type: ignore[no-untyped-def]
-    return "response" if "frf" in study.model.observables else "losses"
+    return str(study.model.words.discrepancy_of)
 
 
 def _print_recordings(rooms) -> None:  # type: ignore[no-untyped-def]

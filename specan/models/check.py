@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.models.assembly import Assembly
 from specan.models.effect import Effect, Use
-from specan.models.model import Model
+from specan.models.model import Assembly, Model
 
 
 def check_effect(
@@ -70,7 +69,7 @@ def conditions_over_limits(model: Model, points: int = 4) -> dict[str, NDArray[n
     RequestError
         The model's rig declares no limits.
     """
-    limits = model.settings.get("limits")
+    limits: Mapping[str, tuple[float, float]] = model.rig.limits
     if not limits:
         raise RequestError(
             f"the rig of {model.name} has no limits to check over", remedy="call check_effect from Python"

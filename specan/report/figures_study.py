@@ -14,7 +14,6 @@ from specan.report.figure_style import COLOURS
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
 from specan.study.history import Step
-from specan.study.localisation.by_blocks import spoken
 from specan.study.observation.table import TableObservation
 from specan.units import convert
 
@@ -68,7 +67,9 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
     for panel, (top, bottom) in zip(panels, grid.T, strict=True):
         _draw(study, observation, predicted, panel, top, bottom)
         if panel.line and panel.observable not in explained:
-            top.legend(title=axis_text(panel.line), fontsize="small", title_fontsize="small")
+            top.legend(
+                title=axis_text(panel.line, observation.variables), fontsize="small", title_fontsize="small"
+            )
             explained.add(panel.observable)
     grid[1, 0].set_ylabel("(model - measured) / sigma" if study.data.known else "relative to 1 %")
     return figure
@@ -92,7 +93,7 @@ def _panels(observation: TableObservation) -> list[_Panel]:
             continue
         for level in levels:
             inside = rows & (observation.labels[third or ""] == level)
-            found.append(_Panel(name, inside, x, line, spoken(third or "", level)))
+            found.append(_Panel(name, inside, x, line, observation.variables[third or ""].spoken(level)))
     return found
 
 
@@ -119,7 +120,7 @@ def _draw(
         axes.grid(alpha=0.3)
     top.set_ylabel(_quantity(study, panel.observable))
     top.set_title(panel.title, fontsize="medium")
-    bottom.set_xlabel(axis_text(panel.x))
+    bottom.set_xlabel(axis_text(panel.x, observation.variables))
 
 
 def _lines(observation: TableObservation, panel: _Panel) -> list[tuple[str, str, NDArray[np.bool_]]]:
@@ -203,7 +204,10 @@ def figure_map(study: Study) -> Figure:
     )
     axes.set_xticks(range(len(found.columns)), list(found.columns), rotation=45)
     axes.set_yticks(range(len(found.rows)), [text.replace("$", r"\$") for text in found.rows])
-    axes.set(xlabel=axis_text(found.across), ylabel=axis_text(found.up) if found.up else "")
+    axes.set(
+        xlabel=axis_text(found.across, found.variables),
+        ylabel=axis_text(found.up, found.variables) if found.up else "",
+    )
     figure.colorbar(image, label="z: model low (-) or high (+)", extend="both")
     return figure
 

@@ -52,13 +52,13 @@ def begin(
     directory : Path
         Made if it does not exist; must not hold a study yet.
     model_name : str
-        ``worm-gear``.
+        Name of a model; see `specan.models.catalogue.model_names`.
     rig : Path
         The rig file.
     measurements, validations : sequence of Path
         Data to fit, and data that are only ever predicted.
     hold_out : sequence of str
-        Rows or channels of the measurements to put aside: ``torque=60,90``.
+        Rows or channels of the measurements to put aside: ``load=60,90``.
     calibration : Path, optional
     effects : sequence of str, optional
         Effects to begin with; the model's base effects by default.

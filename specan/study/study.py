@@ -27,7 +27,10 @@ from specan.study.estimation.prediction_error import (
 )
 from specan.study.estimation.problem import Problem
 from specan.study.history import History, Step
-from specan.study.localisation.by_blocks import Localisation, localise
+from specan.study.localisation.frf_errors import FrfErrors, frf_errors
+from specan.study.localisation.localise import localise
+from specan.study.localisation.result import Localisation
+from specan.study.observation.frf import FrfObservation
 from specan.study.selection.starting_values import kept_values, ways_in
 from specan.study.study_file import (
     NAME,
@@ -223,6 +226,15 @@ class Study:
         where = localise(self.problem, self.shown) if self.data.known else None
         return Comparison(self.shown, self.errors, where, parameter_table(self.problem, self.shown))
 
+    def frf_errors(self) -> list[FrfErrors]:
+        """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
+        predictions = self.problem.predictions(self.shown.theta)
+        return [
+            frf_errors(o, predicted)
+            for o, predicted in zip(self.problem.observations, predictions, strict=True)
+            if isinstance(o, FrfObservation)
+        ]
+
     def diagnose(
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
     ) -> Diagnosis:
@@ -245,7 +257,12 @@ class Study:
             raise RequestError(
                 f"{verb} needs to know how uncertain the measurement is, and nothing tells",
                 expected="repeated conditions (a column 'repeat'), or [uncertainty] in the rig file",
-                remedy="repeat some conditions, setting them anew, or give for instance input_torque_Nm = 0.005",
+                remedy="repeat some conditions, setting them anew"
+                + (
+                    f", or give for instance {example}"
+                    if (example := self.model.words.remedy_uncertainty)
+                    else ""
+                ),
             )
 
     def step(self, action: str, effect: str = "", because: str = "") -> Step:

@@ -36,7 +36,7 @@ class DataFile:
 
 @dataclass(frozen=True)
 class DataRequest:
-    """The files of one kind, and what is to be put aside: pairs (file name or None, ``torque=60``)."""
+    """The files of one kind, and what is to be put aside: pairs (file name or None, ``load=60``)."""
 
     measurements: Sequence[DataFile]
     validations: Sequence[DataFile] = ()
