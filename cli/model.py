@@ -33,13 +33,13 @@ def list_models(as_json: bool) -> None:
     \b
     specan model list
     """
-    from specan.models.catalogue import MODELS, effects_in, model_names, model_summary
+    from specan.models.catalogue import model_effects, model_names, model_summary
 
     rows = [
         {
             "name": name,
             "summary": model_summary(name),
-            "effects": list(effects_in(f"{MODELS[name]}.effects")),
+            "effects": list(model_effects(name)),
         }
         for name in model_names()
     ]

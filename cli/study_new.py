@@ -13,8 +13,9 @@ FILE = click.Path(path_type=Path)
 
 @click.command("new")
 @click.argument("directory", type=FILE, metavar="DIR")
-@click.option("--model", "model_name", required=True, metavar="NAME", help="See specan model list.")
-@click.option("--rig", required=True, type=FILE, help="What is known of the set-up (TOML).")
+@click.option("--model", "model_name", required=True, metavar="NAME|FILE.py",
+              help="A model (see specan model list), or a Python file with one of your own.")  # fmt: skip
+@click.option("--rig", type=FILE, help="What is known of the set-up (TOML).")
 @click.option("--measurement", "measurements", multiple=True, type=FILE, required=True, metavar="FILE",
               help="Measured data to fit; repeatable.")  # fmt: skip
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
@@ -29,7 +30,7 @@ FILE = click.Path(path_type=Path)
 def command(
     directory: Path,
     model_name: str,
-    rig: Path,
+    rig: Path | None,
     measurements: tuple[Path, ...],
     validations: tuple[Path, ...],
     hold_out: tuple[str, ...],

@@ -15,6 +15,7 @@ from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
 from specan.study.history import Step
 from specan.study.observation.table import TableObservation
+from specan.study.observation.variable import variable_named
 from specan.units import convert
 
 if TYPE_CHECKING:
@@ -93,7 +94,11 @@ def _panels(observation: TableObservation) -> list[_Panel]:
             continue
         for level in levels:
             inside = rows & (observation.labels[third or ""] == level)
-            found.append(_Panel(name, inside, x, line, observation.variables[third or ""].spoken(level)))
+            found.append(
+                _Panel(
+                    name, inside, x, line, variable_named(third or "", observation.variables).spoken(level)
+                )
+            )
     return found
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from specan import __version__
 from specan.errors import RequestError
 from specan.models import Model, Use
-from specan.models.catalogue import load_model
+from specan.models.catalogue import is_file, load_model
 from specan.models.rig_file import read_rig_file
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.data.sources import DataFile, DataRequest, open_data
@@ -41,7 +41,7 @@ from specan.study.study_file import (
     read_study_file,
     rig_hash,
 )
-from specan.study.user_effects import load_own_effects, take_in
+from specan.study.user_effects import load_own_effects, load_own_model, take_in
 from specan.study.verdict import Diagnosis
 
 BENT = 10.0
@@ -92,13 +92,19 @@ class Study:
     # --- files ------------------------------------------------------------------------------------
 
     def _load_model(self) -> Model:
-        model = load_model(self.content.model, read_rig_file(self.directory / self.content.rig))
-        return model.with_effect(*load_own_effects(self.directory, self.content.effect_file))
+        return self._bare_model().with_effect(*load_own_effects(self.directory, self.content.effect_file))
+
+    def _bare_model(self) -> Model:
+        """The model without the study's own effects."""
+        content = self.content
+        rig = read_rig_file(self.directory / content.rig) if content.rig else {}
+        if is_file(content.model):
+            return load_own_model(self.directory, content.model, content.model_sha256, rig)
+        return load_model(content.model, rig)
 
     def _take_in(self, path: Path) -> None:
         """Make an own effect file part of the study, or trust the one that is."""
-        model = load_model(self.content.model, read_rig_file(self.directory / self.content.rig))
-        entry = take_in(self.directory, path, model)
+        entry = take_in(self.directory, path, self._bare_model())
         if entry not in self.content.effect_file:
             text = StudyText(self.directory / NAME)
             text.add_effect_file(entry.model_dump())
@@ -157,7 +163,7 @@ class Study:
         everything = (*self.content.measurement, *self.content.validation)
         return {
             "study": content_hash(self.content),
-            "rig": rig_hash(self.directory / self.content.rig),
+            "rig": rig_hash(self.directory / self.content.rig) if self.content.rig else "",
             "files": {e.file: e.sha256 for e in everything},
             "effect_files": {e.file: e.sha256 for e in self.content.effect_file},
         }
@@ -312,8 +318,3 @@ def relative_to(directory: Path, path: Path) -> str:
         return Path(os.path.relpath(path.resolve(), directory.resolve())).as_posix()
     except ValueError:  # another drive
         return path.resolve().as_posix()
-
-
-def parse_use(text: str) -> Use:
-    """A use as a person types it."""
-    return Use.parse(text.strip())
