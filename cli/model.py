@@ -83,25 +83,32 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
 
 @command.command("check")
 @click.argument("name")
-@click.argument("file", type=click.Path(path_type=Path), metavar="EFFECT.py")
+@click.argument("file", type=click.Path(path_type=Path), metavar="[EFFECT.py]", required=False)
 @click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def check(name: str, file: Path, rig: Path | None, as_json: bool) -> None:
+def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None:
     """Check the effects in a file of your own: neutral, commuting, finite, found again when planted.
+
+    A model of your own is checked with all its effects, and may then be run by studies on this machine.
 
     \b
     specan model check worm-gear belt_loss.py
+    specan model check spring.py
     """
     from specan.models import check_effect, conditions_over_limits
-    from specan.models.catalogue import effects_from_file
+    from specan.models.catalogue import effects_from_file, is_file
 
     model = _model(name, rig)
     conditions = conditions_over_limits(model)
-    effects = effects_from_file(file)
+    effects = list(model.effects.values()) if file is None else effects_from_file(file)
     for note in model.notes:
         click.echo(note, err=True)
     for effect in effects:
         check_effect(effect, model, conditions)
+    if file is None and is_file(name):
+        from specan.study.user_effects import trust_file
+
+        trust_file(Path(name))
     if as_json:
         emit_json({"passed": [effect.name for effect in effects]})
         return

@@ -51,7 +51,7 @@ def check_effect(
         Names the first rule that is broken.
     """
     model = model.with_effect(effect)
-    base = model.assemble(with_effects or model.base_effects)
+    base = model.assemble(with_effects or [u for u in model.base_effects if Use.parse(u).name != effect.name])
     use = Use(effect.name, at or (model.axes[effect.at][0] if effect.at else ""))
     active = model.assemble([*base.uses, use])
     _check_neutral(use, base, active, conditions)

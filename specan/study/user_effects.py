@@ -50,6 +50,11 @@ def trust(sha256: str) -> None:
         stream.write(sha256 + "\n")
 
 
+def trust_file(path: Path) -> None:
+    """Remember that a file was named."""
+    trust(hashlib.sha256(path.read_bytes()).hexdigest())
+
+
 def take_in(directory: Path, given: Path, model: Model) -> EffectFileEntry:
     """Copy an effect file into a study and trust it: the user has just named it.
 
