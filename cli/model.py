@@ -81,6 +81,29 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
         emit_json(content) if as_json else _print_quantity(content)
 
 
+@command.command("new")
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE.py")
+def new(file: Path) -> None:
+    """Write a small model of your own into FILE.py, to be changed.
+
+    \b
+    specan model new pump.py
+    """
+    from specan.errors import RequestError
+    from specan_cli.model_template import TEMPLATE
+
+    if file.suffix != ".py":
+        raise RequestError(f"{file} is no Python file", remedy="give it a name that ends in .py")
+    try:
+        with file.open("x", encoding="utf-8", newline="\n") as stream:
+            stream.write(TEMPLATE.replace("NAME", file.stem))
+    except FileExistsError:
+        raise RequestError(f"{file} exists already", remedy="choose another name") from None
+    except OSError as fault:
+        raise RequestError(f"{file} cannot be written ({fault.strerror})") from None
+    click.echo(f"{file} holds a model. Check it with: specan model check {file}")
+
+
 @command.command("check")
 @click.argument("name")
 @click.argument("file", type=click.Path(path_type=Path), metavar="[EFFECT.py]", required=False)

@@ -81,7 +81,8 @@ def conditions_over_limits(model: Model, points: int = 4) -> dict[str, NDArray[n
         for name, axis in zip(limits, axes, strict=True)
     }
     unknown = [c.name for c in model.conditions.values() if c.default is not None and not c.known]
-    return found | {name: 900.0 * np.arange(order.size) for name in unknown}
+    found |= {name: np.asarray(900.0 * np.arange(order.size), dtype=np.float64) for name in unknown}
+    return found
 
 
 def _fail(use: Use, what: str, remedy: str = "") -> None:

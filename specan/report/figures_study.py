@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from specan.study.study import Study
 
+FIGURES = {"frf": figure_compare_frf}  # kind of measurement: its figure; rows of a table without one
 MOST_PANELS = 4
 MOST_LINES = 7
 POINTS = 60  # along a curve
@@ -56,8 +57,9 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
     from matplotlib.figure import Figure
 
     observation = study.problem.observations[0]
-    if not isinstance(observation, TableObservation):
-        return figure_compare_frf(study, channel)
+    if observation.kind in FIGURES:
+        return FIGURES[observation.kind](study, channel)
+    assert isinstance(observation, TableObservation)
     if channel is not None:
         raise RequestError("a table has no channels", remedy="leave out --channel")
     predicted = study.problem.predictions(study.shown.theta)[0]

@@ -102,6 +102,13 @@ def test_the_model_is_shown_and_checked(place):
     assert "opening keeps the rules" in run("model", "check", SPRING, "--rig", place / "rig.toml")
 
 
+def test_the_template_keeps_the_rules_and_is_not_overwritten(place):
+    run("model", "new", place / "pump.py")
+    assert "give keeps the rules" in run("model", "check", place / "pump.py")
+    assert run("model", "show", place / "pump.py").startswith("pump: ")
+    assert "exists already" in refused("model", "new", place / "pump.py")
+
+
 def test_a_recording_is_no_table_whatever_its_name(place):
     (place / "sound.csv").write_bytes(b"RIFF\x24\0\0\0WAVEfmt ")
     said = refused("study", "new", place / "s", "--model", SPRING, "--rig", place / "rig.toml",
