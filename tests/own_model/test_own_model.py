@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from click.testing import CliRunner
 from specan.errors import RequestError
 from specan.models import Condition, Model, Observable, constant
 from specan.models.catalogue import load_model, model_names
+from specan.study.data.sources import kind_of
 from specan_cli.main import main
 
 SPRING = Path(__file__).parent / "spring.py"
@@ -146,6 +148,34 @@ def test_an_installed_package_brings_a_model(monkeypatch):
     )
     assert model_names() == ["room", "spring", "worm-gear"]
     assert load_model("spring", module.EXAMPLE_RIG).title == "A spring on a stand"
+
+
+def test_an_installed_package_brings_a_kind_of_measurement(monkeypatch, place):
+    class Orders:
+        TITLE = "an order spectrum"
+
+        @staticmethod
+        def reads(path):
+            return path.read_bytes().startswith(b"ORDERS")
+
+    class Point:
+        name = "orders"
+
+        def load(self):
+            return Orders
+
+    monkeypatch.setattr("specan.study.data.sources.entry_points", lambda group: [Point()])
+    model = load_model(SPRING, {})
+    both = replace(
+        model,
+        observables={**model.observables, "line": Observable("line", "stretch", "m", "Line.", kind="orders")},
+    )
+    (place / "a.csv").write_bytes(b"ORDERS\0\1")
+    assert both.kinds == ("table", "orders")
+    assert kind_of(place / "a.csv", both) == "orders"
+    assert kind_of(place / "spring.csv", both) == "table"
+    with pytest.raises(RequestError, match="is no kind of file"):
+        kind_of(place / "a.csv", model)
 
 
 def test_an_observable_in_another_unit_than_its_quantity_is_refused():
