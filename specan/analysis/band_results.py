@@ -49,6 +49,8 @@ class BandSettings(Protocol):
     @property
     def hold(self) -> Literal["max", "min"] | None: ...  # noqa: D102
     @property
+    def settling(self) -> Settling: ...  # noqa: D102
+    @property
     def start_s(self) -> float: ...  # noqa: D102
     @property
     def velocity_reference(self) -> str: ...  # noqa: D102
@@ -108,7 +110,7 @@ def band_levels(
 
 
 def _levels_of(
-    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: Octave, index: NDArray[np.int64]
+    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: BandSettings, index: NDArray[np.int64]
 ) -> tuple[Real, dict[str, Real]]:
     """Levels of the bands and of the whole."""
     quantity = _as_quantity(channels, spectrum.frequencies)
