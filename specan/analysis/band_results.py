@@ -49,7 +49,7 @@ class BandSettings(Protocol):
     @property
     def hold(self) -> Literal["max", "min"] | None: ...  # noqa: D102
     @property
-    def settling(self) -> Settling: ...  # noqa: D102
+    def settling(self) -> Literal["left-out", "counted"]: ...  # noqa: D102
     @property
     def start_s(self) -> float: ...  # noqa: D102
     @property
