@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models import SettingError
 from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
 GROUPS = 8
 
 
-@dataclass(frozen=True)
-class Setting:
-    """Standard deviation of setting an operating variable: a fraction of the value, and as it is."""
-
-    relative: float = 0.0
-    absolute: float = 0.0
-
-    def at(self, value: Any) -> Any:
-        """Standard deviation at a value."""
-        return np.hypot(self.relative * np.abs(value), self.absolute)
-
-
-def levels(values: Array, setting: Setting) -> tuple[Array, bool]:
+def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
     """The level that each value was meant to be at, and whether the column holds set values.
 
     Values on a round grid that is coarser than the scatter of setting are set values and levels as they
@@ -37,7 +23,7 @@ def levels(values: Array, setting: Setting) -> tuple[Array, bool]:
     ----------
     values : array
         One value for each different operating point (repeats count once).
-    setting : Setting
+    setting : SettingError
         Scatter of setting this variable.
 
     Returns
@@ -49,9 +35,9 @@ def levels(values: Array, setting: Setting) -> tuple[Array, bool]:
     Examples
     --------
     >>> import numpy as np
-    >>> levels(np.array([5.0, 20.0, 5.0, 20.0]), Setting(0.05))
+    >>> levels(np.array([5.0, 20.0, 5.0, 20.0]), SettingError(0.05))
     (array([ 5., 20.,  5., 20.]), True)
-    >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), Setting(0.05))
+    >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), SettingError(0.05))
     (array([ 5., 20.,  5., 20.]), False)
     """
     distinct = np.unique(values)
@@ -94,7 +80,7 @@ def round_step(distinct: Array) -> float:
     return 1e-10
 
 
-def _parts(ordered: Array, setting: Setting) -> list[slice]:
+def _parts(ordered: Array, setting: SettingError) -> list[slice]:
     """Part sorted values at their widest gap while a part is wider than six standard deviations of the
     setting, or has a gap of more than two and a half of them."""
     done, rest = [], [slice(0, ordered.size)]
