@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from specan.result import Result
 from specan.study.selection.residual_law import ResidualLaw
 
 VERDICTS = ("effect", "group", "nothing-missing", "unknown-effect", "cannot-tell")
@@ -69,8 +70,8 @@ class LackOfFit:
     n_effective: float
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result):
     """Verdict, what it rests on, and what could be measured next. See docs/diagnosis.md for each number.
 
     Attributes
@@ -100,6 +101,24 @@ class Diagnosis:
     smallest_visible: Mapping[str, Mapping[str, Any] | None] = field(default_factory=dict)
     not_testable: Mapping[str, str] = field(default_factory=dict)
     next_measurement: tuple[Mapping[str, Any], ...] = ()
+
+    dimensions = ("effects",)
+
+    def summary(self) -> str:
+        """The verdict, and its reason."""
+        names = " or ".join(" with ".join(members) for members in self.alternatives)
+        return f"{self.verdict}{': ' if names else ''}{names} ({self.reason})"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each set of effects that was tried, the likeliest first."""
+        plain = ("delta_bic", "p_value", "held_out_gain", "error_after", "plausible", "at_bound")
+        return {
+            "effects": [" + ".join(row.effects) for row in self.ranking],
+            "at": [
+                "; ".join(f"{n}@{p}" for n, places in row.at.items() for p in places) for row in self.ranking
+            ],
+            **{name: [getattr(row, name) for row in self.ranking] for name in plain},
+        }
 
     @property
     def effects(self) -> tuple[str, ...]:
