@@ -267,7 +267,7 @@ class Recording(Result):
             ) from None
 
     def channel(self, name: str) -> Channel:
-        """The channel of this name, or of this ``group/name``; see `_meant` for what stands for one."""
+        """The channel of this name, or of this ``group/name``; any letters and the end of its name do as well."""
         found = [c for c in self.channels if name in (c.name, f"{c.group}/{c.name}")]
         found = found or list(_meant(name, self.channels))
         if len(found) == 1:
