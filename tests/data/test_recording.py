@@ -114,15 +114,15 @@ def test_a_name_in_other_letters_or_its_end_is_enough(given: str, meant: str) ->
     names = ("Mic 1", "Mic 11", "cDAQ1Mod1/ai0", "cDAQ1Mod1/ai1", "cDAQ1Mod2/ai1")
     channels = tuple(Channel(n, "G", sampling_rate=8.0, n_samples=4) for n in names)
     recording = Recording("a.tdms", channels, ArraySource([np.zeros(4)] * len(names)))
-    assert recording.channel(given).name == meant
-    assert [c.name for c in recording.select([given])] == [meant]
+    assert recording.channel(said).name == meant
+    assert [c.name for c in recording.select([said])] == [meant]
 
 
 def test_the_end_of_several_names_or_of_a_word_is_none() -> None:
     recording = _named("A/ai1", "B/xai1", "B/Mic 11", "C/ai1")
-    for given in ("ai1", "1", "c 11", ""):
+    for said in ("ai1", "1", "c 11", ""):
         with pytest.raises(RequestError):
-            recording.channel(given)
+            recording.channel(said)
 
 
 def test_exact_names_come_first_and_patterns_may_be_in_other_letters() -> None:
