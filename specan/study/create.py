@@ -13,8 +13,8 @@ from specan.models.catalogue import load_model
 from specan.models.rig_file import read_rig_file
 from specan.study.build_problem import undetermined
 from specan.study.data.sources import kind_of
-from specan.study.history import NAME as HISTORY
-from specan.study.history import Step
+from specan.study.commit import changing, commit
+from specan.study.history import Step, line_of
 from specan.study.study import Study, relative_to
 from specan.study.study_file import NAME, StudyText, file_hash
 
@@ -85,14 +85,15 @@ def begin(
     existed = directory.exists()
     directory.mkdir(parents=True, exist_ok=True)
     try:
-        StudyText.begin(directory / NAME, content).save()
-        study, held = hold_undetermined(Study(directory))
+        study, held = hold_undetermined(Study(directory, draft=StudyText.begin(directory / NAME, content)))
         step = study.step("new")
+        with changing(directory):
+            if (directory / NAME).exists():
+                raise RequestError(f"{directory} holds a study by now", remedy="choose another directory")
+            commit(directory, study.text().text, line_of(step))
         study.history.append(step)
     except BaseException:
-        for name in (NAME, HISTORY):
-            (directory / name).unlink(missing_ok=True)
-        if not existed:
+        if not existed and not (directory / NAME).exists():
             directory.rmdir()
         raise
     return Begun(study, step, held)
@@ -135,7 +136,7 @@ def effect_entry(use: Use, role: str = "model") -> dict[str, Any]:
 
 
 def hold_undetermined(study: Study) -> tuple[Study, tuple[str, ...]]:
-    """Fix, in the study file, the parameters that the data do not determine; says which."""
+    """Fix, in the draft of the study file, the parameters that the data do not determine; says which."""
     names = tuple(
         n
         for n in undetermined(study.problem, study.problem.start())
@@ -144,8 +145,7 @@ def hold_undetermined(study: Study) -> tuple[Study, tuple[str, ...]]:
     owners: Mapping[str, str] = {n: n.split("[")[0] for n in names}
     if not names:
         return study, ()
-    text = StudyText(study.directory / NAME)
+    text = study.text()
     for name in dict.fromkeys(owners.values()):
         text.fix_parameter(name)
-    text.save()
-    return Study(study.directory), names
+    return Study(study.directory, draft=text), names
