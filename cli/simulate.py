@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import Any
 
 import click
 
-# model -> module of this package with `run(model, options) -> None`
-SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear", "room": "specan_cli.simulate_room"}
+from specan_cli.output_file import OutputFile, Verb
 
 
-@click.command("simulate")
+@click.command("simulate", cls=Verb)
 @click.argument("model_name", metavar="MODEL")
 @click.argument("rig", type=click.Path(path_type=Path), metavar="RIG.toml")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     help="File to write: a table, a recording (.tdms), a figure.",
 )
 @click.option(
@@ -67,7 +65,7 @@ SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear", "room": "specan_cli.
     default=10.0,
     show_default=True,
     metavar="S",
-    help="Room: length of the recording.",
+    help="Length of the recording.",
 )
 @click.option(
     "--frequency", type=float, metavar="HZ", help="Room: a sine instead of noise; the frequency of --field."
@@ -83,10 +81,10 @@ SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear", "room": "specan_cli.
 @click.option(
     "--table",
     "lookup",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     help="Write a look-up table: speed, torque, temperature -> efficiency, loss.",
 )
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw the efficiency map into this file.")
+@click.option("--plot", type=OutputFile(), help="Draw the efficiency map into this file.")
 @click.option("--figure", "number", type=int, help="Draw the article's figure 4, 5, 6, 7 or 11 into -o.")
 @click.option(
     "--measurement",
@@ -99,22 +97,21 @@ def command(model_name: str, rig: Path, **options: Any) -> None:
 
     Worm gear: without --grid or --conditions the conditions run over the limits of the rig file.
 
+    Planetary gear: a recording of forces, torques, accelerations and tachos (-o run.tdms), or order lines
+    (-o lines.csv).
+
     Room: a recording of microphones, vibrometer and generator (-o recording.tdms), or with --field the sound field on a
     plane.
 
     \b
     specan simulate worm-gear sample_data/worm_gear/rig.toml --effects seal-drag -o table.csv
     """
-    from specan.errors import RequestError, nearest
-    from specan.models.catalogue import effects_from_file, load_model, model_names
+    from specan.models.catalogue import effects_from_file, load_model
     from specan.models.request import override
     from specan.models.rig_file import read_rig_file
+    from specan_cli.simulators import simulator_of
 
-    if model_name not in model_names():
-        raise RequestError(f"there is no model {model_name!r}", remedy=nearest(model_name, model_names()))
-    if model_name not in SIMULATORS:
-        raise RequestError(f"the model {model_name!r} cannot be simulated from the command line")
     model = load_model(model_name, override(read_rig_file(rig), options["settings"]))
     for file in options["effect_files"]:
         model = model.with_effect(*effects_from_file(file))
-    importlib.import_module(SIMULATORS[model_name]).run(model, options)
+    simulator_of(model)(model, options)

@@ -7,14 +7,16 @@ from pathlib import Path
 import click
 
 from specan_cli.figure_output import plot_option
+from specan_cli.output_file import Verb
 
 FILE = click.Path(path_type=Path)
 
 
-@click.command("new")
+@click.command("new", cls=Verb)
 @click.argument("directory", type=FILE, metavar="DIR")
-@click.option("--model", "model_name", required=True, metavar="NAME", help="See specan model list.")
-@click.option("--rig", required=True, type=FILE, help="What is known of the set-up (TOML).")
+@click.option("--model", "model_name", required=True, metavar="NAME|FILE.py",
+              help="A model (see specan model list), or a Python file with one of your own.")  # fmt: skip
+@click.option("--rig", type=FILE, help="What is known of the set-up (TOML).")
 @click.option("--measurement", "measurements", multiple=True, type=FILE, required=True, metavar="FILE",
               help="Measured data to fit; repeatable.")  # fmt: skip
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
@@ -29,7 +31,7 @@ FILE = click.Path(path_type=Path)
 def command(
     directory: Path,
     model_name: str,
-    rig: Path,
+    rig: Path | None,
     measurements: tuple[Path, ...],
     validations: tuple[Path, ...],
     hold_out: tuple[str, ...],

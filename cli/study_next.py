@@ -9,10 +9,11 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say
+from specan_cli.output_file import Verb
 from specan_cli.study_output import open_study, study_options
 
 
-@click.command("next")
+@click.command("next", cls=Verb)
 @study_options
 @plot_option("what the rivals expect of each reading")
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None) -> None:
@@ -31,8 +32,8 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Pat
         emit_json({"verdict": found.verdict, "next_measurement": rows})
     elif not rows:
         click.echo("Nothing is left to decide: no two explanations compete for these data.")
-        if "wall_admittance" in study.model.quantities:
-            click.echo(f"Positions that would tell more of the walls: specan study impedance {directory}")
+        if study.model.words.what_else:
+            click.echo(study.model.words.what_else.format(study=directory))
     else:
         for number, row in enumerate(rows, 1):
             click.echo(f"{number}. {row['text']}")

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from specan.data.recording import Channel, Recording
 from specan.errors import InputError, RequestError
+
+_GRID = 1 << 15
 
 
 def section(
@@ -30,6 +35,22 @@ def section(
     return start, stop
 
 
+def constant_part(
+    recording: Recording, channels: Sequence[Channel], start: int, stop: int
+) -> NDArray[np.float64]:
+    """Mean of all samples of a section, shape (channels,): what every level is taken about.
+
+    Sums run over a fixed grid of blocks, from the first sample on: a channel whose samples are all equal has
+    exactly that mean.
+    """
+    origin = recording.read(channels, start, min(start + 1, stop))
+    total = np.zeros(len(channels))
+    with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN
+        for block in recording.blocks(channels, _GRID, start, stop):
+            total += np.add.reduce(block - origin, axis=1)
+        return np.asarray(origin[:, 0] + total / max(stop - start, 1))
+
+
 def of_one_rate(
     recording: Recording, patterns: Sequence[str], like: Channel | None = None
 ) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
@@ -49,15 +70,16 @@ def of_one_rate(
         )
     rate = (like or usable[0]).sampling_rate
     kept = tuple(c for c in usable if c.sampling_rate == rate)
+    used, whole = {id(c) for c in kept}, {id(c) for c in usable}
     notes = tuple(
         f"{c.name} is left out: "
         + (
             f"it is sampled at {c.sampling_rate:g} Hz, not at {rate:g} Hz"
-            if c in usable
+            if id(c) in whole
             else "it has no samples"
         )
         for c in chosen
-        if c not in kept
+        if id(c) not in used
     )
     return kept, notes
 

@@ -37,7 +37,10 @@ class ToneTable:
     u_phase_deg, u_magnitude_percent : arrays
         Combined standard uncertainties of phase and magnitude over the reference.
     u_random_phase_deg, u_random_percent : arrays
-        The random part, from the noise close to the tone.
+        The random part, from the noise close to the tone. Twice it is the 95 % interval, however few the blocks: it is
+        raised by the factor of Student's distribution.
+    degrees_of_freedom : int
+        Behind the random part; 0 where the section is too short for one.
     u_common_phase_deg, u_common_percent : arrays
         The part of calibration and delay, which no averaging makes smaller.
     magnitude : array
@@ -51,6 +54,8 @@ class ToneTable:
     mean : array
         Mean of the samples.
     flags : tuple of tuples of str
+    stated : bool
+        Whether somebody said that it is a sine recording; else it was found in the signal.
     """
 
     label: str
@@ -67,6 +72,7 @@ class ToneTable:
     u_magnitude_percent: Real
     u_random_phase_deg: Real
     u_random_percent: Real
+    degrees_of_freedom: int
     u_common_phase_deg: Real
     u_common_percent: Real
     magnitude: Real
@@ -79,6 +85,7 @@ class ToneTable:
     n_blocks: int
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
+    stated: bool = True
 
     @property
     def level_db(self) -> Real:

@@ -61,12 +61,15 @@ class Words:
         An example of stating a reading's uncertainty in the rig file.
     vary : str
         What to vary in a measurement in which nothing varies.
+    what_else : str
+        What else could be asked where nothing is left to decide; ``{study}`` stands for the study's directory.
     """
 
     ideal: str = "the model without effects"
     discrepancy_of: str = "prediction"
     remedy_uncertainty: str = ""
     vary: str = "conditions"
+    what_else: str = ""
 
 
 @dataclass(frozen=True)

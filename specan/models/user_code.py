@@ -35,7 +35,9 @@ def call(function: Callable[..., Any], name: str, /, *given: Any, **parameters: 
         code = getattr(function, "__code__", None)
         if code is None or not str(getattr(function, "__module__", "")).startswith(PREFIX):
             raise
-        lines = [f.lineno for f in traceback.extract_tb(fault.__traceback__) if f.filename == code.co_filename]
+        lines = [
+            f.lineno for f in traceback.extract_tb(fault.__traceback__) if f.filename == code.co_filename
+        ]
         raise RequestError(
             f"{code.co_filename}, line {lines[-1] if lines else code.co_firstlineno}: {name!r} fails "
             f"({type(fault).__name__}: {fault})",

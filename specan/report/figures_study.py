@@ -15,6 +15,7 @@ from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
 from specan.study.history import Step
 from specan.study.observation.table import TableObservation
+from specan.study.observation.variable import variable_named
 from specan.units import convert
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
     from specan.study.study import Study
 
+FIGURES = {"frf": figure_compare_frf}  # kind of measurement: its figure; rows of a table without one
 MOST_PANELS = 4
 MOST_LINES = 7
 POINTS = 60  # along a curve
@@ -55,8 +57,9 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
     from matplotlib.figure import Figure
 
     observation = study.problem.observations[0]
-    if not isinstance(observation, TableObservation):
-        return figure_compare_frf(study, channel)
+    if observation.kind in FIGURES:
+        return FIGURES[observation.kind](study, channel)
+    assert isinstance(observation, TableObservation)
     if channel is not None:
         raise RequestError("a table has no channels", remedy="leave out --channel")
     predicted = study.problem.predictions(study.shown.theta)[0]
@@ -93,7 +96,11 @@ def _panels(observation: TableObservation) -> list[_Panel]:
             continue
         for level in levels:
             inside = rows & (observation.labels[third or ""] == level)
-            found.append(_Panel(name, inside, x, line, observation.variables[third or ""].spoken(level)))
+            found.append(
+                _Panel(
+                    name, inside, x, line, variable_named(third or "", observation.variables).spoken(level)
+                )
+            )
     return found
 
 

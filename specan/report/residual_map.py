@@ -13,7 +13,7 @@ from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import localise
 from specan.study.localisation.result import Block
-from specan.study.observation.variable import Variable
+from specan.study.observation.variable import Variable, variable_named
 
 _LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
 _MOST_SHARE = 0.95  # of the cells that the scale tells apart where the model fails everywhere
@@ -117,7 +117,7 @@ def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:
 
 def axis_text(column: str, variables: Mapping[str, Variable]) -> str:
     """Label of an axis over a variable: ``output force / kN``."""
-    return variables[column].axis if column in variables else column
+    return variable_named(column, variables).axis if column else ""
 
 
 def _shared_labels(problem: Problem) -> dict[str, NDArray[Any]]:

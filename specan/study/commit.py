@@ -21,7 +21,9 @@ from specan.study.study_file import NAME
 
 LOCK = ".lock"
 PENDING = ".pending.json"
-PATIENCE_S = 5.0  # a change that is being written takes milliseconds; a longer wait means a process that hangs
+PATIENCE_S = (
+    5.0  # a change that is being written takes milliseconds; a longer wait means a process that hangs
+)
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ from typing import Any
 from specan import __version__
 from specan.errors import RequestError
 from specan.models import Model, Use
-from specan.models.catalogue import load_model
+from specan.models.catalogue import is_file, load_model
 from specan.models.rig_file import read_rig_file
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.commit import changing, commit, recover
@@ -45,6 +45,7 @@ from specan.study.study_file import (
 from specan.study.user_effects import (
     EffectFile,
     load_own_effects,
+    load_own_model,
     read_effect_file,
     try_effects,
     with_own_effects,
@@ -111,10 +112,17 @@ class Study:
 
     def _load_model(self, named: Sequence[EffectFile]) -> Model:
         """The model with the study's own effects and those of files that the user has just named."""
-        model = load_model(self.content.model, read_rig_file(self.directory / self.content.rig))
         replaced = {file.entry.file for file in named}
         known = [entry for entry in self.content.effect_file if entry.file not in replaced]
-        return with_own_effects(model, load_own_effects(self.directory, known), named)
+        return with_own_effects(self._bare_model(), load_own_effects(self.directory, known), named)
+
+    def _bare_model(self) -> Model:
+        """The model without the study's own effects."""
+        content = self.content
+        rig = read_rig_file(self.directory / content.rig) if content.rig else {}
+        if is_file(content.model):
+            return load_own_model(self.directory, content.model, content.model_sha256, rig)
+        return load_model(content.model, rig)
 
     def _keep(self, named: Sequence[EffectFile]) -> None:
         """Write what opening the study has changed: accepted data, effect files that were named and work."""
@@ -187,7 +195,7 @@ class Study:
         everything = (*self.content.measurement, *self.content.validation)
         return {
             "study": content_hash(self.content),
-            "rig": rig_hash(self.directory / self.content.rig),
+            "rig": rig_hash(self.directory / self.content.rig) if self.content.rig else "",
             "files": {e.file: e.sha256 for e in everything},
             "effect_files": {e.file: e.sha256 for e in self.content.effect_file},
         }
@@ -349,8 +357,3 @@ def relative_to(directory: Path, path: Path) -> str:
         return Path(os.path.relpath(path.resolve(), directory.resolve())).as_posix()
     except ValueError:  # another drive
         return path.resolve().as_posix()
-
-
-def parse_use(text: str) -> Use:
-    """A use as a person types it."""
-    return Use.parse(text.strip())

@@ -77,7 +77,8 @@ class StudyFile(Settings):
 
     schema_: Literal[1] = Field(alias="schema")
     model: str
-    rig: str
+    model_sha256: str | None = None
+    rig: str = ""
     calibration: str | None = None
     measurement: tuple[DataEntry, ...] = Field(min_length=1)
     validation: tuple[DataEntry, ...] = ()

@@ -16,7 +16,7 @@ WORDS = re.compile(
 # What a model brings with it: its own verbs, figures and simulators.
 OWN = {
     "figures_worm_gear.py", "figures_room.py", "figures_field.py",
-    "simulate_worm_gear.py", "simulate_room.py", "study_impedance.py",
+    "simulate_worm_gear.py", "simulate_room.py", "study_impedance.py", "simulators.py",
 }  # fmt: skip
 
 

@@ -62,6 +62,7 @@ def test_a_prediction_comes_back_to_its_microphone_and_line():
 @dataclass
 class Rows:
     labels: dict
+    variables: dict = field(default_factory=dict)
 
 
 @dataclass

@@ -19,7 +19,12 @@ from specan.models.room.places import room_receivers
 from specan.models.room.rig import WALLS, Rig, read_rig
 from specan.models.room.shape import RoomShape
 
-WORDS = Words(ideal="the ideal room", discrepancy_of="response", remedy_uncertainty="position_m = 0.002")
+WORDS = Words(
+    ideal="the ideal room",
+    discrepancy_of="response",
+    remedy_uncertainty="position_m = 0.002",
+    what_else="Positions that would tell more of the walls: specan study impedance {study}",
+)
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
 MOST_MODES = 60_000  # about 60 MB a block of lines
 

@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.recording import Recording
-from specan.errors import RequestError, nearest
+from specan.errors import InputError, RequestError, nearest
 from specan.io.open import open_recording
 from specan.models import Model, Receivers
 from specan.study.data.estimate_frf import BLOCK_S, observe_recording, settling_s
 from specan.study.data.sources import DataFile, DataRequest, OpenedData
 from specan.study.observation.frf import FrfObservation
+
+TITLE = "a recording"
+
+
+def reads(path: Path) -> bool:
+    """Whether a file is a recording by its content."""
+    from specan.io.content import format_of
+
+    try:
+        format_of(path)
+    except InputError:
+        return False
+    return True
 
 
 def open_data(model: Model, request: DataRequest) -> OpenedData:

@@ -17,6 +17,20 @@ from specan.study.data.table_covariance import uncertainty
 from specan.study.data.table_reader import Measurement, read_measurement
 from specan.units import convert
 
+TITLE = "a table (text with a header line)"
+
+
+def reads(path: Path) -> bool:
+    """Whether a file is text, whatever its name."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(4096)
+    except OSError:
+        return False
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
+        return True
+    return bool(start) and b"\0" not in start and not start.startswith((b"RIFF", b"TDSm", b"PK"))
+
 
 def open_data(model: Model, request: DataRequest) -> OpenedData:
     """Read the tables of a study and work out their uncertainty on the rows that are fitted.

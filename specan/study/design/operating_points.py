@@ -337,7 +337,7 @@ def _proposal(
 
 def _spoken(model: Model, column: str, value: float) -> str:
     condition = next(c for c in model.conditions.values() if c.column == column)
-    return f"{condition.words} {value:g} {printed_unit(condition.column_unit)}"
+    return f"{condition.words} {value:g} {printed_unit(condition.column_unit)}".rstrip()
 
 
 def _name(refit: Refit) -> str:

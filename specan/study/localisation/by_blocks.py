@@ -23,7 +23,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.estimation.projection import orthonormal
 from specan.study.localisation.result import CLEAR, LEVEL, Block, Localisation, Trend, benjamini_yekutieli
 from specan.study.observation import Array
-from specan.study.observation.variable import Variable
+from specan.study.observation.variable import Variable, variable_named
 
 MOST_ROWS = 3000  # of data; beyond it blocks are tested by their direction only
 LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
@@ -179,8 +179,8 @@ def _trends(
             name,
             p,
             bool(ok),
-            _sentence(algebra, name, labels[name], blocks, variables[name]) if ok else "",
-            variables[name].words,
+            _sentence(algebra, name, labels[name], blocks, variable_named(name, variables)) if ok else "",
+            variable_named(name, variables).words,
         )
         for (name, p), ok in zip(raw, passed, strict=True)
     ]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.study.observation.variable import Variable
+from specan.study.observation.variable import Variable, variable_named
 
 LEVEL = 0.05  # false discovery rate
 CLEAR = 3.0  # |z| from which a mean error is named
@@ -75,7 +75,7 @@ class Block:
         return ", ".join(self._variable(name).short(level) for name, level in self.where.items())
 
     def _variable(self, name: str) -> Variable:
-        return self.variables.get(name, Variable(name.replace("_", " ")))
+        return variable_named(name, self.variables)
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

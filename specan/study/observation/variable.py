@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,3 +45,8 @@ class Variable:
     def axis(self) -> str:
         """Label of an axis: ``output force / kN``."""
         return f"{self.words} / {self.unit}" if self.unit else self.words
+
+
+def variable_named(name: str, variables: Mapping[str, Variable]) -> Variable:
+    """The variable of a name; without words of its own, its name serves."""
+    return variables.get(name) or Variable(name.replace("_", " "))
