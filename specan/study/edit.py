@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from specan.study.create import effect_entry, hold_undetermined
 from specan.study.estimation.fit import fit, profile_interval
 from specan.study.history import History, Step, line_of
 from specan.study.study import STARTS, Study
-from specan.study.study_file import NAME, StudyText, read_study_file
+from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
 
 WIDTH = 1.96
 SAME = 0.005  # relative change of an error below which it counts as not having moved
@@ -108,8 +109,13 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
     return Change(before, after, changed, {}, (), tuple(remarks))
 
 
+def is_effect_file(directory: Path, name: str) -> bool:
+    """Whether `name` is an effect file of the study, or an effect that only such a file brings."""
+    return bool(_files_of(read_study_file(directory), directory, name))
+
+
 def drop_effect_file(directory: Path, name: str) -> str:
-    """Take a user's effect file out of a study: by its own name, or by that of an effect that it defines.
+    """Take a user's effect file out of a study: by its own name, or by that of an effect that it brings.
 
     The study is not opened, so that a file that cannot be loaded or evaluated any more can be taken out too.
 
@@ -133,25 +139,35 @@ def drop_effect_file(directory: Path, name: str) -> str:
     with changing(directory):
         text = StudyText(directory / NAME)
         content = text.content
-        sources = {e.file: _source(directory / e.file) for e in content.effect_file}
-        wanted = [
-            file
-            for file, source in sources.items()
-            if Path(file).name == Path(name).name or f'"{name}"' in source or f"'{name}'" in source
-        ]
-        if len(wanted) != 1:
+        files = _files_of(content, directory, name)
+        if len(files) != 1:
+            known = [Path(e.file).name for e in content.effect_file]
             raise RequestError(
-                f"{name!r} is neither in the model nor an effect file of the study",
-                remedy=nearest(name, [str(e.use) for e in content.effect] + [Path(f).name for f in sources]),
+                f"{name!r} is no effect file of the study",
+                expected="one of " + ", ".join(known) if known else "",
             )
-        used = [e.use.name for e in content.effect if f'"{e.use.name}"' in sources[wanted[0]]]
-        if used:
-            raise RequestError(
-                f"the model holds {used[0]!r} of {wanted[0]}", remedy=f"drop that effect first: {used[0]}"
-            )
-        text.drop_effect_file(wanted[0])
+        source = _source(directory / files[0])
+        held = [e.use.name for e in content.effect if _defines(source, e.use.name)]
+        if held:
+            raise RequestError(f"the model holds {held[0]!r} of {files[0]}", remedy="drop that effect first")
+        text.drop_effect_file(files[0])
         commit(directory, text.text, "")
-    return wanted[0]
+    return files[0]
+
+
+def _files_of(content: StudyFile, directory: Path, name: str) -> list[str]:
+    """Effect files that are called `name`, or that bring an effect of that name which is not in the model."""
+    files = [e.file for e in content.effect_file]
+    if name.endswith(".py"):
+        return [file for file in files if Path(file).name == Path(name).name]
+    if name in {str(e.use) for e in content.effect}:
+        return []
+    return [file for file in files if _defines(_source(directory / file), name)]
+
+
+def _defines(source: str, effect: str) -> bool:
+    """Whether a file's text declares an effect of that name; the file may be broken and is not run."""
+    return re.search(rf"@effect\(\s*(name\s*=\s*)?['\"]{re.escape(effect)}['\"]", source) is not None
 
 
 def _source(path: Path) -> str:
