@@ -12,7 +12,7 @@ from specan.study.selection.acceptance import DECISIVE, Gate
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.f_test import visible_noncentrality
 from specan.study.selection.refits import Refit
-from specan.study.selection.signatures import changes, default_value, prior_rows
+from specan.study.selection.signatures import changes, default_value
 
 POWER = 0.8
 ROUNDS = 4
@@ -63,7 +63,7 @@ def _of(start: Refit, candidate: Candidate, level: float, scale: float) -> Visib
 def _released(start: Refit, candidate: Candidate, needed: float) -> float | None:
     """Size of an instrument error: its certificate pulls it to zero until the data insist."""
     name = candidate.released[0]
-    row = prior_rows(start.problem)[name]
+    row = start.problem.pseudo_rows[name]
     step = np.zeros(start.fit.residual.size)
     step[row] = 1.0
     left = start.linear.free_chi2(step)

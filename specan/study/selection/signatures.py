@@ -98,8 +98,7 @@ def carried(seen: Sequence[Trace], old: Problem, new: Problem, uses: Collection[
     What an effect does to the residual depends little on the effects beside it, and where an evaluation is
     dear that is enough to see which ones are worth a refit.
     """
-    rows = [*range(old.n_data), *(row for name, row in prior_rows(old).items() if name in prior_rows(new))]
-    return [replace(t, columns=t.columns[rows]) for t in seen if t.use in uses]
+    return [replace(t, columns=with_rows_of(t.columns, old, new)) for t in seen if t.use in uses]
 
 
 def _trace(
@@ -117,7 +116,7 @@ def _trace(
 
 def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Trace:
     """Without its prior a nuisance is free: the same as a free step of the prior's pseudo-datum."""
-    rows = prior_rows(problem)
+    rows = problem.pseudo_rows
     columns = np.zeros((fit.residual.size, len(candidate.released)))
     for k, name in enumerate(candidate.released):
         columns[rows[name], k] = 1.0
@@ -128,10 +127,14 @@ def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Trace:
     )  # fmt: skip
 
 
-def prior_rows(problem: Problem) -> dict[str, int]:
-    """Row of the residual that holds the prior of each element of theta."""
-    held = [n for n in problem.names if n.split("[")[0] in problem.priors]
-    return {name: problem.n_data + k for k, name in enumerate(held)}
+def with_rows_of(columns: Array, old: Problem, new: Problem) -> Array:
+    """Columns over one problem's rows as columns over another's; pseudo-measurements that it lacks do not move."""
+    out = np.zeros((new.n_data + len(new.pseudo_rows), *columns.shape[1:]))
+    out[: new.n_data] = columns[: old.n_data]
+    for name, row in new.pseudo_rows.items():
+        if name in old.pseudo_rows:
+            out[row] = columns[old.pseudo_rows[name]]
+    return out
 
 
 def _several_amplitudes(
