@@ -21,7 +21,7 @@ from specan.study.selection.detectable_size import by_effect, smallest_visible
 from specan.study.selection.f_test import LACK_OF_FIT
 from specan.study.selection.initial_fit import Approach, approached, seen_about
 from specan.study.selection.left_out_error import left_out_error
-from specan.study.selection.pulls import Pull, pulls, shown, what_would_tell
+from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_would_tell
 from specan.study.selection.refits import FORM, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.search import Search
@@ -195,9 +195,11 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         reasons.append("something is left: its form is not exact, or another effect is there too")
     elif len(best.uses) > 1:
         reasons.append("one unknown effect would explain the data as well")
+    if stretched(best):
+        reasons.append(f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well")
     if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
-    doubt = left or len(best.uses) > 1 or bool(_better_but_too_far(search, sets))
+    doubt = left or len(best.uses) > 1 or bool(stretched(best) or _better_but_too_far(search, sets))
     return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
 
 

@@ -95,6 +95,18 @@ def too_far(refit: Refit, base: Refit) -> tuple[Pull, ...]:
     return tuple(found)
 
 
+def stretched(refit: Refit) -> tuple[Pull, ...]:
+    """Own values of added effects that lie outside of what is known by more than their 95 % interval."""
+    own = {str(use) for use in refit.uses}
+    found = []
+    for pull in pulls(refit):
+        if pull.parameter.rpartition(".")[0] in own:
+            away = abs(pull.pull) * _tail(refit, pull.parameter, pull.pull)
+            error = refit.fit.standard_error(pull.parameter) * float(np.sqrt(refit.scale))
+            found += [pull] if away > CERTIFIED * error else []
+    return tuple(found)
+
+
 def shown(found: tuple[Pull, ...]) -> tuple[Pull, ...]:
     """Those that a person is told of."""
     return tuple(p for p in found if abs(p.pull) >= SHOWN or p.at_bound)
