@@ -25,6 +25,7 @@ from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_wou
 from specan.study.selection.refits import FORM, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.search import Search
+from specan.study.selection.suspect_rows import suspect_rows
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
 LEAST_DOF = 3.0
@@ -150,7 +151,7 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
         next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
         pulls=shown(pulls(best)),
         error=_error_fall(base, best),
-        remarks=(*_better_but_too_far(search, sets), *_too_good(base)),
+        remarks=tuple(r for r in (suspect_rows(base), *_better_but_too_far(search, sets), *_too_good(base)) if r),
     )
 
 
@@ -199,7 +200,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         reasons.append(f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well")
     if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
-    doubt = left or len(best.uses) > 1 or bool(stretched(best) or _better_but_too_far(search, sets))
+    doubt = left or len(best.uses) > 1 or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
     return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
 
 
