@@ -16,7 +16,7 @@ from specan.study.estimation.problem import base_problem
 from specan.study.localisation.by_blocks import localise
 from specan.study.selection.acceptance import Gate, Passage
 from specan.study.selection.alternatives import alternatives, distance
-from specan.study.selection.detectable_size import smallest_visible
+from specan.study.selection.detectable_size import Visible, by_effect, smallest_visible
 from specan.study.selection.pulls import pulls, too_far
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import residual_law, simplest
@@ -605,3 +605,32 @@ def test_progress_is_told(toy):
 def test_the_same_problem_gives_the_same_verdict(toy):
     one, two = (diagnose(toy.problem(lambda x, z: 3 * x**2, CATALOGUE, seed=18)).to_json() for _ in range(2))
     assert one == two
+
+
+def test_an_effect_with_a_kink_at_nothing_is_tried_to_both_sides(toy):
+    @effect("kinked", adds_to="heat", neutral={"a": 0.0, "b": 0.0})
+    def kinked(
+        x,
+        z,
+        *,
+        a=Parameter(1.0, "W", min=-50.0, max=50.0),
+        b=Parameter(1.0, "W", min=-50.0, max=50.0),
+    ):
+        "One thing above nothing and another below it."
+        return np.maximum(a, 0) * np.cos(6 * x) + np.minimum(a, 0) * x**2 + b * x * z
+
+    for size in (-6.0, 6.0):
+        truth = lambda x, z, a=size: max(a, 0) * np.cos(6 * x) + min(a, 0) * x**2  # noqa: E731
+        found = diagnose(toy.problem(truth, ["kinked"], seed=3, also=[kinked]))
+        assert found.alternatives == (("kinked",),)
+        row = found.ranking[0].parameters["kinked.a"]
+        assert row["low"] < size < row["high"]
+
+
+def test_one_place_that_sees_nothing_makes_no_effect_invisible():
+    found = by_effect(
+        [Visible("gain@Mic 1", "gain", 0.02, "1"), Visible("gain@Mic 2", "gain", None, "1"),
+         Visible("leak", "area", None, "m^2")]
+    )  # fmt: skip
+    assert found["gain"] == {"value": 0.02, "unit": "1", "places": {"Mic 1": 0.02, "Mic 2": None}}
+    assert found["leak"] is None
