@@ -153,7 +153,7 @@ def _uses(ranked: Ranked) -> list[str]:
 
 
 def _row(ranked: Ranked) -> list[Any]:
-    remark = "" if ranked.plausible else "outside what is known"
+    remark = "" if ranked.plausible else "outside"
     if ranked.at_bound:
         remark = f"{remark}, at bound".lstrip(", ")
     return [
