@@ -131,7 +131,7 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     conditions, steps, notes = _conditions(measurements, model)
     settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
     lines = np.concatenate([m.lines for m in measurements])
-    places = [f"{measurements[k].name}, line {line}" for k, line in zip(recording, lines, strict=True)]
+    places = [f"{measurements[int(k)].name}, line {line}" for k, line in zip(recording, lines, strict=True)]
     outside = check_limits(conditions, places, model, settings)
     measured = np.concatenate([m.measured for m in measurements])
     copied = duplicates([*conditions.values(), measured], places) if conditions else ""

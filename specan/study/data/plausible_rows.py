@@ -134,7 +134,7 @@ def _shown(values: Array, condition: Condition) -> Array:
 
 
 def _named(places: Sequence[str], rows: NDArray[np.bool_]) -> str:
-    found = [places[k] for k in np.flatnonzero(rows)]
+    found = [places[int(k)] for k in np.flatnonzero(rows)]
     more = f" and {len(found) - MOST_NAMED} more rows" if len(found) > MOST_NAMED else ""
     first = found[0]
     lines = [place.rpartition("line ")[2] for place in found[1:MOST_NAMED]]

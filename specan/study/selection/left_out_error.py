@@ -38,6 +38,6 @@ def left_out_error(refit: Refit) -> ObservableError | None:
             theta = descend(rest, refit.fit.theta, np.concatenate(near)).theta
         except ComputationError:
             return None
-        predicted.append(problem.over([observation.take(block)]).predictions(theta)[0])
+        predicted.append(problem.over([observation.take(~kept)]).predictions(theta)[0])
     rows = np.concatenate(blocks)
     return errors_of(problem, observation.observable[rows], np.concatenate(predicted), observation.measured[rows])[0]
