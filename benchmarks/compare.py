@@ -80,7 +80,8 @@ LEVELS = {
 }
 HISTORIES = {
     "specan": (
-        "from specan.dsp.band_history import BandHistoryAccumulator, band_filter, weighting_filter\n"
+        "from specan.dsp.band_history import BandHistoryAccumulator\n"
+        "from specan.dsp.history_filters import band_filter, weighting_filter\n"
         "import scipy.signal",
         "filters = [band_filter(k - 17, 3) for k in range(len(mid))] + [weighting_filter(w) for w in 'ABCZ']\n"
         "times = np.arange(1, 8 * x.shape[1] / rate) / 8\n"

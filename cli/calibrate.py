@@ -31,6 +31,18 @@ if TYPE_CHECKING:
 @click.option(
     "--frequency", type=float, help="Tone of the calibrator in Hz [default: the file's, else found]."
 )
+@click.option(
+    "--u-level", type=float, default=0.1, show_default=True, help="Standard uncertainty of the level, dB."
+)
+@click.option(
+    "--u-insertion",
+    type=(float, float),
+    default=(0.05, 0.12),
+    show_default=True,
+    metavar="DB DEG",
+    help="Standard uncertainty by which insertions differ, where the recordings do not tell: level in dB, "
+    "phase between two microphones in degrees.",
+)
 @click.option("--windows", type=int, default=20, show_default=True, help="Number of measurement windows.")
 @click.option("--channel", "channels", multiple=True, help="A calibrated channel or a pattern; repeatable.")
 @click.option(
@@ -41,6 +53,7 @@ if TYPE_CHECKING:
     help="How the phase goes on to other frequencies.",
 )
 @click.option("--channel-table", type=click.Path(path_type=Path), help="A channel table for all files.")
+@click.option("--budget", is_flag=True, help="Print where each uncertainty comes from.")
 @plot_option("sensitivities and phases")
 @click.option("--json", "as_json", is_flag=True, help="Print the calibration as JSON.")
 def command(
@@ -48,10 +61,13 @@ def command(
     output: Path,
     level: float | None,
     frequency: float | None,
+    u_level: float,
+    u_insertion: tuple[float, float],
     windows: int,
     channels: tuple[str, ...],
     phase_model: str,
     channel_table: Path | None,
+    budget: bool,
     plot: Path | None,
     as_json: bool,
 ) -> int:
@@ -63,7 +79,8 @@ def command(
     specan calibrate sample_data/recordings/calibration/insertion_1.tdms -o calibration.toml
     """
     from specan.analysis.calibration import join_insertions
-    from specan.analysis.insertion import CalibrationSettings, evaluate_insertion
+    from specan.analysis.calibrator_tone import CalibrationSettings
+    from specan.analysis.insertion import evaluate_insertion
     from specan.errors import InputError, RequestError
     from specan.io.calibration_file import write_calibration
     from specan.io.open import open_recording
@@ -74,6 +91,9 @@ def command(
         {
             "level_dB": level,
             "frequency_hz": frequency,
+            "u_level_dB": u_level,
+            "u_insertion_dB": u_insertion[0],
+            "u_insertion_deg": u_insertion[1],
             "windows": windows,
             "channels": channels,
             "phase_model": phase_model,
@@ -113,7 +133,10 @@ def command(
     if as_json:
         emit_json({**_content(calibration), "failures": failures, "output": str(output)})
     else:
-        _show(calibration, output)
+        _show(calibration)
+        if budget:
+            _show_budget(calibration)
+        click.echo(f"Written to {output}.")
     failed = any(c.verdict == "failed" for c in calibration.channels)
     return 1 if failures or failed else 0
 
@@ -124,7 +147,7 @@ def _content(calibration: Calibration) -> dict[str, Any]:
     return dataclasses.asdict(calibration)
 
 
-def _show(calibration: Calibration, output: Path) -> None:
+def _show(calibration: Calibration) -> None:
     tone, level = calibration.calibrator_frequency_hz, calibration.calibrator_level_dB
     title = (
         "Calibration"
@@ -140,9 +163,25 @@ def _show(calibration: Calibration, output: Path) -> None:
         rows.append([c.channel, *sheet, reference, *stability, "; ".join([c.verdict, *c.reasons])])
     header = ["channel", "mV/Pa", "u %", "phase deg", "u deg", "re", "scatter %", "drift %", "verdict"]
     table(title, header, rows)
+    for line in calibration.calibrator_decided:
+        click.echo(f"Calibrator: {line}.")
     for note in calibration.notes:
         say(f"Note: {note}.")
-    click.echo(f"Written to {output}.")
+
+
+def _show_budget(calibration: Calibration) -> None:
+    """The uncertainty budget of each result (GUM, 7.2.7); the share is of the variance."""
+    rows = []
+    for c in calibration.channels:
+        totals: dict[str, float] = {}
+        for part in c.budget:
+            totals[part.of] = totals.get(part.of, 0.0) + part.u**2
+        for part in c.budget:
+            share = f"{100 * part.u**2 / totals[part.of]:.0f}" if totals[part.of] else ""
+            dof = "" if part.dof is None else str(part.dof)
+            rows.append([c.channel, part.of, part.name, part.type, f"{part.u:.4f}", part.unit, dof, share])
+    header = ["channel", "result", "contribution", "type", "u", "unit", "dof", "share %"]
+    table("Uncertainty budget", header, rows)
 
 
 def _phases(channel: ChannelCalibration) -> tuple[tuple[float, ...], tuple[float, ...]]:

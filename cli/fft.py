@@ -171,6 +171,7 @@ def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
         "n_blocks": found.n_blocks,
         "n_effective": found.n_effective,
         "u_dB": found.u_db,
+        "degrees_of_freedom": found.degrees_of_freedom,
         "phase_reference": found.phase_reference,
         "channels": channels,
     }

@@ -26,7 +26,11 @@ if TYPE_CHECKING:
 )
 @click.option("--instrument", metavar="CH", help="Instrument of H3c [default: the generator].")
 @section_options
-@click.option("--lines", type=int, help="Lines up to fs/2.56.  [default: 3200]")
+@click.option(
+    "--lines",
+    type=int,
+    help="Lines up to fs/2.56.  [default: 3200, more where the response is longer]",
+)
 @click.option("--window", help="Window of the blocks.  [default: hann]")
 @click.option("--overlap", type=float, help="Overlap of the blocks, 0 to 0.95.  [default: 0.5]")
 @click.option("--no-align", is_flag=True, help="Leave delayed responses as they are.")
@@ -123,6 +127,8 @@ def content(found: FrequencyResponse) -> dict[str, Any]:
             "coherence": found.coherence[row],
             "u_magnitude_percent": found.u_magnitude_percent[row],
             "u_phase_deg": found.u_phase_deg[row],
+            "u_leakage_percent": found.u_leakage_percent[row],
+            "degrees_of_freedom": found.degrees_of_freedom[row],
             "u_common_percent": found.u_common_percent[row],
             "u_common_phase_deg": found.u_common_phase_deg[row],
             "delay_s": found.delay_s[row],
@@ -216,6 +222,7 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
                     text.fixed(found.coherence[row], 4),
                     text.significant(found.u_magnitude_percent[row], 3),
                     text.significant(found.u_phase_deg[row], 3),
+                    text.significant(found.u_leakage_percent[row], 3),
                     text.significant(found.u_common_percent[row], 3),
                     text.significant(found.u_common_phase_deg[row], 3),
                     marked,
@@ -226,12 +233,13 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
         f"transfer functions of {found.label}: {found.estimator} over {found.reference} ({found.reference_unit})",
         "magnitude in " + ", ".join(f"{u} ({n})" for n, u in zip(found.channels, found.units)),
         "phase in degrees: exp(+j w t), response over reference",
-        "u: random standard uncertainty; u_common: that of calibration and delay",
+        "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of calibration "
+        "and delay",
         f"settings: {found.settings}",
         *found.notes,
     ]
     columns = (
         "channel", "frequency_hz", "magnitude", "phase_deg", "coherence", "u_magnitude_percent", "u_phase_deg",
-        "u_common_percent", "u_common_phase_deg", "flags",
+        "u_leakage_percent", "u_common_percent", "u_common_phase_deg", "flags",
     )  # fmt: skip
     text.write_table(path, header, columns, blocks)

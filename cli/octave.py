@@ -64,6 +64,11 @@ class _Averaging(click.ParamType):
     type=click.Choice(["1 nm/s", "50 nm/s"]),
     help="0 dB of velocity.  [default: 1 nm/s]",
 )
+@click.option(
+    "--settling",
+    type=click.Choice(["left-out", "counted"]),
+    help="The cut at the ends of the section, in linear averages.  [default: left-out]",
+)
 @plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all levels as text.")
@@ -152,9 +157,16 @@ def content(found: BandLevels) -> dict[str, Any]:
                 "level_dB": found.level_db[row],
                 "overall_dB": {weighting: values[row] for weighting, values in found.overall_db.items()},
                 "flags": found.flags[row],
+                "overall_flags": {w: found.overall_flags(row, w) for w in found.overall_db},
                 "band_flags": [found.band_flags(row, band) for band in range(found.exact_hz.size)],
             }
         )
+        if found.other is not None:
+            channels[-1]["edges"] = found.edges[row]
+            channels[-1]["other_settling_dB"] = found.other.level_db[row]
+            channels[-1]["other_settling_overall_dB"] = {
+                weighting: values[row] for weighting, values in found.other.overall_db.items()
+            }
         if found.history is not None:
             channels[-1]["history_dB"] = found.history.level_db[row]
             channels[-1]["overall_history_dB"] = {
@@ -170,6 +182,7 @@ def content(found: BandLevels) -> dict[str, Any]:
         "duration_s": found.duration_s,
         "sampling_rate_hz": found.sampling_rate,
         "settling": found.settling,
+        "other_settling": None if found.other is None else found.other.name,
         "nominal_hz": found.nominal_hz,
         "exact_hz": found.exact_hz,
         "lower_hz": found.lower_hz,
@@ -198,14 +211,27 @@ def show(found: BandLevels) -> None:
         header = ["Hz", *(f"{found.channels[r]}\ndB re {found.references[r].text}" for r in rows), "u dB", ""]
         lines = []
         for band, nominal in enumerate(found.nominal_hz):
-            words = {word for r in rows for word in found.band_flags(r, band) if word not in found.flags[r]}
+            words = _common_words([found.band_flags(r, band) for r in rows], [found.flags[r] for r in rows])
             cells = [_decibels(found.level_db[r, band]) for r in rows]
-            lines.append([f"{nominal:g}", *cells, f"{found.u_db[band]:.2f}", " ".join(sorted(words))])
+            lines.append([f"{nominal:g}", *cells, f"{found.u_db[band]:.2f}", words])
         for weighting, values in found.overall_db.items():
             if np.isfinite(values[list(rows)]).any():
-                lines.append([f"overall {weighting}", *(_decibels(values[r]) for r in rows), "", ""])
+                flags = [found.overall_flags(r, weighting) for r in rows]
+                words = _common_words(flags, [found.flags[r] for r in rows])
+                lines.append([f"overall {weighting}", *(_decibels(values[r]) for r in rows), "", words])
         table("", header, lines)
     click.echo(f"u: standard deviation of noise. Settling: {found.settling}.")
+
+
+def _common_words(flags: list[tuple[str, ...]], known: list[tuple[str, ...]]) -> str:
+    """Words for one line of several channels; what has a value has one for each channel, - where it does not hold."""
+    found = [[word for word in words if word not in mine] for words, mine in zip(flags, known)]
+    plain = sorted({word for words in found for word in words if "=" not in word})
+    names = dict.fromkeys(word.split("=")[0] for words in found for word in words if "=" in word)
+    for name in names:
+        values = [next((w.split("=")[1] for w in words if w.startswith(f"{name}=")), "-") for words in found]
+        plain.append(f"{name}=" + "/".join(v if v == "-" else f"{float(v):.2f}" for v in values))
+    return " ".join(plain)
 
 
 def _decibels(level: float) -> str:
@@ -228,7 +254,7 @@ def write_text(found: BandLevels, path: Path) -> None:
                     bands,
                     text.levels([*found.level_db[row], *totals.values()]),
                     [*text.levels(found.u_db), *[""] * len(totals)],
-                    [*marks, *[" ".join(found.flags[row])] * len(totals)],
+                    [*marks, *(" ".join(found.overall_flags(row, w)) for w in totals)],
                 ]
             )
         )

@@ -34,6 +34,11 @@ if TYPE_CHECKING:
     type=click.Choice(["1 nm/s", "50 nm/s"]),
     help="0 dB of velocity.  [default: 1 nm/s]",
 )
+@click.option(
+    "--settling",
+    type=click.Choice(["left-out", "counted"]),
+    help="The cut at the ends of the section, in equivalent levels.  [default: left-out]",
+)
 @plot_option()
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write everything as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.band_levels import BandLevels
+from specan.data.band_levels import BandLevels, OtherSettling
 from specan.errors import RequestError
 
 STANDS_OUT_DB = 6.0
@@ -52,7 +52,7 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
     RequestError
         The two were not analysed alike, or the background lacks a channel.
     """
-    for name in ("fraction", "weighting", "averaging"):
+    for name in ("fraction", "weighting", "averaging", "settling"):
         mine, other = getattr(levels, name), getattr(background, name)
         if mine != other:
             raise RequestError(f"{background.label} has the {name} {other}", expected=str(mine))
@@ -74,8 +74,19 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
         for words, is_low in zip(flags, low):
             if is_low and "low-snr" not in words:
                 words.append("low-snr")
+    other_settling = None
+    if levels.other is not None and background.other is not None:
+        other_settling = OtherSettling(
+            levels.other.name,
+            background_correction(levels.other.level_db, background.other.level_db[rows])[0],
+            {
+                name: background_correction(values, background.other.overall_db[name][rows])[0]
+                for name, values in levels.other.overall_db.items()
+            },
+        )
     return replace(
         levels,
+        other=other_settling,
         level_db=corrected,
         overall_db=overall,
         low_snr=low_snr,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.band_levels import BandLevels, LevelHistory
+from specan.data.band_levels import BandLevels, LevelHistory, OtherSettling
 from specan.data.levels import Quality
 from specan.data.recording import Channel
 from specan.dsp import bands
@@ -22,16 +22,19 @@ if TYPE_CHECKING:
 
 Real = NDArray[np.float64]
 
-LINEAR_SETTLING = (
-    "filters at rest at the start of the section; all energy at their outputs, ring-out after its end "
-    "included, over the length of the section"
-)
+LINEAR_SETTLING = {
+    "left-out": "about the mean; the section is faded in and out over an eighth of it, 0.5 s at most, so that the cut "
+    "at its ends is left out",
+    "counted": "about the mean; filters at rest at the start of the section; all energy at their outputs, ring-out "
+    "after its end included, over the length of the section",
+}
 READING_SETTLING = (
     "filters and time weighting at rest at the start of the section, 5 time constants + 3/B to settle; "
     "the reading is that at its end"
 )
 MAX_SETTLING = (
-    "filters and time weighting at rest at the start of the section; the maximum is that of the whole section"
+    "filters and time weighting at rest at the start of the section; for the maximum the time weighting begins after "
+    "6/B of each band, 0.09 s with A, B and C"
 )
 MIN_SETTLING = (
     "filters and time weighting at rest at the start of the section; the minimum leaves out the first "
@@ -61,28 +64,42 @@ def band_levels(
         The fraction, weighting and range to use; `averaging` does not count.
     """
     index = settings.bands(spectrum.sampling_rate)
-    frequencies = spectrum.frequencies
-    quantity = _as_quantity(channels, frequencies)
-    weights = power_weighting(frequencies, settings.weighting)
+    duration = spectrum.n_samples / spectrum.sampling_rate
+    lower, upper = bands.band_edges(index, settings.fraction)
+    counted, left_out = (
+        _levels_of(each, channels, settings, index) for each in (spectrum, spectrum.between_ends())
+    )
+    averaged = duration
+    if settings.settling == "left-out" and spectrum.inner is not None:
+        averaged = spectrum.independent / spectrum.sampling_rate
+    shown, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
+    return BandLevels(
+        **_common(index, channels, settings, label, file_flags, quality, notes),
+        averaging="linear",
+        hold=None,
+        level_db=shown[0],
+        u_db=scatter_of_noise(upper - lower, averaged),
+        overall_db=shown[1],
+        duration_s=duration,
+        sampling_rate=spectrum.sampling_rate,
+        settling=LINEAR_SETTLING[settings.settling],
+        other=OtherSettling("left-out" if settings.settling == "counted" else "counted", *other),
+    )
+
+
+def _levels_of(
+    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: Octave, index: NDArray[np.int64]
+) -> tuple[Real, dict[str, Real]]:
+    """Levels of the bands and of the whole."""
+    quantity = _as_quantity(channels, spectrum.frequencies)
+    weights = power_weighting(spectrum.frequencies, settings.weighting)
     with np.errstate(invalid="ignore", over="ignore"):
         mean_square = spectrum.band_mean_square(
             index, settings.fraction, weights if quantity is None else weights * quantity
         )
         overall = _overall(spectrum, channels, quantity, index, settings.fraction)
     zero = _zero(channels, settings)
-    duration = spectrum.n_samples / spectrum.sampling_rate
-    lower, upper = bands.band_edges(index, settings.fraction)
-    return BandLevels(
-        **_common(index, channels, settings, label, file_flags, quality, notes),
-        averaging="linear",
-        hold=None,
-        level_db=level(mean_square, zero[:, None]),
-        u_db=scatter_of_noise(upper - lower, duration),
-        overall_db={name: level(values, zero) for name, values in overall.items()},
-        duration_s=duration,
-        sampling_rate=spectrum.sampling_rate,
-        settling=LINEAR_SETTLING,
-    )
+    return level(mean_square, zero[:, None]), {name: level(values, zero) for name, values in overall.items()}
 
 
 def weighted_levels(

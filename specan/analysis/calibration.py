@@ -3,39 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from specan.analysis.insertion import CalibrationSettings, Heard, Insertion, evaluate_insertion
+from specan.analysis.calibration_verdict import REPEAT, judge
+from specan.analysis.calibrator_tone import CalibrationSettings
+from specan.analysis.insertion import Heard, Insertion, evaluate_insertion
 from specan.analysis.phase_chain import ChainedPhase, chain_phases, natural
-from specan.data.calibration import Calibration, ChannelCalibration, Verdict
+from specan.analysis.polarity import turned_over
+from specan.analysis.repeatability import repeatability
+from specan.data.calibration import Calibration, ChannelCalibration, Contribution
 from specan.data.recording import PhaseCalibration, Recording
 from specan.errors import InputError
-
-
-@dataclass(frozen=True)
-class Limit:
-    """Up to `good` a figure passes, up to `doubtful` it is named, beyond that the channel has failed."""
-
-    good: float
-    doubtful: float
-    text: str
-
-    def judge(self, value: float) -> tuple[int, str]:
-        """Severity 0, 1 or 2, and the sentence for the reader."""
-        severity = int(abs(value) > self.good) + int(abs(value) > self.doubtful)
-        return severity, self.text.format(value=value) if severity else ""
-
-
-# A microphone that is 3 dB off its data sheet is another microphone or a wrong gain; a good insertion
-# scatters by 0.05 % and has a tone 40 dB above everything else.
-LEVEL = Limit(3.0, 10.0, "{value:+.2f} dB from the nominal sensitivity")
-PURITY = Limit(0.03, 0.3, "noise and distortion are {value:.1%} of the tone")
-SCATTER = Limit(0.5, 5.0, "the windows scatter by {value:.2f} %")
-DRIFT = Limit(1.0, 5.0, "drifts by {value:+.2f} % during the recording")
-REPEAT = Limit(0.2, 1.0, "insertions differ by {value:.2f} dB")
-PLAUSIBLE_MV_PER_PA = (0.3, 300.0)
 
 
 def calibrate(recordings: Sequence[Recording], settings: CalibrationSettings | None = None) -> Calibration:
@@ -73,25 +54,61 @@ def join_insertions(
             "no channel of the calibrator recordings has a signal", expected="a calibrator's tone"
         )
     tones = _tones(insertions)
-    chained = [chain_phases([i for i in insertions if i.frequency_hz in tone]) for tone in tones]
-    phases = {}
+    chained = [
+        chain_phases([_unclipped(i) for i in insertions if i.frequency_hz in tone], settings.u_insertion_deg)
+        for tone in tones
+    ]
+    names = sorted({h.channel for i in insertions for h in i.heard}, key=natural)
+    phases: dict[str, _Phase] = {}
     notes: list[str] = []
-    for channel in sorted({h.channel for i in insertions for h in i.heard}, key=natural):
-        phases[channel], dropped = _phase(channel, tones, chained, settings)
-        notes += dropped
-    groups = sorted({phase.group for phase in phases.values()}, key=natural)
+    for channel in names:
+        if any(channel in chain for chain in chained):
+            phases[channel], dropped = _phase(channel, tones, chained, settings)
+            notes += dropped
+    groups = sorted({phase.calibration.group for phase in phases.values()}, key=natural)
     if len(groups) > 1:
         notes.append(_separate(groups, phases))
-    for insertion in insertions:
-        notes += [f"{name} gives no signal in {insertion.label}: not calibrated" for name in insertion.silent]
+    notes += _left_out(insertions, set(names))
+    for group in groups:
+        phases |= _with_polarity({name: phases[name] for name in _members(group, phases)}, group)
+    heard = {name: [(i, h) for i in insertions for h in i.heard if h.channel == name] for name in names}
+    common = _Common.of(heard, settings)
     return Calibration(
-        channels=tuple(_channel(name, insertions, phases[name], settings) for name in phases),
+        channels=tuple(_channel(name, heard[name], phases.get(name), common) for name in names),
         made_from=tuple(insertion.label for insertion in insertions),
         calibrator_frequency_hz=_plain(float(np.mean(tones[0]))) if len(tones) == 1 else None,
         calibrator_level_dB=_only({insertion.level_dB for insertion in insertions}),
+        calibrator_decided=_decided(insertions),
         notes=tuple(notes),
         source="calibrator recordings",
     )
+
+
+def _decided(insertions: Sequence[Insertion]) -> tuple[str, ...]:
+    """How level and frequency of the calibrator were decided; a line for each way."""
+    lines: dict[str, list[str]] = {}
+    for i in insertions:
+        lines.setdefault(f"level {i.level_dB:g} dB: {i.level_decided}", []).append(i.label)
+    for i in insertions:
+        lines.setdefault(f"tone near {i.frequency_hz:.0f} Hz: {i.frequency_decided}", []).append(i.label)
+    return tuple(
+        line + ("" if len(labels) == len(insertions) else f" ({', '.join(labels)})")
+        for line, labels in lines.items()
+    )
+
+
+def _left_out(insertions: Sequence[Insertion], calibrated: set[str]) -> list[str]:
+    """Sentences on channels that should have heard a tone, or heard one and are in no calibration."""
+    notes = []
+    for insertion in insertions:
+        for left in insertion.left_out:
+            if left.channel not in calibrated:
+                notes.append(f"{left.channel} {left.why} in {insertion.label}: not calibrated")
+            elif left.named:
+                notes.append(
+                    f"{left.channel} {left.why} in {insertion.label}: calibrated from other insertions"
+                )
+    return notes
 
 
 def _tones(insertions: Sequence[Insertion]) -> list[list[float]]:
@@ -105,12 +122,21 @@ def _tones(insertions: Sequence[Insertion]) -> list[list[float]]:
     return clusters
 
 
+@dataclass(frozen=True)
+class _Phase:
+    """Phases of one channel at its tones, and where their uncertainties come from."""
+
+    calibration: PhaseCalibration
+    parts: tuple[ChainedPhase, ...]
+    doubt: str = ""
+
+
 def _phase(
     channel: str,
     tones: Sequence[Sequence[float]],
     chained: Sequence[dict[str, ChainedPhase]],
     settings: CalibrationSettings,
-) -> tuple[PhaseCalibration, list[str]]:
+) -> tuple[_Phase, list[str]]:
     """Phase at the tones that tie the channel to one and the same reference."""
     found = [
         (
@@ -135,11 +161,11 @@ def _phase(
         model=settings.phase_model,
         group=reference,
     )
-    return calibration, dropped
+    return _Phase(calibration, tuple(phase for _, phase in kept)), dropped
 
 
-def _separate(groups: Sequence[str], phases: dict[str, PhaseCalibration]) -> str:
-    members = [[name for name, phase in phases.items() if phase.group == group] for group in groups]
+def _separate(groups: Sequence[str], phases: dict[str, _Phase]) -> str:
+    members = [_members(group, phases) for group in groups]
     listed = "; ".join(f"{names[0]} ... {names[-1]}" if len(names) > 1 else names[0] for names in members)
     return (
         f"{len(groups)} groups share no microphone ({listed}): their phases are relative within each group "
@@ -148,49 +174,127 @@ def _separate(groups: Sequence[str], phases: dict[str, PhaseCalibration]) -> str
     )
 
 
+def _members(group: str, phases: dict[str, _Phase]) -> list[str]:
+    return [name for name, phase in phases.items() if phase.calibration.group == group]
+
+
+def _with_polarity(group: dict[str, _Phase], reference: str) -> dict[str, _Phase]:
+    """Name inverted microphones; their phase is corrected by 180 degrees at all frequencies.
+
+    Where the reference itself is inverted, all phases are turned, so that those of the others are near zero.
+    """
+    inverted, unclear = turned_over({name: phase.calibration.phase_deg for name, phase in group.items()})
+    found = {}
+    for name, phase in group.items():
+        calibration, reason = phase.calibration, ""
+        if reference in inverted:
+            turned = tuple(_plain(d % 360.0 - 180.0) for d in calibration.phase_deg)
+            calibration = replace(calibration, phase_deg=turned)
+        if name in inverted:
+            calibration = replace(calibration, inverted=True)
+            reason = "polarity inverted: 180 degrees are corrected at all frequencies"
+        elif name in unclear:
+            told = " / ".join(f"{d:.0f}" for d in calibration.phase_deg)
+            reason = f"a phase of {told} degrees is that of neither a matched nor an inverted microphone"
+        found[name] = _Phase(calibration, phase.parts, reason)
+    return found
+
+
+def _unclipped(insertion: Insertion) -> Insertion:
+    """Without clipped channels: their harmonics, folded back by sampling, may fall on the tone."""
+    return replace(insertion, heard=tuple(h for h in insertion.heard if not h.clipped))
+
+
+@dataclass(frozen=True)
+class _Common:
+    """What the channels of a calibration share: level, repeatability of insertions, usual sensitivity."""
+
+    u_level_percent: float
+    u_insertion_percent: float
+    dof: int | None
+    typical: float | None
+
+    @classmethod
+    def of(cls, heard: dict[str, list[tuple[Insertion, Heard]]], settings: CalibrationSettings) -> _Common:
+        """From the sensitivities of all channels, those that were inserted more than once first."""
+        squares, dof, windows = 0.0, 0, []
+        for found in heard.values():
+            used = _used(found)
+            values = np.log([h.sensitivity for h in used])
+            squares += float(np.sum((100 * (values - values.mean())) ** 2))
+            dof += len(used) - 1
+            windows += [h.scatter_percent**2 / h.windows for h in used] if len(used) > 1 else []
+        u, dof_of_u = repeatability(
+            squares, dof, float(np.mean(windows or [0.0])), _percent(settings.u_insertion_dB)
+        )
+        alone = [
+            np.mean([h.sensitivity for h in _used(found)])
+            for found in heard.values()
+            if not any(h.nominal for _, h in found)
+        ]
+        return cls(
+            _percent(settings.u_level_dB),
+            u,
+            dof_of_u,
+            float(np.exp(np.median(np.log(alone)))) if len(alone) > 1 else None,
+        )
+
+
+def _used(found: Sequence[tuple[Insertion, Heard]]) -> list[Heard]:
+    """The insertions of a channel whose sensitivity counts; all where none is sound."""
+    return [h for _, h in found if h.usable] or [h for _, h in found]
+
+
 def _channel(
-    name: str, insertions: Sequence[Insertion], phase: PhaseCalibration, settings: CalibrationSettings
+    name: str, heard: Sequence[tuple[Insertion, Heard]], phase: _Phase | None, common: _Common
 ) -> ChannelCalibration:
-    heard = [(i, h) for i in insertions for h in i.heard if h.channel == name]
-    values = np.array([h.sensitivity for _, h in heard])
+    used = _used(heard)
+    n = len(used)
+    values = np.array([h.sensitivity for h in used])
     mean = float(values.mean())
-    within = [h.scatter_percent / np.sqrt(i.windows) for i, h in heard]
-    between = 100 * float(values.std(ddof=1)) / mean / np.sqrt(len(values)) if len(values) > 1 else 0.0
-    level = 100 * settings.u_level_dB * np.log(10) / 20
-    verdict, reasons = _verdict([h for _, h in heard], mean)
+    within = float(np.sqrt(np.sum([h.scatter_percent**2 / h.windows for h in used]))) / n
+    between, dof = common.u_insertion_percent, common.dof
+    if REPEAT.judge(20 * np.log10(values.max() / values.min()))[0]:
+        own = 100 * float(values.std(ddof=1)) / mean  # it repeats worse than the others
+        between, dof = (own, n - 1) if own > between else (between, dof)
+    verdict, reasons = judge(heard, mean, common.typical, phase.doubt if phase else "")
+    budget = [
+        Contribution("sensitivity", "calibrator level", "B", common.u_level_percent, "%", None),
+        Contribution("sensitivity", "insertion", *_type(dof), between / np.sqrt(n), "%", dof),
+        Contribution("sensitivity", "windows", "A", within, "%", sum(h.windows - 1 for h in used)),
+    ]
+    for f, part in zip(phase.calibration.frequency_hz, phase.parts, strict=True) if phase else ():
+        of = f"phase at {f:.6g} Hz"
+        budget += [
+            Contribution(of, "insertion", *_type(part.dof), part.u_insertion_deg, "deg", part.dof),
+            Contribution(of, "windows", "A", part.u_windows_deg, "deg", sum(h.windows - 1 for h in used)),
+        ]
     return ChannelCalibration(
         channel=name,
-        sensitivity=_plain(mean),
+        sensitivity=_significant(mean),
         unit="mV/Pa",
-        u_sensitivity_percent=_plain(
-            float(np.sqrt(level**2 + np.mean(np.square(within)) / len(heard) + between**2))
-        ),
-        phase=phase,
-        scatter_percent=_plain(max(h.scatter_percent for _, h in heard)),
-        drift_percent=_plain(max((h.drift_percent for _, h in heard), key=abs)),
+        u_sensitivity_percent=_plain(float(np.sqrt(sum(c.u**2 for c in budget if c.of == "sensitivity")))),
+        phase=phase.calibration if phase else None,
+        scatter_percent=_plain(max(h.scatter_percent for h in used)),
+        drift_percent=_plain(max((h.drift_percent for h in used), key=abs)),
         verdict=verdict,
         reasons=reasons,
+        budget=tuple(budget),
     )
 
 
-def _verdict(heard: Sequence[Heard], mean: float) -> tuple[Verdict, tuple[str, ...]]:
-    """Level plausible, tone clean, stable: the worst insertion decides."""
-    judged = [
-        PURITY.judge(max(h.impurity for h in heard)),
-        SCATTER.judge(max(h.scatter_percent for h in heard)),
-        DRIFT.judge(max((h.drift_percent for h in heard), key=abs)),
-        REPEAT.judge(20 * np.log10(max(h.sensitivity for h in heard) / min(h.sensitivity for h in heard))),
-    ]
-    nominal = next((h.nominal for h in heard if h.nominal), None)
-    if nominal is not None:
-        judged.append(LEVEL.judge(20 * np.log10(mean / nominal)))
-    elif not PLAUSIBLE_MV_PER_PA[0] <= mean <= PLAUSIBLE_MV_PER_PA[1]:
-        judged.append((1, f"{mean:.4g} mV/Pa is unusual for a microphone"))
-    if any(h.clipped for h in heard):
-        judged.append((2, "clipped at the converter's range"))
-    worst = max(severity for severity, _ in judged)
-    verdicts: tuple[Verdict, ...] = ("good", "doubtful", "failed")
-    return verdicts[worst], tuple(text for severity, text in judged if severity)
+def _type(dof: int | None) -> tuple[Literal["A", "B"]]:
+    return ("B" if dof is None else "A",)
+
+
+def _percent(dB: float) -> float:
+    """A small level difference in percent of the amplitude."""
+    return 100 * dB * float(np.log(10)) / 20
+
+
+def _significant(value: float) -> float:
+    """Rounded to seven digits: never to zero, however faint the channel."""
+    return float(f"{value:.7g}")
 
 
 def _plain(value: float) -> float:

@@ -1,53 +1,33 @@
-"""One recording of a calibrator: the tone, and what each microphone in the adapter made of it."""
+"""One recording of a calibrator: what each microphone in the adapter made of the tone."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
+from specan.analysis.calibrator_tone import (
+    HEARD_FROM_OUTSIDE_DB,
+    CalibrationSettings,
+    Candidates,
+    candidates_of,
+    decide_level,
+    find_tone,
+    nominal_mV_per_Pa,
+    volts,
+)
+from specan.analysis.quality import QualityAccumulator
+from specan.data.levels import Quality
 from specan.data.recording import Channel, Recording
-from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
+from specan.dsp.sine_fit import fit_sine
 from specan.errors import InputError
-from specan.schema import Settings
 from specan.units import LEVEL_REFERENCES
 
-DEFAULT_LEVEL_DB = 94.0
-# A microphone outside the adapter hears the calibrator at least this much less than one inside.
-HEARD_FROM_OUTSIDE_DB = 15.0
 LONGEST_WINDOW_S = 1.0
-
-
-class CalibrationSettings(Settings):
-    """How calibrator recordings are evaluated.
-
-    Attributes
-    ----------
-    level_dB : float or None
-        Sound pressure level of the calibrator re 20 uPa; None takes `CalibratorLevel_dB`, else 94 dB.
-    frequency_hz : float or None
-        Nominal tone; None takes `CalibratorFrequency_Hz`, else the strongest tone.
-    windows : int
-        Number of measurement windows n of the means; windows longer than a second are divided.
-    u_level_dB : float
-        Standard uncertainty of the calibrator's level, as its certificate says.
-    channels : tuple of str
-        Names or patterns of the calibrated channels; none takes `CalibratedChannels`, else all that
-        show the tone.
-    phase_model : {"delay", "constant"}
-        How the phase goes on to other frequencies.
-    """
-
-    level_dB: float | None = None
-    frequency_hz: Annotated[float, Field(gt=0)] | None = None
-    windows: Annotated[int, Field(ge=2)] = 20
-    u_level_dB: Annotated[float, Field(ge=0)] = 0.1
-    channels: tuple[str, ...] = ()
-    phase_model: Literal["delay", "constant"] = "delay"
+# Microphones that hear the tone from further below are outside the adapter, and nobody expects them in it.
+NOT_SEATED_DB = 35.0
+MISSING = 0.5  # of the usual amplitude: below, the tone is missing from a window
 
 
 @dataclass(frozen=True)
@@ -63,15 +43,17 @@ class Heard:
     drift_percent : float
         Change over the recording by the straight line through the windows.
     phase_deg : float
-        Circular mean relative to the first channel of the recording.
+        Circular mean relative to the reference of the recording.
     u_phase_deg : float
-        Standard deviation of that mean.
+        Standard deviation of that mean, of this channel's own noise.
     impurity : float
         RMS of everything but the tone over the RMS of the tone.
     nominal : float or None
         Sensitivity that the file or the channel table states, mV/Pa.
     clipped : bool
-        Whether samples reach the converter's range.
+        Whether the signal rests on a rail.
+    windows, missing : int
+        Windows that were evaluated, and those that were left out because the tone is missing in them.
     """
 
     channel: str
@@ -83,31 +65,50 @@ class Heard:
     impurity: float
     nominal: float | None
     clipped: bool
+    windows: int = 20
+    missing: int = 0
+
+    @property
+    def usable(self) -> bool:
+        """Whether its sensitivity counts: not clipped, and there in most windows."""
+        return not self.clipped and self.missing <= self.windows
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A channel that this recording does not calibrate, and why; `named` if it should have heard the tone."""
+
+    channel: str
+    why: str
+    named: bool
 
 
 @dataclass(frozen=True)
 class Insertion:
-    """Result of one calibrator recording; `silent` names channels that should have heard it."""
+    """Result of one calibrator recording, with how level and frequency were decided."""
 
     label: str
     frequency_hz: float
     level_dB: float
-    windows: int
     heard: tuple[Heard, ...]
-    silent: tuple[str, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    level_decided: str = "as given"
+    level_confirmed: bool = True
+    frequency_decided: str = "as given"
 
 
 def evaluate_insertion(recording: Recording, settings: CalibrationSettings | None = None) -> Insertion:
     r"""Sensitivities and phases of the microphones in a calibrator, from one recording.
 
     The recording is cut into n windows; a sine is fitted to each (IEEE Std 1057-2017, at the frequency
-    found from all of the first channel), which needs no whole number of cycles. Then
+    found from one channel), which needs no whole number of cycles. Then
 
     .. math:: sen_{mean} = \frac1n \sum sen_i, \qquad \varphi_{mean} = \arg \sum e^{j\varphi_i}
 
-    with :math:`\varphi_i` relative to the first calibrated microphone. The article that describes the rig
+    with :math:`\varphi_i` relative to one microphone of the recording. The article that describes the rig
     takes the arithmetic mean of the phases; the circular one is equal for small angles and right at
-    +-180 degrees.
+    +-180 degrees. Windows in which a channel does not hold the tone (samples that stand still or are not
+    finite, less than half the usual amplitude) are left out for that channel alone.
 
     Raises
     ------
@@ -115,189 +116,209 @@ def evaluate_insertion(recording: Recording, settings: CalibrationSettings | Non
         No channel shows a tone, channels are not in volts, or the recording is too short.
     """
     settings = settings or CalibrationSettings()
-    candidates, named = _candidates(recording, settings)
-    rate = candidates[0].sampling_rate
-    n = min(c.n_samples for c in candidates)
-    frequency = _tone(recording, candidates, settings)
-    count = max(settings.windows, int(np.ceil(n / rate / LONGEST_WINDOW_S)))
-    size = n // count
-    if size * frequency < 10 * rate:
+    found = candidates_of(recording, settings)
+    frequency, frequency_decided = find_tone(recording, found, settings)
+    count, size = _cut(recording.label, found, frequency, settings)
+    windows = _fit_windows(recording, found.channels, frequency, size, count)
+    inside, left_out = _inside(found, windows, recording.label)
+    chosen = [found.channels[i] for i in inside]
+    amplitude = [windows.amplitude[i] for i in inside]
+    level = decide_level(recording, chosen or found.channels[:1], amplitude or [0.0], frequency, settings)
+    pascals = np.sqrt(2) * LEVEL_REFERENCES["Pa"].value * 10 ** (level.dB / 20)
+    heard = _heard(found.channels, windows, inside, pascals)
+    return Insertion(
+        recording.label,
+        frequency,
+        level.dB,
+        heard,
+        left_out,
+        level.decided,
+        level.confirmed,
+        frequency_decided,
+    )
+
+
+def _cut(label: str, found: Candidates, frequency: float, settings: CalibrationSettings) -> tuple[int, int]:
+    """Number of windows and samples of each."""
+    duration = found.n_samples / found.rate
+    count = max(settings.windows, int(np.ceil(duration / LONGEST_WINDOW_S)))
+    size = found.n_samples // count
+    if size * frequency < 10 * found.rate:
         raise InputError(
-            f"{recording.label}: {n / rate:.3g} s hold fewer than {10 * count} cycles of {frequency:.6g} Hz",
+            f"{label}: {duration:.3g} s hold fewer than {10 * count} cycles of {frequency:.6g} Hz",
             expected=f"{count} windows of at least ten cycles",
             remedy="record the calibrator for 5 s, or ask for fewer windows",
         )
-    phasors, noise, clipped = _windows(recording, candidates, frequency, size, count)
-    amplitude = np.abs(phasors)
-    inside = _inside(candidates, amplitude.mean(axis=1), noise, named, recording.label)
-    level = _level(recording, candidates[0], settings)
-    pascals = np.sqrt(2) * LEVEL_REFERENCES["Pa"].value * 10 ** (level / 20)
-    reference = phasors[inside[0]] if inside else None
-    heard = tuple(
-        _heard(candidates[i], phasors[i], reference, noise[i], pascals, bool(clipped[i])) for i in inside
-    )
-    silent = tuple(c.name for i, c in enumerate(candidates) if named and i not in inside)
-    return Insertion(recording.label, frequency, level, count, heard, silent)
+    return count, size
 
 
-def stated(recording: Recording, group: str, key: str) -> Any:
-    """A property of the channel's group, of any other group, or of the file; None where there is none."""
-    places = [recording.group_properties.get(group, {}), *recording.group_properties.values()]
-    return next((place[key] for place in [*places, recording.properties] if key in place), None)
+@dataclass(frozen=True)
+class _Windows:
+    """Fits of all channels to all windows, on one time axis; arrays (channels, windows) or (channels,)."""
+
+    phasors: NDArray[np.complex128]
+    there: NDArray[np.bool_]  # whether the window holds the tone
+    amplitude: NDArray[np.float64]  # mean over the windows that do, else 0
+    rest: NDArray[np.float64]  # RMS of everything else
+    finite: NDArray[np.bool_]
+    clipped: NDArray[np.bool_]
 
 
-def _candidates(recording: Recording, settings: CalibrationSettings) -> tuple[list[Channel], bool]:
-    """Channels that may be in the adapter, and whether somebody named them."""
-    microphones = list(recording.by_role("microphone")) or [
-        c for c in recording.channels if c.role == "other" and c.raw_unit in ("", "V")
-    ]
-    if not microphones:
-        raise InputError(
-            f"{recording.label} has no microphone channel",
-            expected="a recording of a calibrator on microphones",
-            remedy="name the channels, or give their roles in a channel table",
-        )
-    listed = stated(recording, microphones[0].group, "CalibratedChannels")
-    named = True
-    if settings.channels:
-        chosen = list(recording.select(settings.channels))
-    elif listed is not None:
-        chosen = [_numbered(str(word).strip(), microphones, recording) for word in str(listed).split(",")]
-    else:
-        chosen, named = microphones, False
-    for channel in chosen:
-        if channel.raw_unit not in ("", "V"):
-            raise InputError(
-                f"{recording.label}: the samples of {channel.name!r} are in {channel.raw_unit}",
-                expected="volts, from which a sensitivity in mV/Pa follows",
-            )
-        if channel.sampling_rate != chosen[0].sampling_rate:
-            raise InputError(
-                f"{recording.label}: {channel.name!r} and {chosen[0].name!r} have different sampling rates",
-                remedy="calibrate them from separate recordings",
-            )
-    return chosen, named
-
-
-def _numbered(word: str, microphones: list[Channel], recording: Recording) -> Channel:
-    """The microphone that an entry of `CalibratedChannels` means: its name, its number, or its place."""
-    for channel in microphones:
-        digits = re.search(r"(\d+)\D*$", channel.name)
-        if word in (channel.name, digits[1] if digits else None):
-            return channel
-    if word.isdigit() and 1 <= int(word) <= len(microphones):
-        return microphones[int(word) - 1]
-    raise InputError(
-        f"{recording.label}: CalibratedChannels names {word!r}",
-        expected="one of " + ", ".join(c.name for c in microphones),
-    )
-
-
-def _tone(recording: Recording, candidates: list[Channel], settings: CalibrationSettings) -> float:
-    """Frequency of the tone, from the channel that hears most, over at most ten seconds."""
-    rate = candidates[0].sampling_rate
-    n = int(min(10 * rate, *(c.n_samples for c in candidates)))
-    first = _volts(recording, candidates, 0, min(n, int(rate)))
-    loudest = int(np.argmax(np.std(first, axis=1))) if first.size else 0
-    nominal = settings.frequency_hz or stated(recording, candidates[0].group, "CalibratorFrequency_Hz")
-    samples = _volts(recording, [candidates[loudest]], 0, n)[0]
-    if n < 16 or not np.all(np.isfinite(samples)) or not np.any(samples):
-        raise InputError(
-            f"{recording.label}: no calibrated channel has a signal", expected="the tone of a calibrator"
-        )
-    low, high = (0.95 * float(nominal), 1.05 * float(nominal)) if nominal else (50.0, rate / 2)
-    try:
-        guess = peak_frequency(samples, rate, low, high)
-    except ValueError as fault:
-        raise InputError(
-            f"{recording.label}: no tone can be sought ({fault})",
-            expected="a recording that is long enough for its tone",
-        ) from None
-    return fit_frequency(samples, rate, guess).frequency_hz
-
-
-def _volts(recording: Recording, channels: list[Channel], start: int, stop: int) -> NDArray[np.float64]:
-    """Samples in volts, whatever sensitivity the file states."""
-    back = np.array([[c.raw_scale / c.gain] for c in channels])
-    return recording.read(channels, start, stop) * back
-
-
-def _windows(
+def _fit_windows(
     recording: Recording, channels: list[Channel], frequency: float, size: int, count: int
-) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.bool_]]:
-    """Phasors (channels, windows) on one time axis, RMS of the rest (channels), clipping (channels)."""
+) -> _Windows:
     rate = channels[0].sampling_rate
-    phasors = np.zeros((len(channels), count), dtype=complex)
-    rest = np.zeros((len(channels), count))
-    clipped = np.zeros(len(channels), dtype=bool)
-    # Full scale is stated in the channel's unit; here the samples are in volts.
-    scales = [None if c.full_scale is None else abs(c.full_scale * c.raw_scale / c.gain) for c in channels]
-    limit = np.array([np.inf if s is None else s for s in scales])
+    shape = (len(channels), count)
+    phasors, rest = np.zeros(shape, dtype=complex), np.zeros(shape)
+    there, finite = np.ones(shape, dtype=bool), np.ones(shape, dtype=bool)
+    quality = QualityAccumulator([_in_volts(c) for c in channels])
     for window in range(count):
         start = window * size
-        samples = _volts(recording, channels, start, start + size)
-        fit = fit_sine(samples, rate, frequency)
+        samples = volts(recording, channels, start, start + size)
+        quality.add(samples)
+        finite[:, window] = np.isfinite(samples).all(axis=1)
+        there[:, window] = finite[:, window] & ~_stands_still(samples, rate / frequency)
+        fit = fit_sine(np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0), rate, frequency)
         phasors[:, window] = fit.phasors[:, 0] * np.exp(-2j * np.pi * frequency * start / rate)
         rest[:, window] = fit.residual_rms
-        clipped |= np.max(np.abs(samples), axis=1) >= limit * (1 - 1e-6)
-    return phasors, np.sqrt(np.mean(rest**2, axis=1)), clipped
+    amplitude = np.abs(phasors)
+    for row in range(len(channels)):
+        if there[row].any():
+            usual = float(np.quantile(amplitude[row, there[row]], 0.75))
+            faint = np.pad(amplitude[row] < MISSING * usual, 1)
+            # The windows before and after hold the tone for a part of their time.
+            there[row] &= ~np.logical_or.reduce([faint[:-2], faint[1:-1], faint[2:]])
+    number = np.maximum(there.sum(axis=1), 1)
+    return _Windows(
+        phasors,
+        there,
+        (amplitude * there).sum(axis=1) / number,
+        np.sqrt((rest**2 * there).sum(axis=1) / number),
+        np.logical_and.reduce(finite, axis=1),
+        np.array(
+            [_clipped(q, c.full_scale) for q, c in zip(quality.result(), quality.channels, strict=True)]
+        ),
+    )
 
 
-def _inside(
-    channels: list[Channel],
-    amplitude: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    named: bool,
-    label: str,
-) -> list[int]:
-    """Positions of the channels that hear the calibrator; those that somebody named need no more than a signal."""
-    audible = np.where(np.isfinite(amplitude), amplitude, 0.0)
-    clear = audible > np.sqrt(2) * noise
+def _clipped(quality: Quality, full_scale: float | None) -> bool:
+    """Whether the tone rests on a rail, or one sample reaches a range that is known."""
+    reaches = full_scale is not None and max(quality.maximum, -quality.minimum) >= full_scale * (1 - 1e-6)
+    return quality.clipped_low or quality.clipped_high or reaches
+
+
+def _in_volts(channel: Channel) -> Channel:
+    """The channel with its full scale in volts, which is stated in the channel's unit."""
+    if channel.full_scale is None:
+        return channel
+    return replace(channel, full_scale=abs(channel.full_scale * channel.raw_scale / channel.gain))
+
+
+def _stands_still(samples: NDArray[np.float64], period: float) -> NDArray[np.bool_]:
+    """Whether each row holds the same value for a period of the tone or longer."""
+    length = max(4, int(np.ceil(period)))
+    with np.errstate(invalid="ignore"):
+        equal = np.diff(samples, axis=1) == 0
+    if equal.shape[1] < length or not equal.any():
+        return np.zeros(len(samples), dtype=bool)
+    run = np.cumsum(np.pad(equal, ((0, 0), (1, 0))), axis=1)
+    still: NDArray[np.bool_] = (run[:, length - 1 :] - run[:, : 1 - length] == length - 1).any(axis=1)
+    return still
+
+
+def _inside(found: Candidates, windows: _Windows, label: str) -> tuple[list[int], tuple[LeftOut, ...]]:
+    """Positions of the channels that hear the calibrator, and those that should but do not.
+
+    Channels that somebody named need no more than a signal.
+    """
+    audible = windows.amplitude
+    clear = audible > np.sqrt(2) * windows.rest
     if not clear.any():
         raise InputError(
             f"{label}: no channel shows a tone above everything else that it holds",
             expected="the recording of a calibrator",
             remedy="leave the file out, or name the channels",
         )
-    if named:
-        return [int(i) for i in np.flatnonzero(audible > 0)]
-    enough = audible >= audible.max() * 10 ** (-HEARD_FROM_OUTSIDE_DB / 20)
-    return [int(i) for i in np.flatnonzero(enough & clear)]
+    named = bool(found.named_by)
+    below = 20 * np.log10(audible[clear].max() / np.maximum(audible, np.finfo(float).tiny))
+    enough = (windows.there.sum(axis=1) >= 2) & (audible > 0)
+    left_out = []
+    inside = []
+    for i, channel in enumerate(found.channels):
+        if enough[i] and (named or (clear[i] and below[i] <= HEARD_FROM_OUTSIDE_DB)):
+            inside.append(i)
+        elif named and not enough[i]:
+            left_out.append(LeftOut(channel.name, _why_silent(windows, i), True))
+        elif clear[i] and below[i] <= NOT_SEATED_DB:
+            why = f"shows the tone {below[i]:.0f} dB below the loudest (not seated?)"
+            left_out.append(LeftOut(channel.name, why, False))
+    return inside, tuple(left_out)
 
 
-def _level(recording: Recording, channel: Channel, settings: CalibrationSettings) -> float:
-    if settings.level_dB is not None:
-        return settings.level_dB
-    written = stated(recording, channel.group, "CalibratorLevel_dB")
-    return DEFAULT_LEVEL_DB if written is None else float(written)
+def _why_silent(windows: _Windows, i: int) -> str:
+    if not windows.finite[i]:
+        return "has samples that are not finite"
+    return "gives no signal" if windows.amplitude[i] == 0 else "holds the tone in one window only"
 
 
 def _heard(
-    channel: Channel,
-    phasors: NDArray[np.complex128],
-    reference: NDArray[np.complex128] | None,
-    noise: float,
-    pascals: float,
-    clipped: bool,
-) -> Heard:
-    """Means over the windows of one channel (the article's equations 1 and 2)."""
-    n = len(phasors)
-    sensitivities = 1000 * np.abs(phasors) / pascals
-    mean = float(sensitivities.mean())
-    slope = float(np.polyfit((np.arange(n) + 0.5) / n, sensitivities, 1)[0])
-    turned = phasors / np.abs(phasors)
-    if reference is not None:
-        turned = turned * np.conj(reference / np.abs(reference))
-    middle = turned.mean()
-    spread = np.angle(turned * np.conj(middle))
-    return Heard(
-        channel=channel.name,
-        sensitivity=mean,
-        scatter_percent=100 * float(sensitivities.std(ddof=1)) / mean,
-        drift_percent=100 * slope / mean,
-        phase_deg=float(np.degrees(np.angle(middle))),
-        u_phase_deg=float(np.degrees(np.sqrt(np.sum(spread**2) / (n - 1) / n))),
-        impurity=float(noise * np.sqrt(2) / np.abs(phasors).mean()),
-        nominal=1000 * channel.raw_scale / channel.gain if channel.unit == "Pa" else None,
-        clipped=clipped,
-    )
+    channels: list[Channel], windows: _Windows, inside: list[int], pascals: float
+) -> tuple[Heard, ...]:
+    """Means over the windows of each channel (the article's equations 1 and 2)."""
+    if not inside:
+        return ()
+    there = windows.there[inside]
+    # The first of those that hold the tone longest: a channel that drops out would cost the others their phases.
+    reference = int(np.argmax(there.sum(axis=1)))
+    unit = windows.phasors[inside] / np.maximum(np.abs(windows.phasors[inside]), np.finfo(float).tiny)
+    turned = unit * np.conj(unit[reference])
+    common = there & there[reference]
+    middle = np.where(common, turned, 0).sum(axis=1)
+    angle = np.degrees(np.angle(turned * np.conj(middle)[:, None]))
+    own = _own_variance(np.where(common, angle, 0.0), common, reference)
+    heard = []
+    for row, i in enumerate(inside):
+        values = 1000 * np.abs(windows.phasors[i, there[row]]) / pascals
+        time = (np.flatnonzero(there[row]) + 0.5) / there.shape[1]
+        mean = float(values.mean())
+        heard.append(
+            Heard(
+                channel=channels[i].name,
+                sensitivity=mean,
+                scatter_percent=100 * float(values.std(ddof=1)) / mean,
+                drift_percent=100 * float(np.polyfit(time, values, 1)[0]) / mean,
+                phase_deg=float(np.degrees(np.angle(middle[row]))),
+                u_phase_deg=float(np.sqrt(own[row] / max(int(common[row].sum()), 1))),
+                impurity=float(windows.rest[i] * np.sqrt(2) / windows.amplitude[i]),
+                nominal=nominal_mV_per_Pa(channels[i]),
+                clipped=bool(windows.clipped[i]),
+                windows=int(there[row].sum()),
+                missing=int((~there[row]).sum()),
+            )
+        )
+    # Without a window in common with the reference there is no phase, and a sensitivity alone does not chain.
+    return tuple(h for h, together in zip(heard, common.any(axis=1), strict=True) if together)
+
+
+def _own_variance(
+    angle: NDArray[np.float64], common: NDArray[np.bool_], reference: int
+) -> NDArray[np.float64]:
+    r"""Variance of each channel's own phase in a window, from differences to the reference, deg^2.
+
+    The phase of the tone itself is common to all channels of a window and unknown. With three channels or
+    more, the deviations r from the mean over C channels have
+    :math:`\mathrm{Var}\,r_c = \sigma_c^2 (1 - 2/C) + \sum \sigma^2 / C^2`, which is solved for
+    :math:`\sigma_c^2`; of two channels each takes half.
+    """
+    together = common.all(axis=0)
+    channels = len(angle)
+    if channels > 2 and together.sum() > 2:
+        kept = angle[:, together]
+        variance = (kept - kept.mean(axis=0)).var(axis=1, ddof=1)
+        total = variance.sum() * channels / (channels - 1)
+        return np.maximum((variance - total / channels**2) / (1 - 2 / channels), 0.0)
+    number = np.maximum(common.sum(axis=1) - 1, 1)
+    half = (angle**2).sum(axis=1) / number / 2
+    others = np.delete(half, reference)
+    half[reference] = others.mean() if others.size else 0.0
+    return half

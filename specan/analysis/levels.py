@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from specan.analysis.band_results import level, quality_flags
+from specan.analysis.band_results import LINEAR_SETTLING, level, quality_flags
 from specan.analysis.quality import BLOCK, QualityAccumulator
-from specan.analysis.section import of_one_rate, section
+from specan.analysis.section import constant_part, of_one_rate, section
 from specan.data.levels import SignalLevels
 from specan.data.recording import Channel, Recording
 from specan.dsp.band_energy import BandEnergy, EnergySpectrum
-from specan.dsp.band_history import BandHistory, weighting_filter
+from specan.dsp.band_history import BandHistory
+from specan.dsp.history_filters import weighting_filter
 from specan.dsp.multirate import MultirateTransform
 from specan.dsp.statistics import exceeded
 from specan.dsp.time_weighting import FAST, SLOW
@@ -43,6 +44,8 @@ class Levels(Settings):
     start_s, stop_s : float
         Time section.
     velocity_reference : {"1 nm/s", "50 nm/s"}
+    settling : {"left-out", "counted"}
+        Of the equivalent levels with A, B and C: as in `specan.analysis.octave.Octave`.
 
     Examples
     --------
@@ -61,6 +64,7 @@ class Levels(Settings):
     start_s: float = Field(default=0.0, ge=0.0)
     stop_s: float | None = Field(default=None, gt=0.0)
     velocity_reference: Literal["1 nm/s", "50 nm/s"] = "1 nm/s"
+    settling: Literal["left-out", "counted"] = "left-out"
 
     @property
     def time_constant(self) -> float:
@@ -93,26 +97,28 @@ class LevelsAccumulator:
         self.duration = (self.stop - self.start) / self.sampling_rate
         self._pressure = np.array([channel.unit == "Pa" for channel in self.channels])
         self._weighting: Weighting = settings.weighting or "A"
+        self._filters = [weighting_filter(self._weighting), weighting_filter("Z")]
         rows = len(self.channels)
-        self._energy = BandEnergy(rows, self.sampling_rate)
+        self._energy = BandEnergy(rows, self.sampling_rate, self.stop - self.start)
         self._history = BandHistory(
             rows,
             self.sampling_rate,
             self.stop - self.start,
-            [weighting_filter(self._weighting), weighting_filter("Z")],
+            self._filters,
             settings.time_constant,
             None,
             self._times(),
         )
+        self._constant = constant_part(recording, self.channels, self.start, self.stop)
         self._transform = MultirateTransform(
-            rows, self.sampling_rate, [self._energy, self._history], without_offset=True
+            rows, self.sampling_rate, [self._energy, self._history], self._constant
         )
         self._quality = QualityAccumulator(self.channels)
 
     def _times(self) -> NDArray[np.float64]:
         """When the time-weighted level is read: after it has settled."""
         tau = self.settings.time_constant
-        settled = SETTLING_TIME_CONSTANTS * tau
+        settled = SETTLING_TIME_CONSTANTS * tau + self._filters[0].settling
         step = max(tau / READINGS_PER_TIME_CONSTANT, self.duration / READINGS)
         return np.arange(settled, self.duration, step)
 
@@ -133,7 +139,7 @@ class LevelsAccumulator:
         references = tuple(self._reference(channel) for channel in self.channels)
         zero = np.array([reference.value**2 for reference in references])
         low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))
-        mean = spectrum.mean + self._transform.offset
+        mean = self._constant
         peak = np.maximum(high - mean, mean - low)
         with np.errstate(divide="ignore", invalid="ignore"):
             crest = np.where(rms > 0, peak / rms, np.nan)
@@ -165,7 +171,9 @@ class LevelsAccumulator:
             start_s=self.settings.start_s,
             duration_s=self.duration,
             sampling_rate=self.sampling_rate,
-            settling=f"percentiles and minimum leave out the first {SETTLING_TIME_CONSTANTS:g} time constants",
+            settling=f"equivalent levels with A, B and C: {LINEAR_SETTLING[self.settings.settling]}; the time "
+            "weighting begins after 0.09 s, when A, B and C have settled; percentiles and minimum leave out its first "
+            f"{SETTLING_TIME_CONSTANTS:g} time constants",
             flags=quality_flags(self.channels, self.recording.flags, quality),
             notes=self.notes,
             settings=self.settings.model_dump(mode="json"),
@@ -174,8 +182,9 @@ class LevelsAccumulator:
     def _mean_square(self, spectrum: EnergySpectrum, weighting: Weighting) -> NDArray[np.float64]:
         if weighting == "Z":
             return spectrum.alternating_mean_square
+        shown = spectrum if self.settings.settling == "counted" else spectrum.between_ends()
         with np.errstate(invalid="ignore"):
-            weighted = spectrum.through(lambda f: power_weighting(f, weighting))
+            weighted = shown.through(lambda f: power_weighting(f, weighting))
         return np.where(self._pressure, weighted, np.nan)
 
     def _reference(self, channel: Channel) -> LevelReference:

@@ -11,13 +11,14 @@ from pydantic import Field, field_validator, model_validator
 
 from specan.analysis.band_results import band_levels, weighted_levels
 from specan.analysis.quality import Watched
-from specan.analysis.section import of_one_rate, section
+from specan.analysis.section import constant_part, of_one_rate, section
 from specan.data.band_levels import BandLevels
 from specan.data.levels import Quality
 from specan.data.recording import Channel, Recording
 from specan.dsp import bands
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
-from specan.dsp.band_history import BandHistoryAccumulator, band_filter, weighting_filter
+from specan.dsp.band_history import BandHistoryAccumulator
+from specan.dsp.history_filters import band_filter, weighting_filter
 from specan.dsp.multirate import LOWEST_BAND
 from specan.dsp.time_weighting import FAST, IMPULSE, IMPULSE_DECAY, SLOW
 from specan.dsp.weighting import WEIGHTINGS, Weighting
@@ -25,6 +26,7 @@ from specan.errors import RequestError
 from specan.schema import Settings
 
 Fraction = Literal[1, 3, 6, 12, 24]
+Settling = Literal["left-out", "counted"]
 AUDIO_RANGE = (20.0, 20000.0)
 TIME_CONSTANTS = {"fast": FAST, "slow": SLOW, "impulse": IMPULSE}
 READINGS = 1000  # of a history, unless an interval is asked for
@@ -59,6 +61,9 @@ class Octave(Settings):
         Time section.
     velocity_reference : {"1 nm/s", "50 nm/s"}
         What 0 dB of velocity is: that of ISO 1683, or that of building acoustics.
+    settling : {"left-out", "counted"}
+        Whether what the cut at the two ends of the section does to the filters is left out of a linear average, or
+        counted. What the other choice gives stands beside it.
 
     Examples
     --------
@@ -82,6 +87,7 @@ class Octave(Settings):
     start_s: float = Field(default=0.0, ge=0.0)
     stop_s: float | None = Field(default=None, gt=0.0)
     velocity_reference: Literal["1 nm/s", "50 nm/s"] = "1 nm/s"
+    settling: Settling = "left-out"
 
     @field_validator("averaging", mode="before")
     @classmethod
@@ -177,7 +183,9 @@ class OctaveAccumulator:
         self.bands = settings.bands(self.sampling_rate)
         self._at_work: BandEnergyAccumulator | BandHistoryAccumulator
         if settings.averaging == "linear":
-            self._at_work = BandEnergyAccumulator(len(self.channels), self.sampling_rate)
+            self._at_work = BandEnergyAccumulator(
+                len(self.channels), self.sampling_rate, self.stop - self.start, self._constant_part()
+            )
         else:
             self._at_work = self._history()
 
@@ -200,7 +208,11 @@ class OctaveAccumulator:
             IMPULSE_DECAY if settings.averaging == "impulse" else None,
             np.append(self._times, self._duration),
             [channel.derivatives for channel in self.channels],
+            self._constant_part(),
         )
+
+    def _constant_part(self) -> NDArray[np.float64]:
+        return constant_part(self.recording, self.channels, self.start, self.stop)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples (channels, m) of `channels`."""

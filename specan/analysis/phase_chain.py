@@ -9,30 +9,45 @@ from dataclasses import dataclass
 import numpy as np
 
 from specan.analysis.insertion import Insertion
+from specan.analysis.repeatability import repeatability
 
 
 @dataclass(frozen=True)
 class ChainedPhase:
-    """Phase relative to `reference`, the first channel of all that chains of shared microphones lead to."""
+    """Phase relative to `reference`, the first channel of all that chains of shared microphones lead to.
+
+    `u_phase_deg` has two parts: how well insertions repeat, with its degrees of freedom (None where it was
+    declared), and the noise of the windows.
+    """
 
     phase_deg: float
-    u_phase_deg: float
+    u_insertion_deg: float
+    u_windows_deg: float
+    dof: int | None
     reference: str
 
+    @property
+    def u_phase_deg(self) -> float:
+        """Standard uncertainty of the phase."""
+        return float(np.hypot(self.u_insertion_deg, self.u_windows_deg))
 
-def chain_phases(insertions: Sequence[Insertion]) -> dict[str, ChainedPhase]:
+
+def chain_phases(insertions: Sequence[Insertion], declared_deg: float = 0.0) -> dict[str, ChainedPhase]:
     r"""Phase of every channel at one tone, from insertions that may share microphones.
 
     Each insertion j gives :math:`\varphi_{cj} = \theta_c - o_j` with an unknown common phase
     :math:`o_j`. Where insertions share microphones the :math:`\theta_c` follow by least squares from all
-    of them together, however long the chain; insertions that share none form separate groups. Residuals,
-    where there are more observations than unknowns, tell how well an insertion repeats, which enters the
-    uncertainty.
+    of them together, however long the chain; insertions that share none form separate groups. How well an
+    insertion repeats follows from the residuals where there are enough of them, see `repeatability`, else it
+    is `declared_deg`; both enter the uncertainty with the noise of the windows.
 
     Parameters
     ----------
     insertions : sequence of Insertion
         All at one tone.
+    declared_deg : float
+        Standard uncertainty by which the phase between two microphones changes from one insertion to the
+        next; each of the two has half of the variance.
 
     Returns
     -------
@@ -41,7 +56,7 @@ def chain_phases(insertions: Sequence[Insertion]) -> dict[str, ChainedPhase]:
     """
     found: dict[str, ChainedPhase] = {}
     for group in _connected(insertions):
-        found |= _adjust(group)
+        found |= _adjust(group, declared_deg)
     return found
 
 
@@ -59,7 +74,7 @@ def _connected(insertions: Sequence[Insertion]) -> list[list[Insertion]]:
     return [members for _, members in groups]
 
 
-def _adjust(insertions: Sequence[Insertion]) -> dict[str, ChainedPhase]:
+def _adjust(insertions: Sequence[Insertion], declared_deg: float) -> dict[str, ChainedPhase]:
     """Least squares over one connected group; the reference is its first channel as people count."""
     reference = min((h.channel for insertion in insertions for h in insertion.heard), key=natural)
     rough = _rough(insertions, reference)
@@ -75,17 +90,22 @@ def _adjust(insertions: Sequence[Insertion]) -> dict[str, ChainedPhase]:
         design[row, len(unknown) + j] = -1.0
         # Small differences from the rough values, so that no angle wraps.
         observed[row] = _wrap(h.phase_deg - rough[h.channel] + offsets[j])
-    correction, *_ = np.linalg.lstsq(design, observed, rcond=None)
-    surplus = len(seen) - design.shape[1]
-    # The first channel of an insertion is its own reference and carries no scatter of its own.
-    within = float(np.mean([h.u_phase_deg**2 for i in insertions for h in i.heard[1:]] or [0.0]))
+    solve = np.linalg.pinv(design)
+    correction = solve @ observed
     residual = observed - design @ correction
-    variance = max(within, float(residual @ residual) / surplus) if surplus > 0 else within
-    spread = np.linalg.pinv(design.T @ design) * variance
-    found = {reference: ChainedPhase(0.0, 0.0, reference)}
+    windows = np.array([h.u_phase_deg**2 for _, h in seen])
+    u, dof = repeatability(
+        float(residual @ residual),
+        len(seen) - design.shape[1],
+        float(windows.mean()),
+        declared_deg / np.sqrt(2),
+    )
+    found = {reference: ChainedPhase(0.0, 0.0, 0.0, dof, reference)}
     for name, i in columns.items():
+        weights = solve[i] ** 2
         phase = float(_wrap(rough[name] + correction[i]))
-        found[name] = ChainedPhase(phase, float(np.sqrt(spread[i, i])), reference)
+        inserted, noise = u * np.sqrt(weights.sum()), np.sqrt(weights @ windows)
+        found[name] = ChainedPhase(phase, float(inserted), float(noise), dof, reference)
     return found
 
 

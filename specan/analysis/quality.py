@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from specan.data.levels import Quality
 from specan.data.recording import Channel, Recording
 from specan.dsp.block_grid import BlockGrid
+from specan.dsp.clipping import is_cut_off, longest_run
 
 # Converters are not symmetric: the largest positive code of 16 bits is 3.05e-5 short of full scale.
 _FULL_SCALE_TOLERANCE = 4e-5
-_RUN = 3  # samples at exactly the extreme value that a moving signal does not show by chance
-_HEAD = 2 * _RUN  # samples on either side of a block border that are looked at together
-_COARSE = 0.01  # of the span: more than two steps of an 8-bit converter
-_SQUARE = 0.25
+_HEAD = 2  # samples on either side of a block border that are looked at together
 _GRID = 1 << 15
 BLOCK = 1 << 17
 
@@ -43,10 +41,7 @@ class QualityAccumulator:
     """Finds dead, clipped and non-finite channels in one pass over consecutive blocks.
 
     A channel is *clipped* where two or more consecutive samples stand at the converter's full scale.
-    If that is not known: where `_RUN` or more consecutive samples have exactly the channel's extreme
-    value and the signal jumps into or out of that run by more than three times its smallest step, or by
-    more than one percent of its span: the rounded top of a slow, quantised sine is no rail. Neither is a
-    side of a square wave, whose smallest step is its span.
+    If that is not known: where it rests on its extreme value as `specan.dsp.clipping.is_cut_off` says.
 
     Parameters
     ----------
@@ -125,12 +120,6 @@ class QualityAccumulator:
         )
 
 
-def _longest_run(holds: NDArray[np.bool_]) -> int:
-    """Length of the longest run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False]))))
-    return int((edges[1::2] - edges[::2]).max()) if edges.size else 0
-
-
 def _rests(
     samples: NDArray[np.float64],
     border: NDArray[np.float64],
@@ -139,28 +128,10 @@ def _rests(
     full_scale: float | None,
 ) -> bool:
     """Whether the signal rests on the rail at `top`, inside the block or across its beginning."""
-    if full_scale is not None:
-        limit = full_scale * (1.0 - _FULL_SCALE_TOLERANCE)
-        return top >= limit and any(_longest_run(part >= limit) >= 2 for part in (samples, border))
-    jump = max(_jump(part, top) for part in (samples, border))
-    if jump == 0.0:
-        return False
-    steps = np.abs(np.diff(samples))
-    smallest = float(steps[steps > 0].min(initial=np.inf))
-    return jump > 3.0 * smallest or (jump > _COARSE * span and smallest < _SQUARE * span)
-
-
-def _jump(samples: NDArray[np.float64], top: float) -> float:
-    """Largest step into or out of a run of samples at `top`; 0 without a run."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], samples == top, [False]))))
-    starts, ends = edges[::2], edges[1::2]
-    long = ends - starts >= _RUN
-    if not long.any():
-        return 0.0
-    steps = np.abs(np.diff(samples))
-    entered, left = starts[long] - 1, ends[long] - 1
-    jumps = np.concatenate([steps[entered[entered >= 0]], steps[left[left < steps.size]]])
-    return float(jumps.max(initial=0.0))
+    if full_scale is None:
+        return is_cut_off(samples, top, span)
+    limit = full_scale * (1.0 - _FULL_SCALE_TOLERANCE)
+    return top >= limit and any(longest_run(part >= limit) >= 2 for part in (samples, border))
 
 
 Result = TypeVar("Result", covariant=True)

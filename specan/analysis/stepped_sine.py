@@ -51,6 +51,7 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
     shape = (len(units), len(steps))
     response = np.full(shape, np.nan + 0j)
     random, gain, phase = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape, np.nan)
+    freedom = np.zeros(shape)
     flags: dict[str, set[str]] = {name: set() for name in units}
     for column, step in enumerate(steps):
         for row, name in enumerate(units):
@@ -60,6 +61,7 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
             values = np.array([t.magnitude[i] * np.exp(1j * np.radians(t.phase_deg[i])) for t, i in found])
             response[row, column] = np.mean(values)
             random[row, column] = _random(values, np.array([t.u_random_percent[i] for t, i in found]))
+            freedom[row, column] = sum(t.degrees_of_freedom for t, _ in found)
             gain[row, column] = np.mean([t.u_common_percent[i] for t, i in found])
             phase[row, column] = np.mean([t.u_common_phase_deg[i] for t, i in found])
             for table, i in found:
@@ -75,6 +77,8 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
         coherence=np.full(shape, np.nan),
         u_magnitude_percent=random,
         u_phase_deg=u_phase_deg(random / 100),
+        u_leakage_percent=np.zeros(shape),
+        degrees_of_freedom=freedom,
         u_common_percent=gain,
         u_common_phase_deg=phase,
         estimator="stepped sine",

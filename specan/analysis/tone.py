@@ -13,9 +13,10 @@ from specan.analysis.section import of_one_rate, section
 from specan.analysis.transfer_function import READ_BLOCK, quotient
 from specan.data.recording import Channel, Recording
 from specan.data.tone import ToneTable
+from specan.dsp.few_averages import student_factor
 from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
 from specan.dsp.tone_series import Tone as Fitted
-from specan.dsp.tone_series import ToneSeries, block_length, variance_of_mean
+from specan.dsp.tone_series import ToneSeries, block_length, freedom_of_mean, variance_of_mean
 from specan.dsp.transfer_function import phase_deg, u_phase_deg
 from specan.errors import InputError, RequestError
 from specan.schema import Settings
@@ -201,8 +202,10 @@ class ToneAccumulator:
             usable = usable or bool(abs(base) > 0 and own.shape[1] < 4)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = phasors / base if usable else np.full(len(channels), np.nan + 0j)
-        random_phase = u_phase_deg(np.sqrt(variance_of_mean(relative.imag)))
-        random_percent = 100 * np.sqrt(variance_of_mean(relative.real))
+        freedom = freedom_of_mean(own.shape[1])
+        few = float(student_factor(freedom)) if freedom else 1.0
+        random_phase = u_phase_deg(few * np.sqrt(variance_of_mean(relative.imag)))
+        random_percent = 100 * few * np.sqrt(variance_of_mean(relative.real))
         itself = np.array([c is self.reference for c in channels])
         common_phase = np.array([np.hypot(c.u_phase_deg(f)[0], base_phase) for c in channels])
         common_percent = np.array([np.hypot(c.u_gain_percent, base_gain) for c in channels])
@@ -216,6 +219,7 @@ class ToneAccumulator:
             ),
             "u_random_phase_deg": random_phase,
             "u_random_percent": random_percent,
+            "degrees_of_freedom": freedom,
             "u_common_phase_deg": common_phase,
             "u_common_percent": common_percent,
             "u_phase_deg": np.hypot(random_phase, common_phase) if usable else nothing,

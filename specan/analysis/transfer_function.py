@@ -9,21 +9,31 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.response_length import (
+    LEAST_AVERAGES,
+    READ_BLOCK,
+    Look,
+    averages_in,
+    look,
+    shifts_of,
+    sufficient_block,
+)
 from specan.analysis.section import of_one_rate, reference_channel, section
-from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse
+from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
 from specan.data.recording import Channel, Recording
-from specan.dsp.transfer_function import Estimate, Estimator, delays_of, estimate, u_phase_deg
+from specan.dsp.leakage import leakage_bias
+from specan.dsp.transfer_function import Estimate, Estimator, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix
-from specan.dsp.windows import WindowName, line_correlation, window_correlation
+from specan.dsp.windows import WindowName, line_correlation
 from specan.errors import InputError
 from specan.schema import Settings
 
-READ_BLOCK = 1 << 16
 # Lines up to rate / 2.56: above them the converters' anti-aliasing filters fall off.
 SAMPLES_PER_LINE = 2.56
-# A delay is compensated where it would cost H1 more than a thousandth; a look at this many blocks finds it.
-TOLERATED_LOSS, PREVIEW_BLOCKS = 1e-3, 32
-_DISTINCT_PEAK = 6.0  # times the RMS of an impulse response; white noise of 8192 samples reaches 4
+DEFAULT_LINES, LEAST_LINES = 3200, 100
+# Share of the reference's power that is not the generator's from which on H3c is recommended: H1 is low by as much.
+_FOREIGN = 0.01
+_NEIGHBOURS = (1 / 15,) * 15
 
 
 class TransferFunction(Settings):
@@ -38,8 +48,10 @@ class TransferFunction(Settings):
     channels : tuple of str
         Names or patterns of the responses; by default the microphones, without any all other channels.
     estimator : {"H1", "H2", "Hv", "H3c"}
-    lines : int
-        Number of lines up to rate/2.56; a block has 2.56 times as many samples.
+    lines : int or None
+        Number of lines up to rate/2.56; a block has 2.56 times as many samples. By default as many as the
+        response needs: 3200 times a power of two, so that leakage is below 1 % or half the random
+        uncertainty, while eight independent averages are left; fewer in a short section.
     window, overlap
         Of the blocks. Hann with 50 % gives 95 % of the blocks' number as independent averages.
     align : bool
@@ -66,7 +78,7 @@ class TransferFunction(Settings):
     instrument: str | None = None
     channels: tuple[str, ...] = ()
     estimator: Estimator = "H1"
-    lines: int = Field(default=3200, ge=8, le=10_000_000)
+    lines: int | None = Field(default=None, ge=8, le=10_000_000)
     window: WindowName = "hann"
     overlap: float = Field(default=0.5, ge=0.0, le=0.95)
     align: bool = True
@@ -75,8 +87,13 @@ class TransferFunction(Settings):
 
     @property
     def block(self) -> int:
-        """Samples of a block."""
-        return round(self.lines * SAMPLES_PER_LINE)
+        """Samples of a block; without `lines`, of one with 3200."""
+        return block_of(self.n_lines)
+
+    @property
+    def n_lines(self) -> int:
+        """`lines`, or 3200."""
+        return self.lines or DEFAULT_LINES
 
     def accumulator(self, recording: Recording) -> TransferFunctionAccumulator:
         """For a pass over the recording that serves several analyses."""
@@ -103,21 +120,34 @@ class TransferFunctionAccumulator:
     """
 
     def __init__(self, recording: Recording, settings: TransferFunction) -> None:
-        self.recording, self.settings = recording, settings
+        self.recording, self.asked = recording, settings.lines
+        self.settings = settings
         self.reference = reference_channel(recording, settings.reference)
         self.instrument = self._find_instrument()
         helpers = (self.reference,) if self.instrument is None else (self.reference, self.instrument)
         self.responses, self.notes = self._find_responses(helpers)
         self.channels = (*helpers, *self.responses)
         self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
-        if self.stop - self.start < settings.block:
+        n = self.stop - self.start
+        least = settings.lines or LEAST_LINES
+        if n < block_of(least):
             raise InputError(
-                f"{recording.label}: {self.stop - self.start} samples are less than one block",
-                expected=f"at least {settings.block} samples for {settings.lines} lines",
-                remedy="ask for fewer lines",
+                f"{recording.label}: {n} samples are less than one block",
+                expected=f"at least {block_of(least)} samples for {least} lines",
+                remedy="ask for fewer lines" if settings.lines else "analyse a longer section",
             )
-        self.shifts = self._delays() if settings.align else [0] * len(self.channels)
-        self._spectra = self._accumulate(settings.lines, self.shifts)
+        first = block_of(settings.lines or self._most_lines(DEFAULT_LINES))
+        self.look = self._look(first) if settings.align or settings.lines is None else None
+        self.sufficient = (
+            None if self.look is None else sufficient_block(self.look, first, n, settings.overlap)
+        )
+        if self.sufficient is not None and settings.lines is None:
+            lines = self._most_lines(round(self.sufficient / SAMPLES_PER_LINE))
+            self.settings = settings.model_copy(update={"lines": lines})
+        self.shifts = [0] * len(self.channels)
+        if self.look is not None and settings.align:
+            self.shifts = shifts_of(self.look, self.settings.block, n)
+        self._spectra = self._accumulate(self.settings.lines, self.shifts)
 
     def _find_instrument(self) -> Channel | None:
         if self.settings.estimator != "H3c":
@@ -147,6 +177,36 @@ class TransferFunctionAccumulator:
             )
         return responses, notes
 
+    def _most_lines(self, lines: int) -> int:
+        """As many lines, or half of them and so on until the section holds eight independent averages."""
+        settings, n = self.settings, self.stop - self.start
+        while (
+            lines >= 2 * LEAST_LINES
+            and averages_in(n, block_of(lines), settings.window, settings.overlap) < LEAST_AVERAGES
+        ):
+            lines //= 2
+        return lines
+
+    def _look(self, block: int) -> Look:
+        """The beginning of the recording, the generator along with it where it is not analysed anyway."""
+        generators = [
+            c
+            for c in self.recording.by_role("generator")
+            if c not in self.channels
+            and c.sampling_rate == self.reference.sampling_rate
+            and c.n_samples >= self.stop
+        ]
+        return look(
+            self.recording,
+            self.channels,
+            generators[0] if generators else None,
+            self.settings.window,
+            self.settings.overlap,
+            block,
+            self.start,
+            self.stop,
+        )
+
     def _accumulate(self, lines: int | None, shifts: Sequence[int]) -> CrossSpectra:
         settings = self.settings
         return CrossSpectra(
@@ -160,31 +220,6 @@ class TransferFunctionAccumulator:
             shifts=shifts,
         )
 
-    def _delays(self) -> list[int]:
-        """Samples by which each channel lags the reference, where that would bias its transfer function."""
-        settings, rate = self.settings, self.reference.sampling_rate
-        stop = min(self.stop, self.start + PREVIEW_BLOCKS * settings.block)
-        preview = self._accumulate(None, [0] * len(self.channels))
-        for samples in self.recording.blocks(self.channels, READ_BLOCK, self.start, stop):
-            preview.add(samples)
-        seen = preview.result()
-        first = estimate("H1", seen.auto[0], seen.auto, seen.cross[0], seen.n_effective)
-        # Lines without coherence would drown the peak; 2/n is what chance gives.
-        weight = np.maximum(first.coherence - 2 / max(seen.n_effective, 2.0), 0.0)
-        weighted = np.where(np.isfinite(first.response), first.response, 0.0) * np.nan_to_num(weight)
-        lags = np.rint(delays_of(weighted, settings.block, rate) * rate).astype(int)
-        impulse = np.abs(np.fft.irfft(weighted, settings.block, axis=-1))
-        distinct = impulse.max(axis=-1) > _DISTINCT_PEAK * np.sqrt(np.mean(impulse**2, axis=-1))
-        margin = (self.stop - self.start) - settings.block
-        return [
-            int(lag)
-            if sure
-            and 1 - window_correlation(settings.window, lag / settings.block) > TOLERATED_LOSS
-            and abs(lag) <= min(settings.block // 2, margin)
-            else 0
-            for lag, sure in zip(lags, distinct)
-        ]
-
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples (channels, m) of `channels`."""
         self._spectra.add(samples)
@@ -197,7 +232,8 @@ class TransferFunctionAccumulator:
         own, base = np.stack([c.correction(f) for c in self.responses]), self.reference.correction(f)
         with np.errstate(divide="ignore", invalid="ignore"):
             response = found.response * own / base
-        u_percent = 100 * found.u_relative
+        lost = self._lost(found)
+        u_relative = np.hypot(found.u_relative, lost)
         step = self.reference.sampling_rate / settings.block
         return FrequencyResponse(
             label=self.recording.label,
@@ -207,8 +243,10 @@ class TransferFunctionAccumulator:
             reference=self.reference.name,
             response=response,
             coherence=found.coherence,
-            u_magnitude_percent=u_percent,
-            u_phase_deg=u_phase_deg(found.u_relative),
+            u_magnitude_percent=100 * u_relative,
+            u_phase_deg=u_phase_deg(u_relative),
+            u_leakage_percent=100 * lost,
+            degrees_of_freedom=found.degrees_of_freedom,
             u_common_percent=self._together(lambda c: np.full(len(f), c.u_gain_percent)),
             u_common_phase_deg=self._together(lambda c: c.u_phase_deg(f)),
             estimator=settings.estimator,
@@ -221,11 +259,11 @@ class TransferFunctionAccumulator:
             flags=tuple(
                 (
                     *self.recording.flags,
-                    *_flags(spectra, found, row, len(self.channels) - len(self.responses)),
+                    *_flags(spectra, found, u_relative, lost, row, len(self.channels) - len(self.responses)),
                 )
                 for row in range(len(self.responses))
             ),
-            notes=(*self.notes, *self._remarks()),
+            notes=(*self.notes, *self._remarks(found, lost)),
             settings=settings.model_dump(),
         )
 
@@ -244,15 +282,40 @@ class TransferFunctionAccumulator:
             spectra.auto[first:],
             spectra.cross[0, first:],
             spectra.n_effective,
+            line_correlation=line_correlation(self.settings.window),
             **extra,
         )
+
+    def _lost(self, found: Estimate) -> NDArray[np.float64]:
+        """Relative standard uncertainty per real component that leakage adds, (responses, lines).
+
+        What blocks take from each line, judged from the result itself. Lags beyond half a block are hardly seen
+        there: where the longer blocks of the first look show twice that (mean square over 15 lines), theirs is taken.
+        The square is averaged over three lines; of a complex error of that size each component has half.
+        """
+        f, block = np.arange(1, found.response.shape[-1] + 1), self.settings.block
+        first = len(self.channels) - len(self.responses)
+        square = np.empty(found.response.shape)
+        seen = None
+        if self.look is not None and self.look.block > block:
+            seen = np.abs(self.look.bias(block)[first:, : len(f)]) ** 2
+        for row, (response, u) in enumerate(zip(found.response, found.u_relative, strict=True)):
+            turned = response * np.exp(2j * np.pi * f * self.shifts[first + row] / block)
+            variance = 2 * (u * np.abs(response)) ** 2
+            square[row] = np.abs(leakage_bias(turned, variance, self.settings.window)) ** 2
+            if seen is not None:
+                more = _mean_over(seen[row], _NEIGHBOURS) > 2 * _mean_over(square[row], _NEIGHBOURS)
+                square[row] = np.where(more, np.maximum(square[row], seen[row]), square[row])
+            square[row] = _mean_over(square[row], (0.25, 0.5, 0.25))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.sqrt(square / 2) / np.abs(found.response))
 
     def _together(self, of: Any) -> NDArray[np.float64]:
         """Uncertainty of response and reference in quadrature, (responses, lines)."""
         return np.stack([np.hypot(of(c), of(self.reference)) for c in self.responses])
 
-    def _remarks(self) -> list[str]:
-        remarks = []
+    def _remarks(self, found: Estimate, lost: NDArray[np.float64]) -> list[str]:
+        remarks = [*self._on_lines(found, lost), *self._on_the_instrument()]
         for c in (self.reference, *self.responses):
             if c.derivatives:
                 kind = "displacement" if c.derivatives > 0 else "acceleration"
@@ -262,6 +325,72 @@ class TransferFunctionAccumulator:
             remarks.append(f"aligned before the analysis and turned back after it: {', '.join(late)}")
         return remarks
 
+    def _on_lines(self, found: Estimate, lost: NDArray[np.float64]) -> list[str]:
+        """Who chose the number of lines, and whether the blocks are too short for the response."""
+        settings, rate = self.settings, self.reference.sampling_rate
+        remarks = []
+        if self.asked is None and settings.n_lines != DEFAULT_LINES:
+            why = "so that the response dies out within a block"
+            if self.sufficient is not None and settings.block < self.sufficient:
+                why = "as many as the length of the section allows"
+            remarks.append(f"{settings.n_lines} lines, {why} ({settings.block / rate:.3g} s)")
+        mask = leaking(100 * lost, 100 * np.hypot(found.u_relative, lost))
+        worst = [row for row in range(len(lost)) if np.median(mask[row]) > 0.5]
+        if not worst:
+            return remarks
+        with np.errstate(invalid="ignore"):
+            size = [
+                np.sqrt(
+                    2
+                    * np.nansum((lost * np.abs(found.response))[row] ** 2)
+                    / np.nansum(np.abs(found.response[row]) ** 2)
+                )
+                for row in worst
+            ]
+        row = worst[int(np.argmax(size))]
+        remarks.append(
+            f"leakage: the response outlasts the blocks of {settings.block / rate:.3g} s, which take "
+            f"{_percent(max(size))} of it ({self.responses[row].name}, RMS over the lines); {self._advice()}"
+        )
+        return remarks
+
+    def _advice(self) -> str:
+        settings, n = self.settings, self.stop - self.start
+        if self.sufficient is None or self.sufficient <= settings.block:
+            return "ask for more lines"
+        wanted = settings.n_lines * (self.sufficient // settings.block)
+        if averages_in(n, block_of(wanted), settings.window, settings.overlap) >= LEAST_AVERAGES:
+            return f"ask for --lines {wanted}"
+        return f"--lines {wanted} would do, with a longer recording"
+
+    def _on_the_instrument(self) -> list[str]:
+        share = np.nan if self.look is None else self.look.foreign_share
+        if self.instrument is not None or not share > _FOREIGN:
+            return []
+        return [
+            f"{100 * share:.2g} % of the power of {self.reference.name} is not the generator's: where that is noise of "
+            f"{self.reference.name}, H1 reads low by as much, and H3c is the unbiased choice"
+        ]
+
+
+def _mean_over(values: NDArray[np.float64], weights: Sequence[float]) -> NDArray[np.float64]:
+    """Weighted mean over neighbouring lines (an odd number), the ends repeated."""
+    n, reach = len(values), len(weights) // 2
+    place = np.arange(n)
+    total = np.zeros(n)
+    for offset, weight in enumerate(weights, start=-reach):
+        total += weight * values[np.clip(place + offset, 0, n - 1)]
+    return total
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.995 else "nearly all"
+
+
+def block_of(lines: int) -> int:
+    """Samples of a block with as many lines up to rate / 2.56."""
+    return round(lines * SAMPLES_PER_LINE)
+
 
 def _without_mean(spectra: SpectralMatrix) -> SpectralMatrix:
     """The line at 0 Hz holds what detrending has left: nothing."""
@@ -270,7 +399,14 @@ def _without_mean(spectra: SpectralMatrix) -> SpectralMatrix:
     )
 
 
-def _flags(spectra: SpectralMatrix, found: Estimate, row: int, first: int) -> list[str]:
+def _flags(
+    spectra: SpectralMatrix,
+    found: Estimate,
+    u_relative: NDArray[np.float64],
+    lost: NDArray[np.float64],
+    row: int,
+    first: int,
+) -> list[str]:
     own = spectra.auto[first + row]
     if not np.all(np.isfinite(own)):
         return ["not-finite"]
@@ -280,10 +416,12 @@ def _flags(spectra: SpectralMatrix, found: Estimate, row: int, first: int) -> li
         return ["no-reference"]
     flags = []
     with np.errstate(invalid="ignore"):
-        if not np.median(100 * found.u_relative[row]) <= LOW_SNR_PERCENT:
+        if not np.median(100 * u_relative[row]) <= LOW_SNR_PERCENT:
             flags.append("low-snr")
         if np.median(found.coherence[row]) < LOW_COHERENCE:
             flags.append("low-coherence")
+    if np.median(leaking(100 * lost[row], 100 * u_relative[row])) > 0.5:
+        flags.append("leakage")
     return flags
 
 

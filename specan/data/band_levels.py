@@ -16,6 +16,25 @@ Real = NDArray[np.float64]
 # 18.9 degrees of freedom of bandwidth times time: a level that scatters by more than 1 dB.
 LOW_BT_DB = 1.0
 
+EDGES_DB = 0.5
+"""By how much the cut at the ends of a section changes a level that is flagged ``edges``."""
+
+
+@dataclass(frozen=True)
+class OtherSettling:
+    """The same levels, had the cut at the section's ends been treated otherwise.
+
+    Attributes
+    ----------
+    name : {"left-out", "counted"}
+    level_db : array (channels, bands)
+    overall_db : mapping of str to array (channels,)
+    """
+
+    name: str
+    level_db: Real
+    overall_db: Mapping[str, Real]
+
 
 @dataclass(frozen=True)
 class BandLevels:
@@ -63,6 +82,8 @@ class BandLevels:
         Bands whose filter and time weighting take longer to settle than the section lasts.
     low_snr : array (channels, bands) or None
         Where the signal does not stand out of a background that was subtracted.
+    other : OtherSettling or None
+        The levels with the ends of the section counted if they are left out, and the other way round.
     """
 
     label: str
@@ -91,6 +112,20 @@ class BandLevels:
     settings: Mapping[str, Any] = field(default_factory=dict)
     unsettled: NDArray[np.bool_] | None = None
     low_snr: NDArray[np.bool_] | None = None
+    other: OtherSettling | None = None
+
+    @property
+    def edges(self) -> NDArray[np.bool_]:
+        """Bands (channels, bands) whose level hangs on the cut at the ends of the section."""
+        if self.other is None:
+            return np.zeros(self.level_db.shape, dtype=bool)
+        return _apart(self.level_db, self.other.level_db)
+
+    def overall_edges(self, weighting: str) -> NDArray[np.bool_]:
+        """The same for an overall level, shape (channels,)."""
+        if self.other is None:
+            return np.zeros(len(self.channels), dtype=bool)
+        return _apart(self.overall_db[weighting], self.other.overall_db[weighting])
 
     @property
     def low_bt(self) -> NDArray[np.bool_]:
@@ -98,7 +133,10 @@ class BandLevels:
         return self.u_db > LOW_BT_DB
 
     def band_flags(self, channel: int, band: int) -> tuple[str, ...]:
-        """Words for one band of one channel: the channel's, ``low-BT``, ``unsettled``, ``low-snr``."""
+        """Words for one band of one channel: the channel's, ``low-BT``, ``unsettled``, ``low-snr``, ``edges``.
+
+        After ``edges`` follows the level with the other settling, as in ``counted=61.234``.
+        """
         words = list(self.flags[channel])
         if self.low_bt[band]:
             words.append("low-BT")
@@ -106,7 +144,25 @@ class BandLevels:
             words.append("unsettled")
         if self.low_snr is not None and self.low_snr[channel, band]:
             words.append("low-snr")
+        if self.other is not None and self.edges[channel, band]:
+            words += _edges(self.other.name, self.other.level_db[channel, band])
         return tuple(words)
+
+    def overall_flags(self, channel: int, weighting: str) -> tuple[str, ...]:
+        """Words for one overall level of one channel: the channel's, ``edges``."""
+        words = list(self.flags[channel])
+        if self.other is not None and self.overall_edges(weighting)[channel]:
+            words += _edges(self.other.name, self.other.overall_db[weighting][channel])
+        return tuple(words)
+
+
+def _apart(one: Real, other: Real) -> NDArray[np.bool_]:
+    with np.errstate(invalid="ignore"):  # of nothing with nothing: not apart
+        return np.asarray(np.abs(one - other) > EDGES_DB)
+
+
+def _edges(name: str, level_db: float) -> list[str]:
+    return ["edges", f"{name}={level_db:.3f}"]
 
 
 @dataclass(frozen=True)

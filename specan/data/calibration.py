@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -11,6 +12,32 @@ from specan.errors import InputError, RequestError
 
 Verdict = Literal["good", "doubtful", "failed"]
 VERDICTS: tuple[Verdict, ...] = ("good", "doubtful", "failed")
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """One line of an uncertainty budget (GUM): what contributes, how it was evaluated, how much.
+
+    Attributes
+    ----------
+    of : str
+        Result that it belongs to: "sensitivity", "phase at 1000 Hz".
+    name : str
+        Where it comes from.
+    type : {"A", "B"}
+        Estimated from repeated observations, or stated.
+    u : float
+        Standard uncertainty of the result by it, in `unit`.
+    dof : int or None
+        Degrees of freedom; None: taken as known.
+    """
+
+    of: str
+    name: str
+    type: Literal["A", "B"]
+    u: float
+    unit: str
+    dof: int | None
 
 
 @dataclass(frozen=True)
@@ -35,6 +62,8 @@ class ChannelCalibration:
         A failed calibration is kept in the file and never applied.
     reasons : tuple of str
         Why the verdict is not "good".
+    budget : tuple of Contribution
+        Where the uncertainties come from; not part of the file.
     """
 
     channel: str
@@ -46,12 +75,20 @@ class ChannelCalibration:
     drift_percent: float | None = None
     verdict: Verdict = "good"
     reasons: tuple[str, ...] = ()
+    budget: tuple[Contribution, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        if not self.sensitivity > 0.0:
+        if not 0.0 < self.sensitivity < math.inf:
             raise RequestError(
                 f"the calibration of {self.channel!r} has the sensitivity {self.sensitivity}",
                 expected="a number above zero",
+            )
+        numbers = [self.u_sensitivity_percent, self.scatter_percent or 0.0, self.drift_percent or 0.0]
+        if self.phase is not None:
+            numbers += [*self.phase.phase_deg, *self.phase.u_phase_deg]
+        if not all(map(math.isfinite, numbers)):
+            raise RequestError(
+                f"the calibration of {self.channel!r} is not finite", expected="finite numbers"
             )
         if self.verdict not in VERDICTS:
             raise RequestError(
@@ -72,6 +109,8 @@ class Calibration:
         Labels of the calibrator recordings.
     calibrator_frequency_hz, calibrator_level_dB : float or None
         Tone and level (re 20 uPa, or of the quantity) of the calibrator.
+    calibrator_decided : tuple of str
+        How these were decided: given, a property, or assumed.
     notes : tuple of str
         Sentences for the reader, such as that two phase groups share no microphone.
     """
@@ -80,6 +119,7 @@ class Calibration:
     made_from: tuple[str, ...] = ()
     calibrator_frequency_hz: float | None = None
     calibrator_level_dB: float | None = None
+    calibrator_decided: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     source: str = field(default="calibration", compare=False)  # the file's name, for messages
 

@@ -17,6 +17,8 @@ Complex = NDArray[np.complex128]
 # A line whose magnitude is known to no better than 10 % (0.9 dB), and one of which less than half is
 # linearly related to the reference.
 LOW_SNR_PERCENT, LOW_COHERENCE = 10.0, 0.5
+# Leakage of a line is flagged above 1 % (0.09 dB), where it is the larger part of the uncertainty.
+LEAKAGE_PERCENT = 1.0
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,12 @@ class FrequencyResponse:
     coherence : array (channels, n)
         NaN for stepped sines.
     u_magnitude_percent, u_phase_deg : arrays (channels, n)
-        Random standard uncertainties, per real component.
+        Standard uncertainties of noise and leakage, per real component. Twice them is the 95 % interval, however few
+        the averages: the part of noise is raised by the factor of Student's distribution.
+    u_leakage_percent : array (channels, n)
+        The part of leakage: what blocks that are too short for the response take from a line.
+    degrees_of_freedom : array (channels, n)
+        Behind the part of noise.
     u_common_percent, u_common_phase_deg : arrays (channels, n)
         Standard uncertainties of calibration and delay, which are common to all lines or
         vary slowly with frequency: no averaging over lines makes them smaller.
@@ -72,6 +79,8 @@ class FrequencyResponse:
     coherence: Real
     u_magnitude_percent: Real
     u_phase_deg: Real
+    u_leakage_percent: Real
+    degrees_of_freedom: Real
     u_common_percent: Real
     u_common_phase_deg: Real
     estimator: str
@@ -100,8 +109,8 @@ class FrequencyResponse:
                 expected=f"a range within {self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz",
             )
         tables = (
-            "response", "coherence", "u_magnitude_percent", "u_phase_deg", "u_common_percent",
-            "u_common_phase_deg",
+            "response", "coherence", "u_magnitude_percent", "u_phase_deg", "u_leakage_percent",
+            "degrees_of_freedom", "u_common_percent", "u_common_phase_deg",
         )  # fmt: skip
         return replace(
             self,
@@ -137,9 +146,17 @@ class FrequencyResponse:
 
     @property
     def line_flags(self) -> dict[str, NDArray[np.bool_]]:
-        """Lines (channels, n) that are worth little: ``low-snr`` and ``low-coherence``."""
+        """Lines (channels, n) that are worth little: ``low-snr``, ``low-coherence`` and ``leakage``."""
         with np.errstate(invalid="ignore"):
             return {
                 "low-snr": ~(self.u_magnitude_percent <= LOW_SNR_PERCENT),
                 "low-coherence": self.coherence < LOW_COHERENCE,
+                "leakage": leaking(self.u_leakage_percent, self.u_magnitude_percent),
             }
+
+
+def leaking(u_leakage_percent: Real, u_magnitude_percent: Real) -> NDArray[np.bool_]:
+    """Lines whose leakage exceeds 1 % and what noise makes uncertain."""
+    with np.errstate(invalid="ignore"):
+        found = (u_leakage_percent > LEAKAGE_PERCENT) & (2 * u_leakage_percent**2 > u_magnitude_percent**2)
+    return np.asarray(found)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError, nearest
 
-Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "other"]
+Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other"]
 ROLES: tuple[Role, ...] = (
-    "microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "other",
+    "microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other",
 )  # fmt: skip
 
 
@@ -46,7 +46,8 @@ class PhaseCalibration:
 
     Positive means that the channel leads; the correction is subtracted. Between tones the phase is
     interpolated; beyond them it goes on as `model` says: ``delay`` (degrees proportional to frequency)
-    or ``constant``.
+    or ``constant``. Of an `inverted` channel 180 degrees are the same at all frequencies, and the rest
+    goes on as the model says.
     """
 
     frequency_hz: tuple[float, ...]
@@ -54,11 +55,15 @@ class PhaseCalibration:
     u_phase_deg: tuple[float, ...]
     model: Literal["delay", "constant"] = "delay"
     group: str = ""  # phases are comparable within one group only
+    inverted: bool = False
 
     def at(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
         """Phase in degrees at the given frequencies."""
         f = np.asarray(frequency_hz, dtype=float)
         tones, phases = np.asarray(self.frequency_hz), np.asarray(self.phase_deg)
+        if self.inverted:
+            rest = tuple(float(p % 360.0 - 180.0) for p in phases)  # from -180 to 180, near zero
+            return 180.0 + replace(self, inverted=False, phase_deg=rest).at(f)
         if self.model == "constant":
             return np.interp(f, tones, phases)
         # phase / frequency is the delay in degrees per hertz: interpolated, and held beyond the tones.

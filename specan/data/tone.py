@@ -37,7 +37,10 @@ class ToneTable:
     u_phase_deg, u_magnitude_percent : arrays
         Combined standard uncertainties of phase and magnitude over the reference.
     u_random_phase_deg, u_random_percent : arrays
-        The random part, from the noise close to the tone.
+        The random part, from the noise close to the tone. Twice it is the 95 % interval, however few the blocks: it is
+        raised by the factor of Student's distribution.
+    degrees_of_freedom : int
+        Behind the random part; 0 where the section is too short for one.
     u_common_phase_deg, u_common_percent : arrays
         The part of calibration and delay, which no averaging makes smaller.
     magnitude : array
@@ -67,6 +70,7 @@ class ToneTable:
     u_magnitude_percent: Real
     u_random_phase_deg: Real
     u_random_percent: Real
+    degrees_of_freedom: int
     u_common_phase_deg: Real
     u_common_percent: Real
     magnitude: Real

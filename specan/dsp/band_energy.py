@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -21,7 +21,9 @@ from specan.dsp.frequency_nodes import (
 )
 from specan.dsp.lag_spectrum import LagSpectrum, total_energy
 from specan.dsp.multirate import LENGTH, MultirateTransform, Stage
+from specan.dsp.record_ends import Fade, RecordEnds
 from specan.dsp.smooth_step import falling_step
+from specan.dsp.weighting import power_weighting
 
 # What lies below these parts of the next stage's rate belongs to the next stage; a smooth cross-over between.
 _CROSS_OVER = (0.28, 0.38)
@@ -47,6 +49,10 @@ class EnergySpectrum:
         The constant part.
     n_samples, sampling_rate
         Of the record.
+    inner : ndarray, shape (channels, nodes), optional
+        The same as `nodes` without the two ends of the record; see `between_ends`.
+    independent : float
+        Samples of a record without a fade whose levels scatter as those of `inner`.
     """
 
     first: int
@@ -55,6 +61,18 @@ class EnergySpectrum:
     mean: NDArray[np.float64]
     n_samples: int
     sampling_rate: float
+    inner: NDArray[np.float64] | None = None
+    independent: float = 0.0
+
+    def between_ends(self) -> EnergySpectrum:
+        """The energy spectrum of the record without what its two ends do to filters.
+
+        Of the record faded in and out (see `specan.dsp.record_ends.Fade`), scaled so that a steady signal keeps its
+        level, and that what begins and ends inside the record keeps its energy: by the ratio of the A-weighted mean
+        squares without and with the fade (drift has no part in them), but by no more than the time that the fade
+        takes away.
+        """
+        return self if self.inner is None else replace(self, nodes=self.inner)
 
     @property
     def frequencies(self) -> NDArray[np.float64]:
@@ -118,11 +136,15 @@ class BandEnergy:
         Number of channels.
     sampling_rate : float
         In Hz.
+    n_samples : int, optional
+        Length of the record; without it there is no spectrum between its ends.
     """
 
-    def __init__(self, rows: int, sampling_rate: float) -> None:
+    def __init__(self, rows: int, sampling_rate: float, n_samples: int | None = None) -> None:
         self.sampling_rate = sampling_rate
         self._rows = rows
+        self._fade = None if n_samples is None else Fade.of(n_samples, sampling_rate)
+        self._ends = None if self._fade is None else RecordEnds(rows, self._fade)
         self._count = 0
         self._sum = np.zeros(rows)
         self._spectra: dict[Stage, LagSpectrum] = {}
@@ -136,20 +158,40 @@ class BandEnergy:
             self._sum += transform[:, 0].real
         if stage not in self._spectra:
             self._spectra[stage] = LagSpectrum(self._rows, LENGTH)
-        self._spectra[stage].add(transform)
+        self._spectra[stage].add(transform, None if self._ends is None else self._ends.of(stage, block, half))
 
     def result(self) -> EnergySpectrum:
         """The energy spectrum; call it once, after the transform is finished."""
         first, count = node_range(self.sampling_rate)
         nodes, energy = np.zeros((self._rows, count)), np.zeros(self._rows)
+        inner = np.zeros_like(nodes) if self._fade else None
         for stage in list(self._spectra):
             # Let go of each stage as soon as it is read: the lines of all of them together are large.
-            lines = self._spectra.pop(stage).energy()
+            spectrum = self._spectra.pop(stage)
+            place = _share(stage), stage.rate / (2 * LENGTH)
+            lines = spectrum.energy()
             if stage.number == 0:
                 energy = total_energy(lines)
-            spread(nodes, first, lines, _share(stage), stage.rate / (2 * LENGTH))
+            spread(nodes, first, lines, *place)
+            if inner is not None:
+                spread(inner, first, spectrum.energy(faded=True), *place)
         n = max(self._count, 1)
-        return EnergySpectrum(first, nodes / n, energy / n, self._sum / n, self._count, self.sampling_rate)
+        found = EnergySpectrum(first, nodes / n, energy / n, self._sum / n, self._count, self.sampling_rate)
+        if inner is None or self._fade is None:
+            return found
+        inner *= (self._scale(nodes, inner, found.frequencies) / n)[:, None]
+        return replace(found, inner=inner, independent=self._fade.independent)
+
+    def _scale(
+        self, nodes: NDArray[np.float64], faded: NDArray[np.float64], frequencies: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Factors on the energy spectrum of the faded record; see `EnergySpectrum.between_ends`."""
+        assert self._fade is not None
+        most = self._fade.n_samples / self._fade.averaged
+        sound = power_weighting(frequencies, "A")
+        whole, inside = (np.add.reduce(each * sound, axis=1) for each in (nodes, faded))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(whole > 0.0, np.clip(whole / inside, 1.0, most), most)
 
 
 class BandEnergyAccumulator:
@@ -163,6 +205,10 @@ class BandEnergyAccumulator:
         Number of channels.
     sampling_rate : float
         In Hz.
+    n_samples : int, optional
+        Length of the record; without it there is no spectrum between its ends.
+    offset : ndarray, shape (channels,), optional
+        A constant part that is taken off.
 
     Examples
     --------
@@ -173,9 +219,15 @@ class BandEnergyAccumulator:
     [[0.5]]
     """
 
-    def __init__(self, rows: int, sampling_rate: float) -> None:
-        self._energy = BandEnergy(rows, sampling_rate)
-        self._transform = MultirateTransform(rows, sampling_rate, [self._energy])
+    def __init__(
+        self,
+        rows: int,
+        sampling_rate: float,
+        n_samples: int | None = None,
+        offset: NDArray[np.float64] | None = None,
+    ) -> None:
+        self._energy = BandEnergy(rows, sampling_rate, n_samples)
+        self._transform = MultirateTransform(rows, sampling_rate, [self._energy], offset)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""

@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp import bands
+from specan.dsp.history_filters import SETTLINGS_IN_A_BLOCK, Filter
 from specan.dsp.multirate import LENGTH, ROWS, MultirateTransform, Stage, stages_of
 from specan.dsp.sections import Sections, Shape, shape_for
 from specan.dsp.smooth_step import falling_step
 from specan.dsp.time_weighting import TimeWeighting
-from specan.dsp.weighting import Weighting, complex_weighting
 
-# A band is filtered at the lowest rate whose samples are faithful up to this many times its upper edge.
-_ROOM_ABOVE = 1.25
 # What a filter attenuates by more than 100 dB is left out.
 _NOTHING = 1e-5
-# After 6 times 3 / B an order 4 band-pass has fallen by 180 dB.
-_SETTLINGS_IN_A_BLOCK = 6.0
-# The lowest poles of A, B and C are at 20.6 Hz.
-_WEIGHTINGS_RING = 9.0 * math.log(10.0) / (2.0 * math.pi * 20.6)
+# What a band filter makes of the cut at the record's beginning has fallen by 60 dB after 2 times 3 / B: 10 dB
+# in every 1 / B.
+_SETTLINGS_OF_A_CUT = 2.0
+# The decaying rest of what came before a maximum is looked for is followed down to this part of it.
+_FORGOTTEN = 1e-9
+# Samples of a block whose output waits for the next block: as many as a response that is cut off smoothly at half
+# a stage's rate rings ahead, to -100 dB of what is left of it there.
+_AHEAD = 1024
+_LONGEST_INTERVAL = 64
 _PER_TIME_CONSTANT = 64.0
 # Squares are averaged over intervals as long as this many of them still make a time constant.
 _INTERVALS = 256.0
@@ -35,55 +37,6 @@ _FAITHFUL = 0.8
 
 # How a filter gets its spectra: from sections of a shape, from pairs of blocks, or it needs none.
 Way = Shape | None | Literal["none"]
-Response = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
-
-
-@dataclass(frozen=True)
-class Filter:
-    """A causal analogue filter.
-
-    Attributes
-    ----------
-    response : callable
-        Complex response at frequencies in Hz (exp(+j w t)).
-    lower, upper : float
-        Frequency from which on it lets something through, and up to which the samples have to be faithful.
-    settling : float
-        Seconds until the filter has settled.
-    ringing : float
-        Seconds until it has fallen by 180 dB.
-    identity : bool
-        Whether it is no filter at all.
-    """
-
-    response: Response
-    lower: float = 0.0
-    upper: float = math.inf
-    settling: float = 0.0
-    ringing: float = math.inf
-    identity: bool = False
-
-
-def band_filter(index: int, fraction: int, weighting: Weighting = "Z") -> Filter:
-    """Band filter of a fractional octave, with a frequency weighting; see `bands.power_response`."""
-    mid = float(bands.mid_frequencies(index, fraction))
-    lower, upper = (float(edge) for edge in bands.band_edges(index, fraction))
-
-    def response(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        return bands.complex_response(frequency / mid, fraction) * complex_weighting(frequency, weighting)
-
-    # The envelope of an order 4 band-pass settles to 1 % within 3 / B.
-    settling = 3.0 / (upper - lower)
-    return Filter(response, lower, _ROOM_ABOVE * upper, settling, _SETTLINGS_IN_A_BLOCK * settling)
-
-
-def weighting_filter(weighting: Weighting) -> Filter:
-    """A frequency weighting of the whole signal."""
-    return Filter(
-        lambda frequency: complex_weighting(frequency, weighting),
-        ringing=_WEIGHTINGS_RING,
-        identity=weighting == "Z",
-    )
 
 
 @dataclass
@@ -105,6 +58,8 @@ class _Channelised:
     low: int
     values: NDArray[np.complex128]
     weighting: TimeWeighting
+    peaks: TimeWeighting | None
+    silent: int
     start: int
     end: int
     settled: int
@@ -112,6 +67,9 @@ class _Channelised:
     last: NDArray[np.float64]
     position: int = 0
     reading: int = 0
+    before_start: NDArray[np.float64] | None = None
+    last_interval: int = -1
+    last_samples: int = 1
 
     @classmethod
     def of(
@@ -129,6 +87,7 @@ class _Channelised:
         together = _power_of_two(stage.rate * time_constant / _INTERVALS)
         thinning = min(together, _power_of_two(stage.rate * _FAITHFUL / 2.0 / one.upper))
         shape = shape_for(one.ringing * stage.rate)
+        starts = max(one.silent, 0.0 if one.sampled else _SETTLINGS_OF_A_CUT * one.settling)
         size = LENGTH if shape is None else sum(shape) // 2
         low, values = _lines(one, stage, size, thinning)
         whole = _lines(one, stage, size, 1)
@@ -144,6 +103,7 @@ class _Channelised:
             here = (stage.lead + time * stage.rate + 0.5 * thinning) / together - 1.0
             return np.minimum(here, last)
 
+        samples = math.floor(stage.lead + end * stage.rate + 1e-6) + 1
         return cls(
             stage,
             shape,
@@ -153,11 +113,15 @@ class _Channelised:
             low,
             values,
             TimeWeighting(rows, stage.rate / together, time_constant, decay),
-            math.ceil(stage.lead / together),
+            TimeWeighting(rows, stage.rate / together, time_constant, decay) if decay and starts else None,
+            math.ceil((stage.lead + one.silent * stage.rate) / together) if one.silent else 0,
+            math.ceil((stage.lead + starts * stage.rate) / together),
             math.floor(float(place(np.array(end))) + 1e-6) + 1,
             math.ceil((stage.lead + settled * stage.rate) / together),
             place(np.minimum(times, end)),
             np.zeros((rows, 1)),
+            last_interval=samples // together,
+            last_samples=max(samples % together, 1),
         )
 
 
@@ -170,8 +134,9 @@ class Histories:
     readings : ndarray, shape (channels, filters, times)
         At the times asked for.
     maximum, minimum : ndarray, shape (channels, filters)
-        Over all samples: the maximum from the beginning, the minimum after `settled_s`. NaN where the
-        record is too short for that.
+        The maximum from the time on at which the cut at the record's beginning has left the filter (what came
+        before it does not count, not even as a decay), the minimum after `settled_s`. NaN where the record is
+        too short for that.
     settled_s : ndarray, shape (filters,)
         Seconds after which a filter and the time weighting behind it have settled to 0.1 dB.
     """
@@ -185,10 +150,11 @@ class Histories:
 class BandHistory:
     """Filters the blocks of a `MultirateTransform`, squares, weights in time, reads at given times.
 
-    Filtering is multiplication of the transform with the analogue filter's response: neither the
-    bilinear transform's warping nor a sampled filter's rounding at low frequencies. The transform of two
-    successive blocks gives the second one's output without error, as the filter rings for less than a
-    block at the rate at which it works.
+    Filtering is multiplication of the transform with the filter's response: neither the bilinear
+    transform's warping nor a sampled filter's rounding at low frequencies. The transform of two
+    successive blocks gives the output of the second one, as the filter rings for less than a block at the rate
+    at which it works; the last samples of it wait for the next block, as a filter whose response is cut off at
+    a frequency rings ahead.
 
     Parameters
     ----------
@@ -222,6 +188,7 @@ class BandHistory:
         self._derivatives = np.zeros(rows, dtype=int) if derivatives is None else np.asarray(derivatives)
         self._settled = np.array([5.0 * time_constant + one.settling for one in filters])
         self._previous: dict[int, NDArray[np.complex128]] = {}
+        self._waiting: dict[int, tuple[int, int]] = {}
         shape = (rows, len(filters))
         self._readings = np.full((*shape, len(times)), np.nan)
         self._maximum, self._minimum = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -252,30 +219,52 @@ class BandHistory:
             if number != stage.number:
                 continue
             if way is None:
-                pair = self._pair(stage, transform)
-                self._filter(working, pair, half * LENGTH, length)
+                self._filter(working, *self._pair(stage, transform, half, length))
             elif isinstance(way, Shape):
                 for fresh, spectrum in self._sections[number, way].of(block):
-                    self._filter(working, spectrum, way.before, fresh)
+                    self._filter(working, spectrum, [(way.before, fresh)])
             else:
                 for filter_number, one in working:
-                    self._read(filter_number, one, one.weighting(_unfiltered_square(one, block)))
+                    self._weigh(filter_number, one, _unfiltered_square(one, block))
 
-    def _pair(self, stage: Stage, transform: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def _pair(
+        self, stage: Stage, transform: NDArray[np.complex128], half: int, length: int
+    ) -> tuple[NDArray[np.complex128], list[tuple[int, int]]]:
+        """Transform of a block and the one before it, and where in it the output is ready: beginnings and lengths."""
         previous = self._previous.get(stage.number)
         self._previous[stage.number] = transform
-        return self._differentiated(transform if previous is None else previous + transform, stage)
+        waiting = 0 if previous is None else _AHEAD
+        # A block that is shorter is the last one, with silence behind it.
+        ready = length
+        if length > LENGTH - _AHEAD:
+            ready = (length - _AHEAD) // _LONGEST_INTERVAL * _LONGEST_INTERVAL
+        first = half * LENGTH
+        self._waiting[stage.number] = (first + ready, length - ready)
+        places = [(first, ready)] if not waiting else [(first - waiting, waiting + ready)]
+        if places[0][0] < 0:  # the block before stands behind this one
+            places = [(2 * LENGTH - waiting, waiting), (0, ready)]
+        both = transform if previous is None else previous + transform
+        return self._differentiated(both, stage), places
 
     def _filter(
         self,
         working: Sequence[tuple[int, _Channelised]],
         spectrum: NDArray[np.complex128],
-        first: int,
-        length: int,
+        places: Sequence[tuple[int, int]],
     ) -> None:
         for number, one in working:
-            square = self._filtered_square(one, spectrum, first, length)
-            self._read(number, one, one.weighting(square))
+            self._weigh(number, one, self._filtered_square(one, spectrum, places))
+
+    def _finish(self) -> None:
+        """Filter what waits for samples that do not come."""
+        for (number, way), working in self._working.items():
+            stage = working[0][1].stage
+            if way is None and number in self._waiting:
+                spectrum = self._differentiated(self._previous[number], stage)
+                self._filter(working, spectrum, [self._waiting[number]])
+            elif isinstance(way, Shape):
+                for fresh, spectrum in self._sections[number, way].rest():
+                    self._filter(working, spectrum, [(way.before, fresh)])
 
     def _differentiated(self, pair: NDArray[np.complex128], stage: Stage) -> NDArray[np.complex128]:
         if not self._derivatives.any():
@@ -289,22 +278,34 @@ class BandHistory:
         return pair * factor
 
     def _filtered_square(
-        self, one: _Channelised, spectrum: NDArray[np.complex128], first: int, length: int
+        self,
+        one: _Channelised,
+        spectrum: NDArray[np.complex128],
+        places: Sequence[tuple[int, int]],
     ) -> NDArray[np.float64]:
-        """Mean square of the filter's output over each interval of `length` samples from `first` on.
+        """Mean square of the filter's output over each interval of some places: first samples and lengths.
 
         The last interval may reach beyond them.
         """
-        count, size = -(-length // one.together), (spectrum.shape[1] - 1) // one.thinning
-        begin, parts = first // one.thinning, 2 if one.envelope else 1
+        counts, size = [-(-length // one.together) for _, length in places], spectrum.shape[1] - 1
+        size, parts = size // one.thinning, 2 if one.envelope else 1
         per_interval = one.together // one.thinning
-        square = np.empty((self._rows, count))
+        square = np.empty((self._rows, sum(counts)))
         for top in range(0, self._rows, ROWS):
             part = spectrum[top : top + ROWS]
             output = self._envelope(one, part, size) if one.envelope else self._real(one, part, size)
-            mine = output[:, parts * begin : parts * (begin + count * per_interval)]
-            mine = mine.reshape(part.shape[0], count, parts * per_interval)
-            np.einsum("ijk,ijk->ij", mine, mine, out=square[top : top + ROWS])
+            done = 0
+            for (first, _), count in zip(places, counts, strict=True):
+                begin = first // one.thinning
+                mine = output[:, parts * begin : parts * (begin + count * per_interval)]
+                mine = mine.reshape(part.shape[0], count, parts * per_interval)
+                last = one.last_interval - one.position - done
+                if 0 <= last < count:  # what comes after the end of the record is not part of it
+                    inside = -(-one.last_samples // one.thinning)
+                    mine[:, last, parts * inside :] = 0.0
+                    mine[:, last] *= math.sqrt(per_interval / inside)
+                np.einsum("ijk,ijk->ij", mine, mine, out=square[top : top + ROWS, done : done + count])
+                done += count
         square /= per_interval
         return square
 
@@ -325,18 +326,43 @@ class BandHistory:
         output = self._output.view(np.complex128)[: part.shape[0], : 2 * size]
         return np.fft.ifft(product, out=output).view(np.float64)
 
+    def _weigh(self, number: int, one: _Channelised, square: NDArray[np.float64]) -> None:
+        """Weight the next mean squares in time, and read the result."""
+        square[:, : max(one.silent - one.position, 0)] = 0.0
+        weighted = one.weighting(square)
+        if one.peaks is not None:
+            square[:, : max(one.start - one.position, 0)] = 0.0
+        self._extremes(number, one, weighted, None if one.peaks is None else one.peaks(square))
+        self._read(number, one, weighted)
+        one.last = weighted[:, -1:].copy() if weighted.shape[1] else one.last
+        one.position += weighted.shape[1]
+
+    def _extremes(
+        self,
+        number: int,
+        one: _Channelised,
+        weighted: NDArray[np.float64],
+        peaks: NDArray[np.float64] | None,
+    ) -> None:
+        upto = max(min(weighted.shape[1], one.end - one.position), 0)
+        low = weighted[:, max(one.settled - one.position, 0) : upto]
+        if low.shape[1]:
+            self._minimum[:, number] = np.fmin(self._minimum[:, number], np.fmin.reduce(low, axis=1))
+        since = max(one.start - one.position, 0)
+        if since >= upto:
+            return
+        high = (weighted if peaks is None else peaks)[:, since:upto]
+        if peaks is None:
+            if one.before_start is None:
+                one.before_start = one.last if since == 0 else weighted[:, since - 1 : since]
+            high = one.weighting.without(one.before_start, high, one.position + since - one.start, _FORGOTTEN)
+        self._maximum[:, number] = np.fmax(self._maximum[:, number], np.fmax.reduce(high, axis=1))
+
     def _read(self, number: int, one: _Channelised, weighted: NDArray[np.float64]) -> None:
+        """Samples i and i + 1 around each reading, the last one of the block before included."""
         length = weighted.shape[1]
-        upto = min(length, one.end - one.position)
-        for extreme, choose, since in (
-            (self._maximum, np.fmax, one.start),
-            (self._minimum, np.fmin, one.settled),
-        ):
-            part = weighted[:, max(since - one.position, 0) : max(upto, 0)]
-            if part.shape[1]:
-                extreme[:, number] = choose(extreme[:, number], choose.reduce(part, axis=1))
-        # Samples i and i + 1 around each reading, the last one of the block before included.
-        done = int(np.searchsorted(one.place, one.position + length - 1, side="right"))
+        # A place as computed may miss a sample by a rounding error.
+        done = int(np.searchsorted(one.place, one.position + length - 1 + 1e-6, side="right"))
         if done > one.reading:
             place = one.place[one.reading : done] - (one.position - 1)
             before = np.clip(np.floor(place).astype(int), 0, length - 1)
@@ -346,21 +372,19 @@ class BandHistory:
                 around[:, before] * (1.0 - share) + around[:, before + 1] * share
             )
             one.reading = done
-        one.last = weighted[:, -1:].copy()
-        one.position += length
 
     def result(self) -> Histories:
-        """What was read; call it after the transform is finished."""
+        """What was read; call it once, after the transform is finished."""
+        self._finish()
         return Histories(self._readings, self._maximum, self._minimum, self._settled)
 
 
 class BandHistoryAccumulator:
     """Takes a record in consecutive blocks and gives its time-weighted histories; see `BandHistory`.
 
-    The mean of the first block is taken off: a constant part would strike the filters at the beginning.
-
     Examples
     --------
+    >>> from specan.dsp.history_filters import band_filter
     >>> t = np.arange(16000) / 8000
     >>> history = BandHistoryAccumulator(
     ...     1, 8000.0, 16000, [band_filter(0, 3)], 0.125, None, times=np.array([1.0, 1.9])
@@ -380,11 +404,12 @@ class BandHistoryAccumulator:
         decay: float | None,
         times: NDArray[np.float64],
         derivatives: Sequence[int] | None = None,
+        offset: NDArray[np.float64] | None = None,
     ) -> None:
         self._history = BandHistory(
             rows, sampling_rate, n_samples, filters, time_constant, decay, times, derivatives
         )
-        self._transform = MultirateTransform(rows, sampling_rate, [self._history], without_offset=True)
+        self._transform = MultirateTransform(rows, sampling_rate, [self._history], offset)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""
@@ -403,7 +428,7 @@ def _stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> St
     rings for longer than a block at such a rate.
     """
     possible = [stage for stage in stages if stage.number == 0 or stage.flat_to >= one.upper]
-    lasting = [stage for stage in possible if LENGTH / stage.rate >= _SETTLINGS_IN_A_BLOCK * one.settling]
+    lasting = [stage for stage in possible if LENGTH / stage.rate >= SETTLINGS_IN_A_BLOCK * one.settling]
     fine = [stage for stage in lasting if stage.rate * time_constant >= _PER_TIME_CONSTANT]
     return fine[-1] if fine else (lasting or possible[-1:])[0]
 
@@ -412,10 +437,13 @@ def _unfiltered_square(one: _Channelised, block: NDArray[np.float64]) -> NDArray
     """Mean square of the samples themselves over each of the block's intervals."""
     rows, length = block.shape
     count = -(-length // one.together)
-    if count * one.together > length:
+    left = length - (count - 1) * one.together  # the last interval of a record is shorter
+    if left < one.together:
         block = np.pad(block, ((0, 0), (0, count * one.together - length)))
     intervals = block.reshape(rows, count, one.together)
-    return np.asarray(np.einsum("ijk,ijk->ij", intervals, intervals) / one.together)
+    square = np.asarray(np.einsum("ijk,ijk->ij", intervals, intervals) / one.together)
+    square[:, -1:] *= one.together / left
+    return square
 
 
 def _lines(one: Filter, stage: Stage, size: int, thinning: int) -> tuple[int, NDArray[np.complex128]]:
@@ -426,6 +454,8 @@ def _lines(one: Filter, stage: Stage, size: int, thinning: int) -> tuple[int, ND
     """
     top = stage.rate / 2.0 / thinning
     frequency = np.linspace(0.0, top, size // thinning + 1)
+    if one.sampled is not None:
+        return 0, one.sampled(stage.rate, frequency.size)
     values = one.response(frequency) / thinning
     if thinning > 1:
         values *= falling_step(frequency, _FAITHFUL * top, top)

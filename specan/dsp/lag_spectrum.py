@@ -44,18 +44,53 @@ class LagSpectrum:
         self.length = length
         self._cross = np.zeros((rows, length + 1), dtype=np.complex128)
         self._previous: NDArray[np.complex128] | None = None
+        self._previous_end: NDArray[np.complex128] | None = None
+        # What the cross spectra of a faded record have more than those of the record itself.
+        self._faded_more: NDArray[np.complex128] | None = None
         # Used again and again: fresh memory costs more than the arithmetic.
         self._buffers = np.empty((2, min(rows, _ROWS), length + 1), dtype=np.complex128)
 
-    def add(self, transform: NDArray[np.complex128]) -> None:
+    def add(self, transform: NDArray[np.complex128], end: NDArray[np.complex128] | None = None) -> None:
         """Take the next block: the transform of 2 L samples, shape (rows, L + 1).
 
-        Successive blocks stand in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
+        `end` is the transform of what a fade takes away from the block, None for nothing. Successive
+        blocks stand in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
         without a factor, since the correlation is circular.
         """
         if self._previous is not None:
             self._correlate(transform)
-        self._previous = transform
+            self._correlate_ends(transform, end)
+        self._previous, self._previous_end = transform, end
+
+    def _correlate_ends(
+        self, following: NDArray[np.complex128] | None, following_end: NDArray[np.complex128] | None
+    ) -> None:
+        """With Y = X - E: conj(Y_b) (Y_b + Y_{b+1}) - conj(X_b) (X_b + X_{b+1})."""
+        mine, end = self._previous, self._previous_end
+        if end is None and following_end is None:
+            return
+        assert mine is not None
+        if self._faded_more is None:
+            self._faded_more = np.zeros_like(self._cross)
+        for top in range(0, mine.shape[0], _ROWS):
+            rows = slice(top, top + _ROWS)
+            total = self._faded_more[rows]
+            product, conjugate = (buffer[: total.shape[0]] for buffer in self._buffers)
+            np.conjugate(mine[rows], out=conjugate)
+            for other in (end, following_end):
+                if other is not None:
+                    total -= np.multiply(conjugate, other[rows], out=product)
+            if end is None:
+                continue
+            np.conjugate(end[rows], out=conjugate)
+            for other, sum_up in (
+                (mine, np.subtract),
+                (following, np.subtract),
+                (end, np.add),
+                (following_end, np.add),
+            ):
+                if other is not None:
+                    sum_up(total, np.multiply(conjugate, other[rows], out=product), out=total)
 
     def _correlate(self, following: NDArray[np.complex128] | None) -> None:
         assert self._previous is not None
@@ -71,10 +106,10 @@ class LagSpectrum:
             product *= conjugate
             self._cross[rows] += product
 
-    def energy(self) -> NDArray[np.float64]:
-        """Energy spectrum, shape (rows, L + 1), at the frequencies m / (2 L) cycles a sample.
+    def energy(self, *, faded: bool = False) -> NDArray[np.float64]:
+        """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample; of the faded record if asked for.
 
-        The sum over all 2 L lines, divided by 2 L, is the energy. Call it once, after the last block.
+        The sum over all 2 L lines, divided by 2 L, is the energy. Call it after the last block.
         Rounding leaves some 1e-17 of the energy in every band; where there is nothing else a line may be
         negative.
         """
@@ -82,12 +117,15 @@ class LagSpectrum:
 
         if self._previous is not None:
             self._correlate(None)
+            self._correlate_ends(None, None)
             self._previous = None
+        more = self._faded_more if faded else None
         fade = falling_step(np.arange(self.length + 1.0), 0.75 * self.length, self.length)
         energy = np.empty(self._cross.shape)
         for top in range(0, energy.shape[0], _ROWS):
             rows = slice(top, top + _ROWS)
-            lags = irfft(self._cross[rows])[:, : self.length + 1] * fade
+            cross = self._cross[rows] if more is None else self._cross[rows] + more[rows]
+            lags = irfft(cross)[:, : self.length + 1] * fade
             symmetric = np.concatenate([lags, lags[:, -2:0:-1]], axis=1)
             energy[rows] = rfft(symmetric).real
         return energy

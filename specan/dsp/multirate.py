@@ -95,14 +95,9 @@ class MultirateTransform:
         In Hz.
     consumers : sequence of Consumer
         One transform serves them all.
-    without_offset : bool
-        Take the mean of each channel's first block off all its samples, so that a filter at rest is not
-        struck by a constant part when the record begins.
-
-    Attributes
-    ----------
-    offset : ndarray, shape (channels,)
-        What was taken off.
+    offset : ndarray, shape (channels,), optional
+        A constant part of each channel that is taken off all its samples: a filter at rest would be struck by it
+        when the record begins and ends.
     """
 
     def __init__(
@@ -110,11 +105,9 @@ class MultirateTransform:
         rows: int,
         sampling_rate: float,
         consumers: Sequence[Consumer],
-        *,
-        without_offset: bool = False,
+        offset: NDArray[np.float64] | None = None,
     ) -> None:
-        self.offset = np.zeros(rows)
-        self._offset_wanted = without_offset
+        self._offset = None if offset is None or not offset.any() else offset[:, None]
         self.stages = stages_of(sampling_rate)
         self._rows, self._consumers = rows, consumers
         self._grids = [BlockGrid(rows, LENGTH) for _ in self.stages]
@@ -145,8 +138,8 @@ class MultirateTransform:
     def _take(self, number: int, block: NDArray[np.float64]) -> None:
         stage, half = self.stages[number], self._halves[number]
         self._halves[number] = 1 - half
-        if number == 0:
-            block = self._without_offset(block)
+        if number == 0 and self._offset is not None:
+            block = block - self._offset
         transform = self._transform(number, block, half)
         for consumer in self._consumers:
             consumer.take(stage, block, transform, half)
@@ -155,12 +148,6 @@ class MultirateTransform:
         decimator = self._decimators[number] or Decimator(self._rows, LENGTH)
         self._decimators[number] = decimator
         self._pass_on(number + 1, decimator.add(transform, half))
-
-    def _without_offset(self, block: NDArray[np.float64]) -> NDArray[np.float64]:
-        if self._offset_wanted:
-            self.offset = np.add.reduce(block, axis=1) / block.shape[1]
-            self._offset_wanted = False
-        return block - self.offset[:, None] if self.offset.any() else block
 
     def _transform(self, number: int, block: NDArray[np.float64], half: int) -> NDArray[np.complex128]:
         result = self._reused.get(half) if number == 0 else None

@@ -57,6 +57,26 @@ class TimeWeighting:
         average = np.maximum(average, 0.0)
         return self._hold(average) if self._fall else average
 
+    def without(
+        self, earlier: NDArray[np.float64], weighted: NDArray[np.float64], later: int, forgotten: float
+    ) -> NDArray[np.float64]:
+        """What would have been found, had the signal begun later.
+
+        Parameters
+        ----------
+        earlier : ndarray, shape (rows, 1)
+            The average just before that.
+        weighted : ndarray, shape (rows, n)
+            Averages from `later` samples after the beginning on (not those of a peak detector).
+        forgotten : float
+            Where less than this part of `earlier` is left it is not looked for.
+        """
+        keep = self._keep ** (later + 1.0)
+        if keep < forgotten or not earlier.any():
+            return weighted
+        left = earlier * keep * self._keep ** np.arange(weighted.shape[1])
+        return np.maximum(weighted - left, 0.0)
+
     def _hold(self, average: NDArray[np.float64]) -> NDArray[np.float64]:
         """The largest of all earlier values, each with its decay: a running maximum of the logarithms."""
         fallen = self._fall * np.arange(1, average.shape[1] + 1)

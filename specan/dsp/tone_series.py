@@ -186,6 +186,11 @@ def _slope(values: Real, weights: Real, time: Real) -> float:
     return float(np.sum(weights * centred * values) / spread) if spread > 1e-6 * time[-1] ** 2 else 0.0
 
 
+def freedom_of_mean(n: int) -> int:
+    """Degrees of freedom behind `variance_of_mean` of n values: two for each periodogram line."""
+    return 2 * min(_LINES, (n - 1) // 2) if n >= 4 else 0
+
+
 def variance_of_mean(series: Real) -> Real:
     """Variance of the mean of each row of a stationary series (..., n), coloured or not.
 
@@ -200,7 +205,7 @@ def variance_of_mean(series: Real) -> Real:
     True
     """
     n = series.shape[-1]
-    lines = min(_LINES, (n - 1) // 2)
+    lines = freedom_of_mean(n) // 2
     if n < 4:
         return np.full(series.shape[:-1], np.nan)
     spectrum = np.abs(np.fft.rfft(series, axis=-1)[..., 1 : lines + 1]) ** 2 / n

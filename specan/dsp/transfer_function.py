@@ -7,6 +7,8 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.dsp.few_averages import log_bias, log_variance, student_factor
+
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Estimator = Literal["H1", "H2", "Hv", "H3c"]
@@ -27,12 +29,16 @@ class Estimate(NamedTuple):
     coherence : array
         Ordinary coherence of response and reference, 0 to 1.
     u_relative : array
-        Relative standard uncertainty per real component: of the magnitude, and of the phase in radians.
+        Relative standard uncertainty per real component: of the magnitude, and of the phase in radians. Raised by
+        `specan.dsp.few_averages.student_factor`: twice it is the 95 % interval, however few the averages.
+    degrees_of_freedom : array
+        Of the noise behind `u_relative`.
     """
 
     response: Complex
     coherence: Real
     u_relative: Real
+    degrees_of_freedom: Real
 
 
 def estimate(
@@ -45,6 +51,7 @@ def estimate(
     auto_instrument: Real | None = None,
     instrument_reference: Complex | None = None,
     instrument_response: Complex | None = None,
+    line_correlation: float = 4 / 9,
 ) -> Estimate:
     """Transfer function, coherence and random uncertainty from averaged spectra.
 
@@ -66,8 +73,8 @@ def estimate(
     - H3c: the error is S_er / S_ex, hence u^2 = S_rr S_ee / (2 n |S_ey|^2) with the residual
       S_rr = S_yy + |H|^2 S_xx - 2 Re(conj(H) S_xy), which holds the noise of both channels.
 
-    One complex parameter is fitted, so S_rr is raised by n / (n - 1). What calibration and
-    delay add is not in it.
+    One complex parameter is fitted, so S_rr is raised by n / (n - 1). What calibration,
+    delay and leakage add is not in it.
 
     Parameters
     ----------
@@ -78,13 +85,15 @@ def estimate(
         Number of independent averages (`specan.dsp.welch.effective_averages`).
     auto_instrument : array (n,), optional
         S_ee, needed for H3c along with S_ex (n,) and S_ey (..., n).
+    line_correlation : float
+        Of the errors of neighbouring lines, as the window makes it (`specan.dsp.windows.line_correlation`).
 
     Examples
     --------
     >>> x, y, xy = np.array([1.0]), np.array([5.0]), np.array([2.0 + 0j])
     >>> found = estimate("H1", x, y, xy, 100)
     >>> complex(found.response[0]), float(found.coherence[0]), round(float(found.u_relative[0]), 4)
-    ((2+0j), 0.8, 0.0356)
+    ((2+0j), 0.8, 0.0358)
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         strength = np.abs(cross) ** 2
@@ -104,13 +113,16 @@ def estimate(
             # 1 / (|H1|^2 S_xx)
             gain = auto_reference / strength
         if n_effective <= 1:  # one block says nothing about its own scatter
-            return Estimate(response, coherence, np.full(coherence.shape, np.nan))
+            nothing = np.full(coherence.shape, np.nan)
+            return Estimate(response, coherence, nothing, np.zeros(coherence.shape))
         # Rounding leaves this much of a response without noise.
         left = np.maximum(left, np.finfo(float).eps * auto_response)
         # One complex parameter was fitted: n - 1 is left of n.
         freedom = n_effective - 1
-        relative = np.sqrt(smoothed_noise(left, freedom) * gain / (2 * freedom))
-    return Estimate(response, coherence, relative)
+        noise = smoothed_noise(left, freedom)
+        degrees = noise_freedom(left, noise, freedom, line_correlation)
+        relative = np.sqrt(noise * gain / (2 * freedom)) * student_factor(degrees)
+    return Estimate(response, coherence, relative, degrees)
 
 
 def _two_channel(estimator: Estimator, auto_reference: Real, auto_response: Real, cross: Complex) -> Complex:
@@ -132,17 +144,35 @@ def smoothed_noise(noise: Real, freedom: float, width: int = SMOOTHED_LINES) -> 
     neighbourhood by five standard deviations (hum) keeps its own value.
     """
     n = noise.shape[-1]
-    line = np.arange(n)
-    reach = np.maximum(np.minimum(width // 2, np.minimum(line, line[::-1])), 1)
+    line, reach = np.arange(n), _reach(n, width)
     logarithm = np.log(np.maximum(noise, np.finfo(float).tiny))
     total, count = np.zeros(noise.shape), np.zeros(n)
     for offset in range(-(width // 2), width // 2 + 1):
         inside = (np.abs(offset) <= reach) & (line + offset >= 0) & (line + offset < n)
         total += np.where(inside, logarithm[..., np.clip(line + offset, 0, n - 1)], 0.0)
         count += inside
-    bias = -1 / (2 * freedom) - 1 / (12 * freedom**2)
-    level = np.exp(total / count - bias)
+    level = np.exp(total / count - log_bias(freedom))
     return np.where(noise > level * (1 + 5 / np.sqrt(freedom)), noise, level)
+
+
+def _reach(n: int, width: int) -> NDArray[np.int_]:
+    """Lines to either side of each of n that its mean takes in."""
+    line = np.arange(n)
+    return np.maximum(np.minimum(width // 2, np.minimum(line, line[::-1])), 1)
+
+
+def noise_freedom(
+    noise: Real, smoothed: Real, freedom: float, line_correlation: float, width: int = SMOOTHED_LINES
+) -> Real:
+    """Degrees of freedom (..., n) of a noise spectrum that `smoothed_noise` has smoothed.
+
+    Those of a chi-square whose logarithm has the variance of the mean: 2 m / psi'(freedom) for m independent lines;
+    count lines, neighbours correlated by c, are count / (1 + 2 c (1 - 1/count)) independent ones. A line that kept its
+    own value has 2 freedom.
+    """
+    count = np.minimum(2 * _reach(noise.shape[-1], width) + 1, noise.shape[-1])
+    independent = count / (1 + 2 * line_correlation * (1 - 1 / count))
+    return np.where(smoothed == noise, 2 * freedom, 2 * independent / log_variance(freedom))
 
 
 def u_phase_deg(u_relative: Real) -> Real:

@@ -32,6 +32,10 @@ F_5 = 10.0**2.2
 """The pole that makes C into B: 158.48932 Hz, ANSI S1.4-1983, appendix C (the curve of IEC 60651)."""
 
 
+ZEROS: dict[Weighting, int] = {"Z": 0, "A": 4, "B": 3, "C": 2}
+"""Zeros at 0 Hz."""
+
+
 def power_weighting(frequency: ArrayLike, weighting: Weighting) -> NDArray[np.float64]:
     """Factor on the mean square at each frequency, 1 at 1 kHz.
 

@@ -11,7 +11,7 @@ import numpy as np
 from specan.analysis.band_results import band_levels
 from specan.analysis.octave import Octave
 from specan.analysis.quality import BLOCK, QualityAccumulator
-from specan.analysis.section import section
+from specan.analysis.section import constant_part, section
 from specan.data.band_levels import BandLevels
 from specan.data.levels import Quality
 from specan.data.recording import Channel, Recording
@@ -66,7 +66,8 @@ class KeptBands:
         )
 
     def _read(self, recording: Recording, channels: list[Channel], start: int, stop: int, tell: Tell) -> None:
-        energy = BandEnergyAccumulator(len(channels), channels[0].sampling_rate)
+        constant = constant_part(recording, channels, start, stop)
+        energy = BandEnergyAccumulator(len(channels), channels[0].sampling_rate, stop - start, constant)
         quality = QualityAccumulator(channels)
         done = start
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
@@ -84,6 +85,7 @@ class KeptBands:
                     nodes=whole.nodes[row : row + 1],
                     mean_square=whole.mean_square[row : row + 1],
                     mean=whole.mean[row : row + 1],
+                    inner=None if whole.inner is None else whole.inner[row : row + 1],
                 )
                 self._kept[(id(recording), channel.group, channel.name, start, stop)] = _Kept(one, seen)
             while len(self._kept) > max(_KEPT, len(channels)):
@@ -96,4 +98,5 @@ def _joined(spectra: list[EnergySpectrum]) -> EnergySpectrum:
         nodes=np.concatenate([s.nodes for s in spectra]),
         mean_square=np.concatenate([s.mean_square for s in spectra]),
         mean=np.concatenate([s.mean for s in spectra]),
+        inner=np.concatenate([s.between_ends().nodes for s in spectra]),
     )

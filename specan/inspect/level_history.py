@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.band_results import level
+from specan.analysis.section import constant_part
 from specan.data.recording import Channel, Recording
-from specan.dsp.band_history import BandHistoryAccumulator, weighting_filter
+from specan.dsp.band_history import BandHistoryAccumulator
+from specan.dsp.history_filters import weighting_filter
 from specan.dsp.multirate import LENGTH
 from specan.dsp.time_weighting import FAST, SLOW
 from specan.dsp.weighting import Weighting
@@ -46,6 +48,7 @@ class LevelCurves:
         self.time_constant = {"fast": FAST, "slow": SLOW}[self.averaging]
         interval = max(self.time_constant, duration / _MOST)
         self.times = np.arange(1, max(int(duration / interval + 1e-9), 1) + 1) * min(interval, duration)
+        self._constant: NDArray[np.float64] | None = None
         self.levels = np.full((len(self.channels), self.times.size), np.nan)
         per_piece = max(int(max(_PIECE_S, _LEAD * self.time_constant) / interval), 1)
         self.pieces = [slice(k, k + per_piece) for k in range(0, self.times.size, per_piece)]
@@ -73,6 +76,9 @@ class LevelCurves:
         first = max(int((before - _LEAD * self.time_constant) * rate), 0) // LENGTH * LENGTH
         end = -(-(int(np.ceil(times[-1] * rate)) + 1) // LENGTH) * LENGTH
         last = min(end, *(c.n_samples for c in self.channels))
+        if self._constant is None:
+            length = min(c.n_samples for c in self.channels)
+            self._constant = constant_part(self.recording, self.channels, 0, length)
         history = BandHistoryAccumulator(
             len(self.channels),
             rate,
@@ -81,6 +87,7 @@ class LevelCurves:
             self.time_constant,
             None,
             np.asarray(times - first / rate, dtype=np.float64),
+            offset=self._constant,
         )
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             for samples in self.recording.blocks(self.channels, _BLOCK, first, last):

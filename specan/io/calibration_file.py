@@ -30,6 +30,7 @@ class _Row(Settings):
     u_phase_deg: tuple[Annotated[float, Field(ge=0)], ...] = ()
     phase_model: Literal["delay", "constant"] = "delay"
     phase_group: str = ""
+    polarity: Literal["normal", "inverted"] = "normal"
     verdict: Verdict = "good"
     reasons: tuple[str, ...] = ()
 
@@ -47,6 +48,7 @@ class _File(Settings):
     made_from: tuple[str, ...] = ()
     calibrator_frequency_hz: float | None = None
     calibrator_level_dB: float | None = None
+    calibrator_decided: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     channel: tuple[_Row, ...] = ()
 
@@ -66,6 +68,7 @@ def read_calibration(path: Path | str) -> Calibration:
         made_from=content.made_from,
         calibrator_frequency_hz=content.calibrator_frequency_hz,
         calibrator_level_dB=content.calibrator_level_dB,
+        calibrator_decided=content.calibrator_decided,
         notes=content.notes,
         source=path.name,
     )
@@ -82,6 +85,8 @@ def write_calibration(calibration: Calibration, path: Path | str) -> None:
     for key in ("calibrator_frequency_hz", "calibrator_level_dB"):
         if getattr(calibration, key) is not None:
             content[key] = float(getattr(calibration, key))
+    if calibration.calibrator_decided:
+        content["calibrator_decided"] = list(calibration.calibrator_decided)
     if calibration.notes:
         content["notes"] = list(calibration.notes)
     content["channel"] = [_row(c) for c in calibration.channels]
@@ -95,7 +100,12 @@ def _channel(row: _Row) -> ChannelCalibration:
     phase = None
     if row.tone_hz:
         phase = PhaseCalibration(
-            row.tone_hz, row.phase_deg, row.u_phase_deg, row.phase_model, group=row.phase_group
+            row.tone_hz,
+            row.phase_deg,
+            row.u_phase_deg,
+            row.phase_model,
+            group=row.phase_group,
+            inverted=row.polarity == "inverted",
         )
     return ChannelCalibration(
         channel=row.channel,
@@ -126,6 +136,8 @@ def _row(channel: ChannelCalibration) -> dict[str, Any]:
         row["u_phase_deg"] = [float(u) for u in channel.phase.u_phase_deg]
         row["phase_model"] = channel.phase.model
         row["phase_group"] = channel.phase.group
+        if channel.phase.inverted:
+            row["polarity"] = "inverted"
     row["verdict"] = channel.verdict
     if channel.reasons:
         row["reasons"] = list(channel.reasons)

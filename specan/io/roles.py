@@ -17,15 +17,25 @@ SAMPLE_UNIT_KEYS = ("unit_string", "Unit_String", "NI_UnitDescription")
 # Words in names, sensors and modules, most telling first.
 _WORDS: tuple[tuple[Role, str], ...] = (
     ("tacho", r"tacho|encoder|key ?phasor|rpm"),
-    ("vibrometer", r"vibromet|\bldv\b|laser|diaphragm|membrane|membran|vibro|\bvib\b|velocity"),
-    ("accelerometer", r"accel|\bacc\b|\bbeschl"),
-    ("generator", r"generator|\bgen\b|excitation|\bao\d*\b|source signal|\bdrive\b"),
-    ("torque", r"torque|drehmoment|moment obrot"),
+    (
+        "vibrometer",
+        r"vibromet|wibromet|polytec|\bofv\b|\bldv\b|laser|diaphragm|membrane|membran|vibro|\bvib\b|velocity",
+    ),
+    ("accelerometer", r"accel|\bacc\b|\bbeschl|przyspiesz"),
     ("microphone", r"\bmics?\b|\bmic[a-z]\b|mikrofon|microphon|sound pressure|hydrophon"),
+    (
+        "generator",
+        r"generator|\bgen\b|excitation|\bao\d*\b|source signal|signal source|^source( \d+)?$|\bdrive\b"
+        r"|wzbudzeni|anregung",
+    ),
+    ("torque", r"torque|drehmoment|moment obrot"),
+    ("force", r"\bforce\b|\bhammer\b|\bkraft\b|\bsi[lł]a\b|m[lł]otek"),
 )
 _UNIT_ROLES: dict[str, Role] = {
-    "Pa": "microphone", "m/s": "vibrometer", "m/s^2": "accelerometer", "Nm": "torque",
+    "Pa": "microphone", "m/s": "vibrometer", "m/s^2": "accelerometer", "Nm": "torque", "N": "force",
 }  # fmt: skip
+# A displacement is a vibrometer's where name and unit both say so: a length alone may be a position or a wear.
+_DISPLACEMENT = r"\bdisp(lacement|l)?\b|auslenkung|przemieszczenie"
 # Quantities that a vibrometer may give, and the differentiations that lead to velocity.
 DERIVATIVES = {"m": 1, "m/s": 0, "m/s^2": -1}
 
@@ -113,6 +123,8 @@ def role_of(name: str, properties: Mapping[str, Any], unit: str, quantity: str) 
         found = _by_words(str(properties.get(key, "")))
         if found:
             return found, f"property {key} {str(properties[key])!r}"
+    if unit == "m" and re.search(_DISPLACEMENT, _spaced(name)):
+        return "vibrometer", f"the name {name!r} and the unit m"
     for text, why in ((quantity, f"QuantityUnit {quantity!r}"), (unit, f"the unit {unit}")):
         role = _UNIT_ROLES.get(si_unit(text)[0]) if text else None
         if role:
@@ -130,9 +142,13 @@ def derivatives_of(role: Role, unit: str, decisions: dict[str, str]) -> int:
 
 
 def _by_words(text: str) -> Role | None:
-    spaced = re.sub(r"[_\-./]+", " ", text.lower())
-    spaced = re.sub(r"(?<=[a-z])(?=\d)", " ", spaced)
+    spaced = _spaced(text)
     return next((role for role, words in _WORDS if re.search(words, spaced)), None)
+
+
+def _spaced(text: str) -> str:
+    """In small letters, with blanks for separators and before numbers."""
+    return re.sub(r"(?<=[a-z])(?=\d)", " ", re.sub(r"[_\-./]+", " ", text.lower())).strip()
 
 
 def _sensitivity(properties: Mapping[str, Any]) -> tuple[float, str] | None:

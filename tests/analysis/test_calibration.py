@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from specan.analysis.calibration import calibrate
-from specan.analysis.insertion import CalibrationSettings, evaluate_insertion
+from specan.analysis.calibrator_tone import CalibrationSettings
+from specan.analysis.insertion import evaluate_insertion
 from specan.analysis.phase_chain import natural
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
@@ -133,7 +134,9 @@ def test_without_properties_the_microphones_that_hear_the_tone_are_found(rig: Ri
     take.volts[3] = 0.0
     insertion = evaluate_insertion(recording(take, "a.tdms", properties={}))
     assert [h.channel for h in insertion.heard] == ["Mic 1", "Mic 2"]
-    assert insertion.silent == ()
+    (out,) = insertion.left_out
+    assert out.channel == "Mic 3"
+    assert re.fullmatch(r"shows the tone (29|30|31) dB below the loudest \(not seated\?\)", out.why)
 
 
 def test_numbers_in_calibrated_channels_are_numbers_of_microphones(rig: Rig) -> None:
@@ -172,7 +175,7 @@ def test_clipping_fails_a_channel(rig: Rig) -> None:
     channels = (clipped.channels[0], dataclasses.replace(clipped.channels[1], full_scale=20.0 * rail))
     _, second = calibrate([dataclasses.replace(clipped, channels=channels)]).channels
     assert second.verdict == "failed"
-    assert "clipped at the converter's range" in second.reasons
+    assert "clipped: rests on its largest value" in second.reasons
 
 
 def test_insertions_that_contradict_each_other_are_doubted(rig: Rig) -> None:

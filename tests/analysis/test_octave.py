@@ -36,7 +36,7 @@ def test_a_tone_has_its_level_in_its_band_and_in_all_totals() -> None:
     assert found.overall_db["A"][0] == pytest.approx(60.0 - 3.25, abs=0.03)
     assert np.isnan(found.overall_db["A"][1])
     assert found.nominal_hz[[0, -1]].tolist() == [20.0, 3150.0]
-    assert "ring-out" in found.settling
+    assert "faded in and out" in found.settling
 
 
 def test_another_reference_of_velocity_can_be_chosen() -> None:

@@ -87,3 +87,59 @@ def test_a_recording_is_read_once_and_the_extremes_are_told() -> None:
     assert (first.maximum, first.minimum) == (2 * SINE.max(), 2 * SINE.min())
     assert (first.flags, second.flags) == ((), ("dead",))
     assert first.n_samples == 20000
+
+
+def tone(hz: float, rate: float, noise: float, step: float, top: float) -> np.ndarray:
+    """Three seconds of a tone of amplitude 1 with noise, cut off at `top`, rounded to `step`."""
+    time = np.arange(int(3 * rate)) / rate
+    samples = np.sin(2 * np.pi * hz * time + 0.3)
+    samples += noise * np.random.default_rng(1).standard_normal(time.size)
+    return np.round(np.clip(samples, -top, top) / step) * step
+
+
+@pytest.mark.parametrize("step", [1e-12, 1e-7, 1e-5])  # computed, 24 bits, 16 bits at a fifth of the range
+@pytest.mark.parametrize("noise", [1e-6, 1e-4, 1e-2])
+@pytest.mark.parametrize(
+    ("hz", "rate"), [(50.0, 51200.0), (50.0, 12800.0), (1000.02, 8000.0), (997.0, 48000.0)]
+)
+def test_a_tone_is_seen_to_be_clipped_without_a_full_scale(
+    hz: float, rate: float, noise: float, step: float
+) -> None:
+    for top in (0.95, 0.9, 0.8, 0.5):
+        assert flags(tone(hz, rate, noise, step, top)) == ("clipped",), top
+    assert flags(tone(hz, rate, noise, step, 9.0)) == ()
+
+
+def test_a_clean_slow_sine_cut_near_its_top_is_clipped() -> None:
+    time = np.arange(51200) / 51200.0
+    clean = np.sin(2 * np.pi * 50 * time)
+    assert flags(clean) == ()
+    for top in (0.95, 0.9, 0.7, 0.5):
+        assert flags(np.clip(clean, -top, 9)) == ("clipped",)
+
+
+def test_noise_cut_at_three_standard_deviations_is_clipped() -> None:
+    assert flags(np.clip(NOISE, -3, 3)) == ("clipped",)
+    assert flags(np.round(np.clip(NOISE, -3, 3), 4)) == ("clipped",)
+
+
+@pytest.mark.parametrize("step", [1e-12, 1e-3, 1e-2, 0.1, 0.3])
+@pytest.mark.parametrize("rate", [8000.0, 48000.0, 102400.0])
+@pytest.mark.parametrize("hz", [0.5, 16.0, 50.0, 997.0, 1000.0, 1000.02, 2500.0])
+def test_no_tone_is_called_clipped_because_it_repeats_or_is_rounded(
+    hz: float, rate: float, step: float
+) -> None:
+    for noise in (0.0, 1e-4):
+        assert flags(tone(hz, rate, noise, step, 9.0)) == (), noise
+
+
+@pytest.mark.parametrize("step", [1e-12, 1e-3, 1e-2, 0.1])
+def test_what_comes_to_rest_slowly_is_not_clipped(step: float) -> None:
+    """A temperature that settles stays at its highest value, but arrives there step by step."""
+    warm = 20 + 5 * (1 - np.exp(-np.arange(100_000) / 5000.0))
+    assert flags(np.round(warm / step) * step) == ()
+
+
+def test_signals_of_one_sign_and_of_two_values_are_not_clipped() -> None:
+    assert flags(np.maximum(NOISE, 0.0)) == ()
+    assert flags(np.where(NOISE > 0, 1.0, -1.0)) == ()

@@ -106,7 +106,11 @@ def test_a_file_that_is_no_calibrator_costs_the_others_nothing(place: Path, rig:
         (["0.tdms", "--windows", "1"], 2, "'windows' is 1"),
         (["0.tdms", "--frequency", "-5"], 2, "'frequency_hz' is -5.0"),
         (["0.tdms", "--channel", "Mic 9"], 2, "has no channel 'Mic 9'"),
-        (["0.tdms", "--frequency", "3000"], 3, "no channel shows a tone"),
+        (
+            ["0.tdms", "--frequency", "3000"],
+            3,
+            "the tone is at 1000.02 Hz (Mic 3), and --frequency says 3000 Hz",
+        ),
     ],
 )
 def test_what_cannot_be_calibrated(place: Path, arguments, code, message) -> None:

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from specan.dsp import band_history, bands, sections
-from specan.dsp.band_history import BandHistoryAccumulator, Histories, band_filter, weighting_filter
+from specan.dsp.band_history import BandHistoryAccumulator, Histories
+from specan.dsp.history_filters import band_filter, weighting_filter
 from specan.dsp.multirate import LENGTH
 
 RATE, N = 51200.0, 3 * LENGTH + 777
-TIMES = np.arange(1, 19) * 0.1
+# From 0.2 s on: right behind the moment at which the averages behind A and C begin, intervals of samples show.
+TIMES = np.arange(2, 19) * 0.1
 RNG = np.random.default_rng(3)
 NOISE = RNG.standard_normal((3, N)) * np.array([[1.0], [1e-3], [1.0]])
 # A quiet beginning, 80 dB below what follows in the same block; and the end of a tone.

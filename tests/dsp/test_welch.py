@@ -81,6 +81,22 @@ def test_effective_averages_give_the_variance(name, overlap):
     assert found.n_effective == pytest.approx(seen, rel=0.05)
 
 
+@pytest.mark.parametrize("n_blocks", [60, 12, 7])
+def test_the_weights_of_an_exponential_average_give_its_independent_blocks(n_blocks):
+    """Blocks of independent densities with weights w_k scatter as 1 / sum w_k^2 equal ones do."""
+    rng = np.random.default_rng(4)
+    one = rng.standard_normal(BLOCK)
+    samples = np.zeros((n_blocks, n_blocks * BLOCK))
+    for row in range(n_blocks):  # a channel for each block: all others are silent
+        samples[row, row * BLOCK : (row + 1) * BLOCK] = one
+    options = {"window_name": "rectangular", "overlap": 0.0, "detrend": False}
+    found = spectra(samples, averaging="exponential", n_exponential=10, **options)
+    alone = spectra(one[None], **options)
+    weights = found.auto[:, 5] / alone.auto[0, 5]
+    assert weights.sum() == pytest.approx(1.0)
+    assert found.n_effective == pytest.approx(1 / np.sum(weights**2), rel=0.01)
+
+
 def test_overlap_never_loses():
     counts = [effective_averages(1 + int((100 - 1) / hop), "hann", hop) for hop in (1.0, 0.75, 0.5, 0.25)]
     assert counts == sorted(counts)

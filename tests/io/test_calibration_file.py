@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tdms_bytes import linear, write
 
@@ -42,6 +42,7 @@ def calibrations(draw):
     )
 
 
+@settings(deadline=None)  # no test rests on speed
 @given(calibrations())
 def test_what_is_written_is_read_again(tmp_path_factory, calibration):
     path = tmp_path_factory.getbasetemp() / "calibration.toml"

@@ -93,5 +93,10 @@ def _lines(levels: BandLevels) -> Iterator[_Line]:
             if not np.isnan(totals[row]) or weighting == "Z":
                 rms = levels.references[row].value * 10 ** (totals[row] / 20) if weighting == "Z" else np.nan
                 yield _Line(
-                    row, f"total-{weighting}", float(totals[row]), np.nan, float(rms), levels.flags[row]
+                    row,
+                    f"total-{weighting}",
+                    float(totals[row]),
+                    np.nan,
+                    float(rms),
+                    levels.overall_flags(row, weighting),
                 )

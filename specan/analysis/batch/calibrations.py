@@ -10,8 +10,9 @@ from pathlib import Path
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult
 from specan.analysis.calibration import join_insertions
+from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.excitation import stated_excitation
-from specan.analysis.insertion import CalibrationSettings, Insertion, evaluate_insertion
+from specan.analysis.insertion import Insertion, evaluate_insertion
 from specan.data.recording import Recording
 from specan.errors import SpecanError
 from specan.io.calibration_file import read_calibration, write_calibration
@@ -125,7 +126,7 @@ def _calibrate(
         for c in calibration.channels
         if c.verdict != "good"
     ]
-    return results, (*calibration.notes, *bad)
+    return results, (*calibration.calibrator_decided, *calibration.notes, *bad)
 
 
 def fingerprint(path: Path) -> str:

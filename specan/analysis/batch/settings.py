@@ -7,12 +7,12 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from specan.analysis.insertion import CalibrationSettings
+from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.octave import Octave
 from specan.analysis.tone import Tone
-from specan.analysis.transfer_function import TransferFunction
+from specan.analysis.transfer_function import DEFAULT_LINES, TransferFunction
 from specan.schema import Settings, parse, read_toml
 
 
@@ -30,7 +30,7 @@ class BatchSettings(Settings):
     tone : Tone
         Of sine recordings.
     transfer_function : TransferFunction
-        Of noise recordings.
+        Of noise recordings; 3200 lines unless it says otherwise: the tables of all files then have the same lines.
     octave : Octave
         Band levels of noise recordings and of those that are neither.
     calibration : CalibrationSettings
@@ -41,9 +41,14 @@ class BatchSettings(Settings):
     excitation: Literal["sine", "noise"] | None = None
     sampling_rate: Annotated[float, Field(gt=0)] | None = None
     tone: Tone = Tone()
-    transfer_function: TransferFunction = TransferFunction()
+    transfer_function: TransferFunction = TransferFunction(lines=DEFAULT_LINES)
     octave: Octave = Octave()
     calibration: CalibrationSettings = CalibrationSettings()
+
+    @field_validator("transfer_function")
+    @classmethod
+    def _same_lines(cls, value: TransferFunction) -> TransferFunction:
+        return value if value.lines is not None else value.model_copy(update={"lines": DEFAULT_LINES})
 
     def completed(self) -> Self:
         """The same with the common reference in each analysis that names none."""

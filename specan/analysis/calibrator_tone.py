@@ -1,0 +1,370 @@
+"""The calibrator of a recording: on which channels its tone is sought, its frequency and its level."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from specan.data.recording import Channel, Recording
+from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
+from specan.errors import InputError
+from specan.schema import Settings
+from specan.units import LEVEL_REFERENCES
+
+DEFAULT_LEVEL_DB = 94.0
+# Pistonphones work at 250 Hz and give 114 or 124 dB; sound calibrators with one level give 94 dB at 1 kHz.
+PISTONPHONE_HZ, PISTONPHONE_DB = 250.0, (114.0, 124.0)
+NEAR = 0.05  # of a stated frequency
+# A level is taken from nominal sensitivities where they lead to within this of a usual one.
+NEAR_LEVEL_DB = 3.0
+# A microphone outside the adapter hears the calibrator at least this much less than one inside.
+HEARD_FROM_OUTSIDE_DB = 15.0
+LONGEST_FOR_FREQUENCY_S = 10.0
+
+
+class CalibrationSettings(Settings):
+    """How calibrator recordings are evaluated.
+
+    Attributes
+    ----------
+    level_dB : float or None
+        Sound pressure level of the calibrator re 20 uPa; None takes `CalibratorLevel_dB`, else what a
+        calibrator of its frequency gives: 94 dB, or at 250 Hz the level of a pistonphone.
+    frequency_hz : float or None
+        Nominal tone; None takes `CalibratorFrequency_Hz`, else the strongest tone.
+    windows : int
+        Number of measurement windows n of the means; windows longer than a second are divided.
+    u_level_dB : float
+        Standard uncertainty of the calibrator's level, as its certificate says.
+    u_insertion_dB : float
+        Standard uncertainty by which a level differs from one insertion of the microphone to the next.
+    u_insertion_deg : float
+        The same of the phase between two microphones of one insertion, at the tone. Both hold where the
+        recordings do not tell how well insertions repeat.
+    channels : tuple of str
+        Names or patterns of the calibrated channels; none takes `CalibratedChannels`, else all that
+        show the tone.
+    phase_model : {"delay", "constant"}
+        How the phase goes on to other frequencies.
+    """
+
+    level_dB: float | None = None
+    frequency_hz: Annotated[float, Field(gt=0)] | None = None
+    windows: Annotated[int, Field(ge=2)] = 20
+    u_level_dB: Annotated[float, Field(ge=0)] = 0.1
+    u_insertion_dB: Annotated[float, Field(ge=0)] = 0.05
+    # The sound's ways to two seats differ by up to 0.2 mm: 0.2 mm / sqrt 3 x 360 degrees / 343 mm at 1 kHz.
+    u_insertion_deg: Annotated[float, Field(ge=0)] = 0.12
+    channels: tuple[str, ...] = ()
+    phase_model: Literal["delay", "constant"] = "delay"
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Channels that may be in the adapter, who named them (empty: nobody), and all microphones."""
+
+    channels: list[Channel]
+    named_by: str
+    microphones: list[Channel]
+
+    @property
+    def rate(self) -> float:
+        """Their common sampling rate."""
+        return self.channels[0].sampling_rate
+
+    @property
+    def n_samples(self) -> int:
+        """Samples that all of them have."""
+        return min(c.n_samples for c in self.channels)
+
+
+def candidates_of(recording: Recording, settings: CalibrationSettings) -> Candidates:
+    """Channels in which the calibrator is sought.
+
+    Raises
+    ------
+    InputError
+        There is no microphone, a named one does not exist, or samples are not in volts.
+    """
+    microphones = list(recording.by_role("microphone")) or [
+        c for c in recording.channels if c.role == "other" and c.raw_unit in ("", "V")
+    ]
+    if not microphones:
+        raise InputError(
+            f"{recording.label} has no microphone channel",
+            expected="a recording of a calibrator on microphones",
+            remedy="name the channels, or give their roles in a channel table",
+        )
+    listed = stated(recording, microphones[0].group, "CalibratedChannels")
+    if settings.channels:
+        chosen, named_by = list(recording.select(settings.channels)), "--channel"
+    elif listed is not None:
+        named_by = "CalibratedChannels"
+        chosen = [_numbered(str(word).strip(), microphones, recording) for word in str(listed).split(",")]
+    else:
+        chosen, named_by = microphones, ""
+    for channel in chosen:
+        if channel.raw_unit not in ("", "V"):
+            raise InputError(
+                f"{recording.label}: the samples of {channel.name!r} are in {channel.raw_unit}",
+                expected="volts, from which a sensitivity in mV/Pa follows",
+            )
+        if channel.sampling_rate != chosen[0].sampling_rate:
+            raise InputError(
+                f"{recording.label}: {channel.name!r} and {chosen[0].name!r} have different sampling rates",
+                remedy="calibrate them from separate recordings",
+            )
+    return Candidates(chosen, named_by, microphones)
+
+
+def stated(recording: Recording, group: str, key: str) -> Any:
+    """A property of the channel's group, of any other group, or of the file; None where there is none."""
+    places = [recording.group_properties.get(group, {}), *recording.group_properties.values()]
+    return next((place[key] for place in [*places, recording.properties] if key in place), None)
+
+
+def _stated_number(recording: Recording, group: str, key: str) -> float | None:
+    """The same as a number; "114 dB" and "94,0" are numbers too."""
+    written = stated(recording, group, key)
+    if written is None:
+        return None
+    found = re.match(r"\s*([-+]?\d+(?:[.,]\d*)?)", str(written))
+    value = float(found[1].replace(",", ".")) if found else math.nan
+    if not math.isfinite(value):
+        raise InputError(
+            f"{recording.label}: the property {key} is {written!r}",
+            expected="a number",
+            remedy="give --level or --frequency",
+        )
+    return value
+
+
+def _numbered(word: str, microphones: list[Channel], recording: Recording) -> Channel:
+    """The microphone that an entry of `CalibratedChannels` means: its name, its number, or its place."""
+    for channel in microphones:
+        digits = re.search(r"(\d+)\D*$", channel.name)
+        if word in (channel.name, digits[1] if digits else None):
+            return channel
+    if word.isdigit() and 1 <= int(word) <= len(microphones):
+        return microphones[int(word) - 1]
+    raise InputError(
+        f"{recording.label}: CalibratedChannels names {word!r}",
+        expected="one of " + ", ".join(c.name for c in microphones),
+    )
+
+
+def volts(recording: Recording, channels: Sequence[Channel], start: int, stop: int) -> NDArray[np.float64]:
+    """Samples in volts, whatever sensitivity the file states."""
+    back = np.array([[c.raw_scale / c.gain] for c in channels])
+    return recording.read(channels, start, stop) * back
+
+
+def find_tone(recording: Recording, found: Candidates, settings: CalibrationSettings) -> tuple[float, str]:
+    """Frequency of the tone and how it was found, from the channel that hears most.
+
+    Raises
+    ------
+    InputError
+        No channel has a signal, or the tone is somewhere else than was said.
+    """
+    channels, rate = found.channels, found.rate
+    nominal, why = _nominal_frequency(recording, found, settings)
+    tones = [t for t in _tones(recording, channels, (nominal,)) if t is not None]
+    if not tones:
+        raise InputError(
+            f"{recording.label}: no calibrated channel has a signal", expected="the tone of a calibrator"
+        )
+    pure = [t for t in tones if t.pure]
+    _reject_other_tone(recording, found, tones, nominal, why)
+    loudest = max(pure or tones, key=lambda tone: tone.amplitude)
+    n = min(found.n_samples, int(LONGEST_FOR_FREQUENCY_S * rate))
+    start = (found.n_samples - n) // 2
+    samples = np.nan_to_num(
+        volts(recording, [loudest.channel], start, start + n)[0], nan=0, posinf=0, neginf=0
+    )
+    low, high = _search(nominal, rate)
+    guess = peak_frequency(samples, rate, low, high)
+    return fit_frequency(samples, rate, guess).frequency_hz, why
+
+
+@dataclass(frozen=True)
+class _Tone:
+    """The strongest tone of one channel in one section."""
+
+    channel: Channel
+    frequency_hz: float
+    amplitude: float
+    pure: bool  # holds more than half of the power
+
+
+def _nominal_frequency(
+    recording: Recording, found: Candidates, settings: CalibrationSettings
+) -> tuple[float | None, str]:
+    if settings.frequency_hz is not None:
+        return settings.frequency_hz, f"found near the {settings.frequency_hz:g} Hz of --frequency"
+    written = _stated_number(recording, found.channels[0].group, "CalibratorFrequency_Hz")
+    if written is not None and written > 0:
+        return written, f"found near the {written:g} Hz of CalibratorFrequency_Hz"
+    return None, "the strongest tone"
+
+
+def _search(nominal: float | None, rate: float) -> tuple[float, float]:
+    return ((1 - NEAR) * nominal, (1 + NEAR) * nominal) if nominal else (50.0, rate / 2)
+
+
+def _tones(
+    recording: Recording, channels: Sequence[Channel], nominals: tuple[float | None, ...]
+) -> list[_Tone | None]:
+    """For each channel and nominal frequency the strongest tone of three sections of at most a second."""
+    rate = channels[0].sampling_rate
+    n = min(c.n_samples for c in channels)
+    size = min(n, int(rate))
+    best: list[_Tone | None] = [None] * (len(channels) * len(nominals))
+    if size < 16:
+        return best
+    for start in sorted({0, (n - size) // 2, n - size}):
+        samples = np.nan_to_num(
+            volts(recording, channels, start, start + size), nan=0.0, posinf=0.0, neginf=0.0
+        )
+        for row, channel in enumerate(channels):
+            if not np.ptp(samples[row]) > 0:
+                continue
+            for column, nominal in enumerate(nominals):
+                place = row * len(nominals) + column
+                tone = _tone_of(channel, samples[row], rate, nominal, recording.label)
+                known = best[place]
+                if known is None or (tone.pure, tone.amplitude) > (known.pure, known.amplitude):
+                    best[place] = tone
+    return best
+
+
+def _tone_of(
+    channel: Channel, samples: NDArray[np.float64], rate: float, nominal: float | None, label: str
+) -> _Tone:
+    try:
+        frequency = peak_frequency(samples, rate, *_search(nominal, rate))
+    except ValueError as fault:
+        raise InputError(
+            f"{label}: no tone can be sought ({fault})",
+            expected="a recording that is long enough for its tone",
+        ) from None
+    fit = fit_sine(samples, rate, frequency)
+    amplitude = float(abs(fit.phasors[0]))
+    return _Tone(channel, frequency, amplitude, bool(amplitude**2 / 2 > float(fit.residual_rms) ** 2))
+
+
+def _reject_other_tone(
+    recording: Recording, found: Candidates, tones: Sequence[_Tone], nominal: float | None, why: str
+) -> None:
+    """Say so where the tone is on other channels, or at another frequency, than somebody stated."""
+    heard = max((t.amplitude for t in tones if t.pure), default=0.0)
+    names = {c.name for c in found.channels}
+    rest = [c for c in found.microphones if c.name not in names and c.sampling_rate == found.rate]
+    if found.named_by == "CalibratedChannels" and rest:
+        others = [t for t in _tones(recording, rest, (nominal,)) if t is not None and t.pure]
+        loud = [t for t in others if t.amplitude > heard * 10 ** (HEARD_FROM_OUTSIDE_DB / 20)]
+        if loud:
+            far = (
+                "show no tone" if heard == 0 else f"hear it {HEARD_FROM_OUTSIDE_DB:g} dB or more below others"
+            )
+            raise InputError(
+                f"{recording.label}: the channels that CalibratedChannels names ({_listed(names_of(found.channels))}) "
+                f"{far}; the tone of {loud[0].frequency_hz:.6g} Hz is on {_listed([t.channel.name for t in loud])}",
+                expected="the tone on the channels that are named",
+                remedy="correct the property, or name the channels with --channel",
+            )
+    if heard == 0 and nominal is not None:
+        anywhere = [t for t in _tones(recording, found.channels, (None,)) if t is not None and t.pure]
+        if anywhere:
+            loudest = max(anywhere, key=lambda tone: tone.amplitude)
+            stated_by = "--frequency" if "--frequency" in why else "CalibratorFrequency_Hz"
+            raise InputError(
+                f"{recording.label}: the tone is at {loudest.frequency_hz:.6g} Hz ({loudest.channel.name}), "
+                f"and {stated_by} says {nominal:g} Hz",
+                expected=f"a tone within {NEAR:.0%} of what is stated",
+                remedy=f"give --frequency {loudest.frequency_hz:.0f} if that is the calibrator",
+            )
+
+
+def names_of(channels: Sequence[Channel]) -> list[str]:
+    """Names of the channels."""
+    return [c.name for c in channels]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 6 else f"{names[0]} ... {names[-1]}"
+
+
+@dataclass(frozen=True)
+class Level:
+    """Sound pressure level of the calibrator, how it was decided, and whether anything but habit says so."""
+
+    dB: float
+    decided: str
+    confirmed: bool
+
+
+def decide_level(
+    recording: Recording,
+    channels: Sequence[Channel],
+    amplitude_V: Sequence[float],
+    frequency_hz: float,
+    settings: CalibrationSettings,
+) -> Level:
+    """Level of the calibrator: as given, as the file says, else as calibrators of its frequency have it.
+
+    Nominal sensitivities choose between the levels of pistonphones. They do not choose another level than
+    94 dB at other frequencies: an amplifier of 20 dB that nobody wrote down looks the same as 114 dB.
+
+    Raises
+    ------
+    InputError
+        A pistonphone whose level nothing tells.
+    """
+    if settings.level_dB is not None:
+        return Level(settings.level_dB, "as given", True)
+    written = _stated_number(recording, channels[0].group, "CalibratorLevel_dB")
+    if written is not None:
+        return Level(written, "property CalibratorLevel_dB", True)
+    pairs = zip(channels, amplitude_V, strict=True)
+    levels = [level_of(a / n) for c, a in pairs if (n := nominal_mV_per_Pa(c)) is not None and a > 0]
+    if abs(frequency_hz - PISTONPHONE_HZ) > NEAR * PISTONPHONE_HZ:
+        how = "assumed, as no property states it" + (
+            f"; by nominal sensitivities {np.median(levels):.1f} dB" if levels else ""
+        )
+        return Level(DEFAULT_LEVEL_DB, how, False)
+    usual = " or ".join(f"{level:g}" for level in PISTONPHONE_DB)
+    if levels:
+        middle = float(np.median(levels))
+        nearest = min((DEFAULT_LEVEL_DB, *PISTONPHONE_DB), key=lambda level: abs(level - middle))
+        if abs(nearest - middle) <= NEAR_LEVEL_DB:
+            what = "a pistonphone" if nearest in PISTONPHONE_DB else "a calibrator"
+            how = f"{what} at {frequency_hz:.0f} Hz; by nominal sensitivities {middle:.1f} dB"
+            return Level(nearest, how, True)
+    raise InputError(
+        f"{recording.label}: the tone of {frequency_hz:.6g} Hz is that of a pistonphone ({usual} dB), and "
+        + (
+            f"nominal sensitivities lead to {np.median(levels):.1f} dB"
+            if levels
+            else "nothing tells its level"
+        ),
+        expected="the calibrator's level",
+        remedy=f"give --level {PISTONPHONE_DB[0]:g}, or what its certificate says",
+    )
+
+
+def level_of(volts_per_mV_per_Pa: float) -> float:
+    """Level of a tone from its amplitude in V over the sensitivity in mV/Pa."""
+    return float(20 * np.log10(1000 * volts_per_mV_per_Pa / np.sqrt(2) / LEVEL_REFERENCES["Pa"].value))
+
+
+def nominal_mV_per_Pa(channel: Channel) -> float | None:
+    """Sensitivity that the file or the channel table states."""
+    return 1000 * abs(channel.raw_scale / channel.gain) if channel.unit == "Pa" else None

@@ -1,0 +1,197 @@
+"""A first look at a recording: delays of the responses, how long they ring, and what blocks take from them.
+
+See docs/decisions/0038-lines-by-the-length-of-the-response.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.recording import Channel, Recording
+from specan.dsp.leakage import leakage_bias
+from specan.dsp.transfer_function import delays_of, estimate
+from specan.dsp.welch import CrossSpectra, effective_averages, hop_of
+from specan.dsp.windows import WindowName, window_correlation
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+READ_BLOCK = 1 << 16
+# The look takes as many samples as this many blocks, in blocks longer by up to this power of two, of which it
+# holds at least so many: delays and echoes of several blocks are seen as such.
+_LOOK_BLOCKS, _LONGEST, _LEAST = 32, 8, 4
+# A delay is compensated where it would cost H1 more than a thousandth.
+TOLERATED_LOSS = 1e-3
+_DISTINCT_PEAK = 6.0  # times the RMS of an impulse response; white noise of 65536 samples reaches 4.8
+# Leakage that is taken as none: 1 % (0.09 dB), about what a calibration leaves, or half the random uncertainty.
+TOLERATED_LEAKAGE, TOLERATED_SHARE = 0.01, 0.5
+# A block is not lengthened beyond this number of independent averages: with 8 the factor of Student's distribution
+# for a line's own noise is 1.09.
+LEAST_AVERAGES = 8.0
+# Median coherence with the generator from which on it is what drives the reference.
+_DRIVEN = 0.1
+
+
+@dataclass(frozen=True)
+class Look:
+    """Responses as the beginning of a recording shows them, in blocks of `block` samples.
+
+    Attributes
+    ----------
+    block : int
+    n_effective : float
+    lags : tuple of int
+        Samples by which each channel's strongest arrival lags the reference; 0 where none is distinct.
+    response : complex array (channels, block // 2)
+        H1 of each channel, lines from 1 on, turned back by its lag.
+    variance : array (channels, block // 2)
+        Mean square of its random error.
+    power : array (block // 2,)
+        Spectrum of the reference.
+    foreign_share : float
+        Share of the reference's power that is not the generator's (median over the lines); NaN without a generator.
+    """
+
+    block: int
+    n_effective: float
+    window: WindowName
+    lags: tuple[int, ...]
+    response: Complex
+    variance: Real
+    power: Real
+    foreign_share: float
+
+    def bias(self, block: int) -> Complex:
+        """What blocks of `block` samples, of which `self.block` is a multiple, take from each of their lines."""
+        ratio = self.block // block
+        rows = [
+            leakage_bias(h, v, self.window, ratio) for h, v in zip(self.response, self.variance, strict=True)
+        ]
+        return np.stack(rows)[:, ratio - 1 :: ratio]
+
+    def leakage(self, block: int) -> Real:
+        """RMS of `bias` over that of the response, weighted with the reference's power, of each channel."""
+        ratio = self.block // block
+        power = self.power[ratio - 1 :: ratio]
+        response = self.response[:, ratio - 1 :: ratio]
+        return _rms_ratio(np.abs(self.bias(block)) ** 2, np.abs(response) ** 2, power)
+
+    def random(self, averages: float) -> Real:
+        """Relative random error that as many averages leave, likewise weighted."""
+        found = _rms_ratio(self.variance, np.abs(self.response) ** 2, self.power)
+        return found * np.sqrt(self.n_effective / max(averages, 1.0))
+
+
+def _rms_ratio(square: Real, over: Real, weight: Real) -> Real:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nansum(square * weight, axis=-1) / np.nansum(over * weight, axis=-1)
+    return np.sqrt(np.nan_to_num(ratio, posinf=0.0))
+
+
+def look(
+    recording: Recording,
+    channels: Sequence[Channel],
+    generator: Channel | None,
+    window_name: WindowName,
+    overlap: float,
+    block: int,
+    start: int,
+    stop: int,
+) -> Look:
+    """Look at the first 32 blocks of `block` samples.
+
+    Parameters
+    ----------
+    channels : sequence of Channel
+        The reference first.
+    generator : Channel or None
+        What drives the reference, where it was recorded and is not among `channels`.
+    start, stop : int
+        Section of the recording.
+    """
+    rate = channels[0].sampling_rate
+    longest = block * max([r for r in (1, 2, 4, _LONGEST) if _LEAST * r * block <= stop - start], default=1)
+    read = [*channels, *([] if generator is None else [generator])]
+    spectra = CrossSpectra(rate, longest, window_name, overlap, n_channels=len(read), references=[0])
+    for samples in recording.blocks(read, READ_BLOCK, start, min(stop, start + _LOOK_BLOCKS * block)):
+        spectra.add(samples)
+    seen = spectra.result()
+    first = estimate("H1", seen.auto[0], seen.auto, seen.cross[0], seen.n_effective)
+    # Lines without coherence would drown the peak; 2/n is what chance gives.
+    weight = np.maximum(first.coherence - 2 / max(seen.n_effective, 2.0), 0.0)
+    weighted = np.where(np.isfinite(first.response), first.response, 0.0) * np.nan_to_num(weight)
+    impulse = np.abs(np.fft.irfft(weighted, longest, axis=-1))
+    distinct = impulse.max(axis=-1) > _DISTINCT_PEAK * np.sqrt(np.mean(impulse**2, axis=-1))
+    lags = np.rint(delays_of(weighted, longest, rate) * rate).astype(int) * distinct
+    count = len(channels)
+    turn = np.exp(2j * np.pi * np.outer(lags[:count], seen.frequency_hz[1:]) / rate)
+    response = first.response[:count, 1:] * turn
+    return Look(
+        block=longest,
+        n_effective=seen.n_effective,
+        window=window_name,
+        lags=tuple(int(lag) for lag in lags[:count]),
+        response=response,
+        variance=2 * (first.u_relative[:count, 1:] * np.abs(response)) ** 2,
+        power=seen.auto[0, 1:],
+        foreign_share=np.nan if generator is None else _foreign(first.coherence[-1, 1:], seen.n_effective),
+    )
+
+
+def _foreign(coherence: Real, averages: float) -> float:
+    """One minus the median coherence, chance (1 - g^2)/n taken out; NaN where the generator drives nothing."""
+    known = coherence[np.isfinite(coherence)]
+    if not known.size or averages <= 1:
+        return float("nan")
+    seen = float(np.median(known))
+    seen = (seen - 1 / averages) / (1 - 1 / averages)
+    return 1 - seen if seen > _DRIVEN else float("nan")
+
+
+def shifts_of(seen: Look, block: int, n: int) -> list[int]:
+    """Samples by which each channel is to be read later, so that blocks of `block` lose nothing by its delay.
+
+    Parameters
+    ----------
+    n : int
+        Samples of the section, of which at least one block has to be left.
+    """
+    return [
+        lag
+        if abs(lag) <= n - block
+        and 1 - window_correlation(seen.window, min(abs(lag) / block, 1.0)) > TOLERATED_LOSS
+        else 0
+        for lag in seen.lags
+    ]
+
+
+def averages_in(n: int, block: int, window_name: WindowName, overlap: float) -> float:
+    """Independent averages of blocks of `block` samples in a section of n."""
+    hop = hop_of(block, overlap)
+    return effective_averages(1 + (n - block) // hop if n >= block else 0, window_name, hop / block)
+
+
+def sufficient_block(seen: Look, block: int, n: int, overlap: float) -> int:
+    """The shortest block, `block` times a power of two, that takes too little from any channel to matter.
+
+    Beyond the blocks of the look, the leakage of a decaying response falls with the square of the length.
+    """
+    while block < seen.block:
+        if _suffices(seen, seen.leakage(block), block, n, overlap):
+            return block
+        block *= 2
+    left = seen.leakage(seen.block)
+    while not _suffices(seen, left * (seen.block / block) ** 2, block, n, overlap) and block < n << 4:
+        block *= 2
+    return block
+
+
+def _suffices(seen: Look, leakage: Real, block: int, n: int, overlap: float) -> bool:
+    random = seen.random(averages_in(n, block, seen.window, overlap))
+    # Where the look's blocks are too short as well, what looks random in them is leakage, which goes with 1 / length.
+    random = random * min(1.0, seen.block / block)
+    return bool(np.all(leakage[1:] <= np.maximum(TOLERATED_LEAKAGE, TOLERATED_SHARE * random[1:])))

@@ -1,0 +1,95 @@
+"""Whether a signal was cut off at a level that nobody stated."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Values closer than this part of the span are one value: coarser than the last bits of a computed signal,
+# finer than the step of a 24-bit converter (6e-8 of its range).
+SAME = 1e-9
+FEWEST = 3  # samples on the rail
+# A sine that is rounded to steps has at most 1 / (sqrt 2 - 1) = 2.41 times as many samples on its top step
+# as on the next one, and 1 / (sqrt 9 - 1) = 0.5 times as many as on the next eight.
+PER_LEVEL, PER_EIGHT, STEPS = 2.5, 2.0, 8
+# Samples of a tone whose period is nearly a whole number of samples repeat for a while: one or two of a period.
+ALONE = 10.0  # times as many as on any other value, where no three stand together on the rail
+LEVELS = 32  # below the rail that are looked at
+NEAR = 0.02  # of the span: where they are sought first
+MOVING = 0.75  # of the neighbours of rests on the rail
+
+
+def is_cut_off(samples: NDArray[np.float64], top: float, span: float) -> bool:
+    r"""Whether a signal without a known full scale rests on its largest value `top`.
+
+    A converter or an amplifier that saturates gives the same value again and again, far more often than the
+    values just below it. Near the top of an unclipped signal the density grows downwards: a sine that is
+    rounded to steps q spends a time in proportion to :math:`\sqrt{k} - \sqrt{k-1}` on its k-th step from the
+    top, noise less on the first than on the second. So the signal is cut off where `top` holds clearly more
+    samples than any single value below it and than the eight steps below it together, and where it arrives
+    there on the move: a slow signal that is rounded to steps dwells on each of them.
+
+    Two values are no evidence (a square wave), nor is a rail at zero (a signal of one sign), nor a signal of
+    a few steps. A tone whose samples repeat exactly, such as 1 kHz at 8 kHz without noise, can only be
+    recognised with three or more samples of a period on the rail: with two, the same samples may be those of
+    an uncut tone.
+
+    Parameters
+    ----------
+    samples : array (n,)
+        Finite; for the lower rail with the sign turned.
+    top : float
+        Largest value of the whole record; `samples` may hold less.
+    span : float
+        Largest minus smallest value of the record.
+
+    Examples
+    --------
+    >>> sine = np.sin(2 * np.pi * 50 * np.arange(5000) / 51200)
+    >>> is_cut_off(sine, sine.max(), 2.0), is_cut_off(np.minimum(sine, 0.95), 0.95, 1.95)
+    (False, True)
+    """
+    same = SAME * span
+    on_rail = samples >= top - same
+    count = int(np.count_nonzero(on_rail))
+    if count < FEWEST or abs(top) <= same:
+        return False
+    depth = top - samples[~on_rail]
+    levels, holds = _levels(depth[depth <= NEAR * span], same)
+    if levels.size < LEVELS:
+        levels, holds = _levels(depth, same)
+    if levels.size < 2:
+        return False
+    most = int(holds[:-1][:LEVELS].max())  # the last one may be the other rail
+    if count <= (PER_LEVEL if longest_run(on_rail) >= FEWEST else ALONE) * most:
+        return False
+    # Few different values repeat exactly (a computed, periodic signal): there is no step to speak of.
+    gaps = np.diff(levels[:LEVELS], prepend=0.0)
+    step = float(gaps.min())
+    if levels.size < LEVELS and depth.size > LEVELS * levels.size:
+        if gaps.max() - step <= 2 * same:  # rounded to a few steps: too coarse to tell
+            return False
+    elif depth.max() <= 2 * STEPS * step or count <= PER_EIGHT * np.count_nonzero(depth <= STEPS * step):
+        return False
+    return _moving(samples, on_rail, same)
+
+
+def _levels(depth: NDArray[np.float64], same: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Different values in increasing order, and how many samples each holds."""
+    ordered = np.sort(depth)
+    first = np.flatnonzero(np.diff(ordered, prepend=-np.inf) > same)
+    return ordered[first], np.diff(first, append=ordered.size)
+
+
+def _moving(samples: NDArray[np.float64], on_rail: NDArray[np.bool_], same: float) -> bool:
+    """Whether most neighbours of the rests on the rail differ from their own next neighbours."""
+    entered = np.flatnonzero(on_rail[2:] & ~on_rail[1:-1]) + 1
+    left = np.flatnonzero(on_rail[:-2] & ~on_rail[1:-1]) + 1
+    near, beyond = np.append(entered, left), np.append(entered - 1, left + 1)
+    return bool(near.size and np.mean(np.abs(samples[near] - samples[beyond]) > same) >= MOVING)
+
+
+def longest_run(holds: NDArray[np.bool_]) -> int:
+    """Length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], holds, [False]))))
+    return int((edges[1::2] - edges[::2]).max()) if edges.size else 0

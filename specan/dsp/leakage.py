@@ -1,0 +1,123 @@
+"""Bias of a transfer function whose response outlasts the block: how large it is, line by line.
+
+See docs/decisions/0038-lines-by-the-length-of-the-response.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.dsp.windows import WindowName, window_correlation
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Lines of a section whose lags are looked at together, per line of the block that is judged: 1/64 of a block
+# is the finest lag that is told apart, where a Hann window costs 0.16 %.
+SECTION_LINES = 64
+# Lags before and after the aligned arrival, in blocks of the spectrum at hand; a response has hardly anything
+# before its arrival.
+_BEFORE = 0.25
+# Below this value of the window's correlation a lag is lost in rounding and noise.
+_LEAST_CORRELATION = 0.15
+# Times the noise that the mean of about five lags and sections must exceed: chance does so in 2 of 100 cases
+# (chi-square of 10 degrees of freedom).
+_ABOVE_NOISE = 3.0
+
+
+def leakage_bias(response: Complex, variance: Real, window_name: WindowName, ratio: int = 1) -> Complex:
+    """What blocks take from each line of a transfer function: its expectation minus the response, negated.
+
+    White noise through a response h, cut into blocks with a window of the correlation rho, gives
+
+        E H1(f) = sum over lags of rho(lag / block) h(lag) exp(-j 2 pi f lag)
+
+    (Bendat and Piersol, Random Data, section 11.2; the sum over lags of the cross correlation). H1 is thus smoothed
+    over lines: a reverberant tail, an echo and the peak of a resonance are lost in part. What is lost,
+    the sum of (1 - rho) h, follows from the estimate itself where rho is not too small: the spectrum is cut into
+    overlapping sections of lines, each is transformed to lags, what does not rise above the noise is left out, the
+    rest is weighted by (1 - rho) / rho and transformed back.
+
+    Parameters
+    ----------
+    response : complex array (..., n)
+        Estimate on consecutive lines, aligned: its arrival is at lag zero. Lines that are not finite count as zero.
+    variance : array (..., n)
+        Mean square of the random error of each line, both components together.
+    window_name : str
+    ratio : int
+        How many of the blocks that are judged the block of `response` holds. With 1 the estimate is judged from
+        itself, and what is later than 0.6 of a block is hardly seen.
+
+    Returns
+    -------
+    complex array (..., n)
+        To be added to an estimate with the shorter blocks, on the lines of `response`.
+
+    Examples
+    --------
+    An echo of 0.5, 0.3 of a block late, is seen with rho(0.3) = 0.546 of its strength:
+
+    >>> late = np.exp(-2j * np.pi * np.arange(400) * 0.3)
+    >>> lost = leakage_bias(1 + 0.5 * 0.546 * late, np.full(400, 1e-8), "hann")
+    >>> float(np.round(np.median(abs(lost)), 2)), round(0.5 * (1 - 0.546), 2)
+    (0.23, 0.23)
+    """
+    n = response.shape[-1]
+    size = min(SECTION_LINES * ratio, 1 << (n.bit_length() - 1))
+    hop, bell = size // 2, _bell(size)
+    count = -(-n // hop) + 1  # each line lies in two sections
+    sections = _cut(np.where(np.isfinite(response), response, 0.0), size, hop, count)
+    noise = _cut(np.where(np.isfinite(variance), variance, 0.0), size, hop, count)
+    lags = np.fft.ifft(sections * bell, axis=-1)
+    lag = np.arange(size) / size
+    lag = np.where(lag < 1 - _BEFORE, lag, lag - 1)
+    floor = np.mean(noise * bell**2, axis=-1, keepdims=True) / size
+    energy = _neighbours(_neighbours(np.abs(lags) ** 2, -1, circular=True), -2, circular=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        above = np.sqrt(np.nan_to_num(np.maximum(1 - _ABOVE_NOISE * floor / energy, 0.0)))
+    seen = np.maximum(_correlation(lag, window_name), _LEAST_CORRELATION)
+    lost = (1 - _correlation(lag * ratio, window_name)) / seen
+    back = np.fft.fft(lags * above * lost, axis=-1)
+    found = np.zeros((*response.shape[:-1], (count + 1) * hop), dtype=complex)
+    for k in range(count):
+        found[..., k * hop : k * hop + size] += back[..., k, :]
+    return found[..., hop : hop + n]
+
+
+def _bell(size: int) -> Real:
+    """Hann window of a section; two neighbours add up to one."""
+    return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(size) + 0.5) / size))
+
+
+def _cut(values: NDArray, size: int, hop: int, count: int) -> NDArray:
+    """Sections (..., count, size), the first and the last half beyond the ends.
+
+    Below line 1 stand the conjugates of the lines above: the response is real. Beyond the last line the same is done,
+    turned so that it goes on from there: a conjugate mirror image keeps the lags.
+    """
+    n = values.shape[-1]
+    below = np.conj(values[..., : hop - 1][..., ::-1])
+    past = (count + 1) * hop - hop - n
+    phase = np.exp(2j * np.angle(values[..., -1:])) if np.iscomplexobj(values) else 1.0
+    above = np.conj(values[..., n - 1 - past : n - 1][..., ::-1]) * phase
+    extended = np.concatenate([below, np.real(values[..., :1]), values, above], axis=-1)
+    index = hop * np.arange(count)[:, None] + np.arange(size)
+    return extended[..., index]
+
+
+def _neighbours(values: Real, axis: int, *, circular: bool) -> Real:
+    """Mean over three neighbours, the middle one twice; the ends stand for what is beyond them."""
+    if circular:
+        before, after = np.roll(values, 1, axis), np.roll(values, -1, axis)
+    else:
+        n = values.shape[axis]
+        before = np.take(values, np.maximum(np.arange(n) - 1, 0), axis)
+        after = np.take(values, np.minimum(np.arange(n) + 1, n - 1), axis)
+    return (before + 2 * values + after) / 4
+
+
+def _correlation(lag: Real, name: WindowName) -> Real:
+    """`window_correlation` of every lag, zero from one block on."""
+    return np.array([window_correlation(name, float(shift)) for shift in np.abs(lag)])
