@@ -40,7 +40,9 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
         # Names of effects and parameters are copied into commands: they are never broken over two lines.
         words = [word for row in rows for word in str(row[index]).split()] if index == 0 else []
         least = max(map(len, words), default=1)
-        sheet.add_column(name, justify="right" if numeric else "left", overflow="fold", min_width=min(least, 48))
+        sheet.add_column(
+            name, justify="right" if numeric else "left", overflow="fold", min_width=min(least, 48)
+        )
     from rich.text import Text
 
     for row in rows:

@@ -145,13 +145,17 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
         lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
         model_discrepancy_percent=_discrepancy(base.problem),
         fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
-        residual_law=residual_law(_what_is_left(search, found.kind)) if _left_to_describe(search, found) else None,
+        residual_law=residual_law(_what_is_left(search, found.kind))
+        if _left_to_describe(search, found)
+        else None,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
         next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
         pulls=shown(pulls(best)),
         error=_error_fall(base, best),
-        remarks=tuple(r for r in (suspect_rows(base), *_better_but_too_far(search, sets), *_too_good(base)) if r),
+        remarks=tuple(
+            r for r in (suspect_rows(base), *_better_but_too_far(search, sets), *_too_good(base)) if r
+        ),
     )
 
 
@@ -183,12 +187,16 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         return _of_base(search)
     names = " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
     if search.third is not None:
-        return _Found("unknown-effect", "three effects or more would be needed; one unknown is likelier", True)
+        return _Found(
+            "unknown-effect", "three effects or more would be needed; one unknown is likelier", True
+        )
     if best.lack_beyond(FORM**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
         return _Found("unknown-effect", f"{names} explains a part, and much is left", True)
     contradicted = search.too_far(best)
     if contradicted:
-        return _Found("fits-only-if", f"with {names} it fits only with {_values(contradicted)}{_telling(best)}", True)
+        return _Found(
+            "fits-only-if", f"with {names} it fits only with {_values(contradicted)}{_telling(best)}", True
+        )
     left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions) or _fails_somewhere(best)
     left = left or (len(best.uses) == 1 and _follows_a_law(best))
     reasons = []
@@ -197,10 +205,16 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
     elif len(best.uses) > 1:
         reasons.append("one unknown effect would explain the data as well")
     if stretched(best):
-        reasons.append(f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well")
+        reasons.append(
+            f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well"
+        )
     if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
-    doubt = left or len(best.uses) > 1 or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
+    doubt = (
+        left
+        or len(best.uses) > 1
+        or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
+    )
     return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
 
 
@@ -214,11 +228,15 @@ def _of_base(search: Search) -> _Found:
             reason += f"; even so it takes {_values(contradicted)}"
         return _Found("unknown-effect", reason, True)
     if contradicted:
-        return _Found("fits-only-if", f"the model fits only with {_values(contradicted)}{_telling(base)}", True)
+        return _Found(
+            "fits-only-if", f"the model fits only with {_values(contradicted)}{_telling(base)}", True
+        )
     alone, dearer = _data_alone(base)
     if alone:
         held = f"; held to what is known it fits worse, by {dearer:.1f} in chi-square"
-        return _Found("fits-only-if", f"the model fits only with {_values(alone)}{held}{_telling(base)}", True)
+        return _Found(
+            "fits-only-if", f"the model fits only with {_values(alone)}{held}{_telling(base)}", True
+        )
     return _Found("nothing-missing", "the model fits, and no effect of the catalogue improves it")
 
 

@@ -103,8 +103,7 @@ def _fall(before: ObservableError, after: ObservableError) -> str:
     if before == after:
         return f"{before.rms:.3g}{unit} ({before.relative_rms:.2g} %)"
     return (
-        f"{before.rms:.3g} to {after.rms:.3g}{unit} "
-        f"({before.relative_rms:.2g} to {after.relative_rms:.2g} %)"
+        f"{before.rms:.3g} to {after.rms:.3g}{unit} ({before.relative_rms:.2g} to {after.relative_rms:.2g} %)"
     )
 
 

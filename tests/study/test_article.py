@@ -66,7 +66,9 @@ def test_what_an_instrument_error_gains_is_what_it_does_to_the_table(article):
         assert ranked.delta_bic >= -len(ranked.parameters) * math.log(29) - 0.1
     zero, lag = by_effects["torque-zero-error",], by_effects["thermal-lag",]
     pulled = sum(pull.pull**2 for pull in zero.pulls)  # its zero is larger than those of such sensors
-    assert abs(zero.delta_bic + math.log(29) + pulled - lag.delta_bic) < 1.5  # one parameter more, the same fit
+    assert (
+        abs(zero.delta_bic + math.log(29) + pulled - lag.delta_bic) < 1.5
+    )  # one parameter more, the same fit
     assert zero.parameters["torque-zero-error.output"]["value"] == pytest.approx(3.0, abs=0.3)
 
 

@@ -157,7 +157,12 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         cell=cell,
         setup=setup,
         setups_from=how,
-        notes=(*(f"{m.name}: {note}" for m in measurements for note in m.notes), *notes, *outside, *([copied] if copied else [])),
+        notes=(
+            *(f"{m.name}: {note}" for m in measurements for note in m.notes),
+            *notes,
+            *outside,
+            *([copied] if copied else []),
+        ),
     )
 
 

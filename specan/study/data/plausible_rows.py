@@ -77,7 +77,9 @@ def check_limits(
         raise InputError(
             said,
             expected=f"{ends[0]:.4g} to {ends[1]:.4g}, the [limits] of the rig file",
-            remedy=f"{unit}; convert the column" if unit else "correct the rows, or the limits in the rig file",
+            remedy=f"{unit}; convert the column"
+            if unit
+            else "correct the rows, or the limits in the rig file",
         )
     return remarks
 

@@ -266,7 +266,9 @@ def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> l
         best = int(np.argmax(np.where(usable, gain, -1.0)))
         if apart[best] < SEPARATES:
             break
-        found.append(_proposal(rivals, planned, predicted[:, best], best, float(apart[best]), float(least[best])))
+        found.append(
+            _proposal(rivals, planned, predicted[:, best], best, float(apart[best]), float(least[best]))
+        )
         usable &= np.max(np.abs(place - place[best]), axis=1) > NEAR
         covariances = [after_reading(c, j[best]) for c, j in zip(covariances, slopes)]
         if not np.any(usable):
@@ -325,8 +327,10 @@ def _proposal(
     where = ", ".join(f"{_spoken(model, column, value)}" for column, value in conditions.items())
     unit = "" if observable.unit == "1" else " " + observable.unit.replace("*", "")
     said = ", ".join(f"{name} expects {value:.4g}{unit}" for name, value in predictions.items())
-    told = f"one reading separates them by {least:.1f} sigma" if least >= SEPARATES else (
-        f"one reading separates some of them, by up to {apart:.1f} sigma"
+    told = (
+        f"one reading separates them by {least:.1f} sigma"
+        if least >= SEPARATES
+        else (f"one reading separates some of them, by up to {apart:.1f} sigma")
     )
     text = f"{where}: {said}; sigma there is {sigma:.2g}{unit}, {told}"
     return Proposal(text, conditions, predictions, observable.unit, sigma, apart)

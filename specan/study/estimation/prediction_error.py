@@ -51,9 +51,7 @@ def observable_errors(
     problem: Problem, observations: Sequence[Observation], predictions: Sequence[Array]
 ) -> list[ObservableError]:
     """Errors of every observable, the one with most values first."""
-    names = [
-        np.broadcast_to(getattr(o, "observable", o.name), o.measured.shape) for o in observations
-    ]
+    names = [np.broadcast_to(getattr(o, "observable", o.name), o.measured.shape) for o in observations]
     return errors_of(
         problem,
         np.concatenate(names),

@@ -51,11 +51,7 @@ class Passage:
     @property
     def needed(self) -> bool:
         """The same if the effects that are in the model already had exactly the form of their equations."""
-        return (
-            self.p_value <= self.level
-            and self.delta_bic > DECISIVE
-            and self.held_out_gain > 0
-        )
+        return self.p_value <= self.level and self.delta_bic > DECISIVE and self.held_out_gain > 0
 
 
 @dataclass(frozen=True, eq=False)

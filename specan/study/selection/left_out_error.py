@@ -17,8 +17,8 @@ MOST_ROWS = 400  # above which the refits cost more than the verdict
 def left_out_error(refit: Refit) -> ObservableError | None:
     """Error of a model on conditions that it was not fitted to, each level of each operating variable in turn.
 
-    The model is fitted anew without every block, and predicts it. None where nothing can be left out, where a fit without a
-    block fails, and where rows are many.
+    The model is fitted anew without every block, and predicts it. None where nothing can be left out, where a fit
+    without a block fails, and where rows are many.
     """
     problem, observation = refit.problem, refit.problem.observations[0]
     blocks = left_out_blocks(problem)
@@ -40,4 +40,6 @@ def left_out_error(refit: Refit) -> ObservableError | None:
             return None
         predicted.append(problem.over([observation.take(~kept)]).predictions(theta)[0])
     rows = np.concatenate(blocks)
-    return errors_of(problem, observation.observable[rows], np.concatenate(predicted), observation.measured[rows])[0]
+    return errors_of(
+        problem, observation.observable[rows], np.concatenate(predicted), observation.measured[rows]
+    )[0]

@@ -1,4 +1,4 @@
-"""Pulls: how far fitted values lie outside of what was known of them, in standard deviations, for base and rivals alike."""
+"""Pulls: how far fitted values lie outside of what was known of them, in standard deviations."""
 
 from __future__ import annotations
 
@@ -51,8 +51,10 @@ class Pull:
         """``mu = 0.22, known 0.01 to 0.12``."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         low, high = self.known
-        known = f"{low:.3g} to {high:.3g}" if np.isfinite([low, high]).all() else (
-            f"above {low:.3g}" if np.isfinite(low) else f"below {high:.3g}"
+        known = (
+            f"{low:.3g} to {high:.3g}"
+            if np.isfinite([low, high]).all()
+            else (f"above {low:.3g}" if np.isfinite(low) else f"below {high:.3g}")
         )
         bound = ", at the end of its domain" if self.at_bound else ""
         return f"{self.parameter} = {self.value:.2g}{unit}, known {known}{unit}{bound}"
@@ -164,4 +166,3 @@ def _tail(refit: Refit, name: str, pull: float) -> float:
         return problem.priors[plain][1]
     k = _place(refit, name)
     return float((problem.known_ranges.below if pull < 0 else problem.known_ranges.above)[k])
-

@@ -171,8 +171,8 @@ def _sides(
 ) -> list[tuple[Array, float]]:
     """Trace of an amplitude to one side of its neutral value, and to the other one where it is not the same line.
 
-    An error of a zero has a kink there: idle runs feel one of either sign as a load. A descent that sets out on one side
-    does not cross it.
+    An error of a zero has a kink there: idle runs feel one of either sign as a load. A descent that sets out on one
+    side does not cross it.
     """
     if there is None:
         return [] if back is None else [(back, mirrored)]

@@ -17,12 +17,16 @@ MOST_LINES = 6
 def suspect_rows(refit: Refit) -> str:
     """A sentence on the one condition, or the one reading, without which the model meets the data.
 
-    The chi-square that rows b take with them is S_b = r_b' (I - H_bb)^-1 r_b, the fall of the minimum when they are left
-    out, by linear algebra. Empty where the model meets the data, where nothing stands out, and where rows are few.
+    The chi-square that rows b take with them is S_b = r_b' (I - H_bb)^-1 r_b, the fall of the minimum when they are
+    left out, by linear algebra. Empty where the model meets the data, where nothing stands out, and where rows are few.
     """
     problem = refit.problem
     observation = problem.observations[0]
-    if len(problem.observations) > 1 or not isinstance(observation, TableObservation) or observation.cell is None:
+    if (
+        len(problem.observations) > 1
+        or not isinstance(observation, TableObservation)
+        or observation.cell is None
+    ):
         return ""
     if problem.dear or refit.lack_of_fit >= STANDS_OUT or observation.lines is None:
         return ""

@@ -20,7 +20,13 @@ def speed_dependent_friction(
         0.03, "1", min=0.003, max=0.15, lower=0.0, upper=0.6, doc="friction at rest, less that at high speed"
     ),
     speed=Parameter(
-        0.5, "m/s", min=0.001, max=2.0, lower=0.0005, upper=5.0, doc="sliding speed at which half of it is gone"
+        0.5,
+        "m/s",
+        min=0.001,
+        max=2.0,
+        lower=0.0005,
+        upper=5.0,
+        doc="sliding speed at which half of it is gone",
     ),
 ):
     """A film of oil builds up between the flanks as they slide faster, and friction falls (Stribeck's curve).
