@@ -33,6 +33,10 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
     from rich.console import Console
     from rich.table import Table
 
+    class Sheet(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # rich would end the process itself
+
     sheet = Table(title=title or None, title_justify="left", box=None, pad_edge=False, header_style="bold")
     rows = [["" if cell is None else cell for cell in row] for row in rows]
     for index, name in enumerate(header):
@@ -48,7 +52,7 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
     for row in rows:
         # Text, not markup: a channel may be called "[bold]".
         sheet.add_row(*(Text(str(cell)) for cell in row))
-    Console(soft_wrap=False).print(sheet)
+    Sheet(soft_wrap=False).print(sheet)
 
 
 def say(text: str) -> None:

@@ -118,6 +118,7 @@ def _look_up(request: Request, path: Path) -> None:
 
 
 def _draw(request: Request, options: Mapping[str, Any]) -> None:
+    from specan.report.figure_style import save_figure
     from specan.report.figures_worm_gear import figure
 
     if options["number"] is not None and not options["output"]:
@@ -132,26 +133,17 @@ def _draw(request: Request, options: Mapping[str, Any]) -> None:
         wanted.append((options["number"], options["output"]))
     for number, path in wanted:
         sheet = figure(number, request, measured)
-        try:
-            sheet.savefig(path, dpi=150)
-        except (OSError, ValueError) as fault:
-            raise RequestError(
-                f"the figure {path} cannot be written ({fault})",
-                expected="a .png, .svg or .pdf in a directory",
-            ) from None
+        save_figure(sheet, path)
         say(f"figure {number} written to {path}")
 
 
 def _write(path: Path, rows: Columns) -> None:
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            sheet = csv.writer(file, lineterminator="\n")
-            sheet.writerow(rows)
-            sheet.writerows([f"{value:.9g}" for value in row] for row in zip(*rows.values(), strict=True))
-    except OSError as fault:
-        raise RequestError(
-            f"the table {path} cannot be written ({fault.strerror})", remedy="name another place"
-        ) from None
+    from specan.io.output_file import text_file
+
+    with text_file(path) as file:
+        sheet = csv.writer(file, lineterminator="\n")
+        sheet.writerow(rows)
+        sheet.writerows([f"{value:.9g}" for value in row] for row in zip(*rows.values(), strict=True))
 
 
 def _records(rows: Columns) -> list[dict[str, float]]:

@@ -7,10 +7,11 @@ from pathlib import Path
 import click
 
 from specan_cli.figure_output import plot_option
+from specan_cli.output_file import Verb
 from specan_cli.study_output import study_options
 
 
-@click.command("compare")
+@click.command("compare", cls=Verb)
 @study_options
 @plot_option("measured and model")
 @click.option("--channel", metavar="NAME", help="Recordings: the microphone whose curves --plot shows.")

@@ -11,6 +11,7 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
+from specan_cli.output_file import Verb
 from specan_cli.study_output import open_study, probability, study_options
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ VERDICTS = {
 }
 
 
-@click.command("diagnose")
+@click.command("diagnose", cls=Verb)
 @study_options
 @plot_option("the candidates in their order")
 @click.option("--bootstrap", is_flag=True, help="Family-wise probabilities by simulation (slower).")

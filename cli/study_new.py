@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 
 from specan_cli.figure_output import plot_option
+from specan_cli.output_file import Verb
 
 FILE = click.Path(path_type=Path)
 
 
-@click.command("new")
+@click.command("new", cls=Verb)
 @click.argument("directory", type=FILE, metavar="DIR")
 @click.option("--model", "model_name", required=True, metavar="NAME", help="See specan model list.")
 @click.option("--rig", required=True, type=FILE, help="What is known of the set-up (TOML).")
