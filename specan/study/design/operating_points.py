@@ -312,7 +312,7 @@ def _proposal(
     apart: float,
     least: float = 0.0,
 ) -> Proposal:
-    """A planned reading in words; `apart` and `least` are its largest and smallest separation of two rivals, in sigma."""
+    """A planned reading in words; `apart` and `least`: its largest and smallest separation of two rivals, in sigma."""
     model = rivals[0].problem.assembly.model
     observable = model.observables[str(planned.observable[row])]
     conditions = {

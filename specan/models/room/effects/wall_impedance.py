@@ -13,8 +13,8 @@ from specan.models import Parameter, effect
     aliases=("porous-absorber", "panel-resonance"),
     separate_by="a wide band: a porous layer takes more with frequency, a panel around its resonance only; "
     "microphones near the wall",
-    reference="Kuttruff, Room Acoustics, ch. 2 (locally reacting walls); surfaces in parallel add. A matched lining has "
-    "a resistance of rho c to 2 rho c, a conductance of 0.5 to 1 (ibid., absorption near one)",
+    reference="Kuttruff, Room Acoustics, ch. 2 (locally reacting walls); surfaces in parallel add. A matched lining "
+    "has a resistance of rho c to 2 rho c, a conductance of 0.5 to 1 (ibid., absorption near one)",
 )
 def wall_impedance(
     frequency,
