@@ -83,7 +83,7 @@ def _print_pulls(found: Diagnosis) -> None:
     if found.pulls:
         click.echo("")
         table(
-            "Values outside what is known, the worst first",
+            "Pulls against what is known beforehand, the worst first",
             ["parameter", "value", "known", "unit", "pull", ""],
             [
                 [
