@@ -23,10 +23,10 @@ import numpy as np
 from specan.impedance.surface_impedance import FUNCTIONS, Impedance, impedance
 from specan.impedance.wall_admittance import wall_fit
 from specan.models.catalogue import load_model
+from specan.models.room.places import wall_areas
 from specan.schema import read_toml
 from specan.study.data.open_recordings import open_data
 from specan.study.data.sources import DataFile, DataRequest
-from specan.study.design.planned_receivers import wall_areas
 from specan.study.estimation.problem import base_problem
 from truth.room import Truth, simulate, write
 from truth.room.box import WALLS

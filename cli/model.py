@@ -33,13 +33,13 @@ def list_models(as_json: bool) -> None:
     \b
     specan model list
     """
-    from specan.models.catalogue import MODELS, effects_in, model_names, model_summary
+    from specan.models.catalogue import model_effects, model_names, model_summary
 
     rows = [
         {
             "name": name,
             "summary": model_summary(name),
-            "effects": list(effects_in(f"{MODELS[name]}.effects")),
+            "effects": list(model_effects(name)),
         }
         for name in model_names()
     ]
@@ -81,27 +81,57 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
         emit_json(content) if as_json else _print_quantity(content)
 
 
+@command.command("new")
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE.py")
+def new(file: Path) -> None:
+    """Write a small model of your own into FILE.py, to be changed.
+
+    \b
+    specan model new pump.py
+    """
+    from specan.errors import RequestError
+    from specan_cli.model_template import TEMPLATE
+
+    if file.suffix != ".py":
+        raise RequestError(f"{file} is no Python file", remedy="give it a name that ends in .py")
+    try:
+        with file.open("x", encoding="utf-8", newline="\n") as stream:
+            stream.write(TEMPLATE.replace("NAME", file.stem))
+    except FileExistsError:
+        raise RequestError(f"{file} exists already", remedy="choose another name") from None
+    except OSError as fault:
+        raise RequestError(f"{file} cannot be written ({fault.strerror})") from None
+    click.echo(f"{file} holds a model. Check it with: specan model check {file}")
+
+
 @command.command("check")
 @click.argument("name")
-@click.argument("file", type=click.Path(path_type=Path), metavar="EFFECT.py")
+@click.argument("file", type=click.Path(path_type=Path), metavar="[EFFECT.py]", required=False)
 @click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def check(name: str, file: Path, rig: Path | None, as_json: bool) -> None:
+def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None:
     """Check the effects in a file of your own: neutral, commuting, finite, found again when planted.
+
+    A model of your own is checked with all its effects, and may then be run by studies on this machine.
 
     \b
     specan model check worm-gear belt_loss.py
+    specan model check spring.py
     """
     from specan.models import check_effect, conditions_over_limits
-    from specan.models.catalogue import effects_from_file
+    from specan.models.catalogue import effects_from_file, is_file
 
     model = _model(name, rig)
     conditions = conditions_over_limits(model)
-    effects = effects_from_file(file)
+    effects = list(model.effects.values()) if file is None else effects_from_file(file)
     for note in model.notes:
         click.echo(note, err=True)
     for effect in effects:
         check_effect(effect, model, conditions)
+    if file is None and is_file(name):
+        from specan.study.user_effects import trust_file
+
+        trust_file(Path(name))
     if as_json:
         emit_json({"passed": [effect.name for effect in effects]})
         return

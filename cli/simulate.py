@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import Any
 
 import click
 
 from specan_cli.output_file import OutputFile, Verb
-
-# model -> module of this package with `run(model, options) -> None`
-SIMULATORS = {
-    "planetary-gear": "specan_cli.simulate_planetary_gear",
-    "room": "specan_cli.simulate_room",
-    "worm-gear": "specan_cli.simulate_worm_gear",
-}
 
 
 @click.command("simulate", cls=Verb)
@@ -114,16 +106,12 @@ def command(model_name: str, rig: Path, **options: Any) -> None:
     \b
     specan simulate worm-gear sample_data/worm_gear/rig.toml --effects seal-drag -o table.csv
     """
-    from specan.errors import RequestError, nearest
-    from specan.models.catalogue import effects_from_file, load_model, model_names
+    from specan.models.catalogue import effects_from_file, load_model
     from specan.models.request import override
     from specan.models.rig_file import read_rig_file
+    from specan_cli.simulators import simulator_of
 
-    if model_name not in model_names():
-        raise RequestError(f"there is no model {model_name!r}", remedy=nearest(model_name, model_names()))
-    if model_name not in SIMULATORS:
-        raise RequestError(f"the model {model_name!r} cannot be simulated from the command line")
     model = load_model(model_name, override(read_rig_file(rig), options["settings"]))
     for file in options["effect_files"]:
         model = model.with_effect(*effects_from_file(file))
-    importlib.import_module(SIMULATORS[model_name]).run(model, options)
+    simulator_of(model)(model, options)

@@ -36,7 +36,9 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 
 
 def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
-    from specan.io.tdms_writing import write_tdms
+    import numpy as np
+
+    from specan.io.write_tdms import write_tdms
     from specan.models.planetary_gear.compiled import HAS_NUMBA
     from specan.models.planetary_gear.dynamics import check_duration, estimate_s, simulate, step_error
     from specan.models.planetary_gear.simulated_recording import recorded_channels
@@ -65,7 +67,10 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
         if channel.unit != "V":
             own |= {"Sensitivity": channel.sensitivity, "SensitivityUnit": channel.sensitivity_unit}
         written.append((channel.name, samples, own))
-    write_tdms(path, RATE, written, _described(rig))
+    names, volts, described = zip(*written, strict=True)
+    write_tdms(
+        path, names, np.stack(volts), RATE, channels=described, group=_described(rig), samples="float32"
+    )
     balance = f"energy balanced to {motion.energy_error:.1e}"
     halved = "" if error is None else f", forces change by {error:.1e} when the step is halved"
     say(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")

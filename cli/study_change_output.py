@@ -58,7 +58,7 @@ def show_change(change: Change, as_json: bool, plot: Path | None = None) -> None
     parameter_table(parameters)
     for remark in change.remarks:
         click.echo(f"Note: {remark}")
-    click.echo("Model: " + (", ".join(after.model_effects) or "the ideal machine"))
+    click.echo("Model: " + (", ".join(after.model_effects) or change.study.model.words.ideal))
 
 
 def _errors(step: Any) -> dict[str, Any]:

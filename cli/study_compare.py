@@ -14,7 +14,7 @@ from specan_cli.study_output import study_options
 @click.command("compare", cls=Verb)
 @study_options
 @plot_option("measured and model")
-@click.option("--channel", metavar="NAME", help="Recordings: the microphone whose curves --plot shows.")
+@click.option("--channel", metavar="NAME", help="Recordings: the channel whose curves --plot shows.")
 @click.option("--accept-changes", is_flag=True, help="Go on although measured files have changed.")
 def command(
     directory: Path,
@@ -32,7 +32,6 @@ def command(
     specan study compare my_study --plot compare.png
     specan study compare my_room --plot mic_7.png --channel "Mic 7"
     """
-    from specan.study.localisation.frf_errors import study_errors
     from specan_cli.output import emit_json, say
     from specan_cli.study_output import open_study
 
@@ -41,20 +40,22 @@ def command(
     kept = study.record_changes()
     if kept is not None:
         say(f"The study was changed since its last step: kept as step {kept.step}.")
-    rooms = study_errors(study)
-    shown = rooms[0].number(channel) if rooms else None
+    recorded = study.frf_errors()
+    shown = recorded[0].number(channel) if recorded else None
     if as_json:
-        recordings = {"recordings": [one.as_dict() for one in rooms]} if rooms else {}
+        recordings = {"recordings": [one.as_dict() for one in recorded]} if recorded else {}
         emit_json(_content(study, found) | recordings)
     else:
         _print(study, found)
-        _print_recordings(rooms)
+        _print_recordings(study, recorded)
     if plot is not None:
         from specan.report.figure_style import save_figure
         from specan.report.figures_room import figure_errors
         from specan.report.figures_study import figure_compare
 
-        save_figure(figure_compare(study) if shown is None else figure_errors(study, rooms[0], shown), plot)
+        save_figure(
+            figure_compare(study) if shown is None else figure_errors(study, recorded[0], shown), plot
+        )
 
 
 def _content(study, found) -> dict:  # type: ignore[no-untyped-def, type-arg]
@@ -85,7 +86,7 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
     from specan_cli.study_output import error_table, parameter_table, probability
 
     best, where = found.fit, found.localisation
-    click.echo("Model: " + (", ".join(study.model_effects) or "the ideal machine"))
+    click.echo("Model: " + (", ".join(study.model_effects) or study.model.words.ideal))
     error_table("\nError on the fitted data", found.errors)
     click.echo("")
     parameter_table(found.parameters)
@@ -126,21 +127,21 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
 
 
 def _of_what(study) -> str:  # type: ignore[no-untyped-def]
-    return "response" if "frf" in study.model.observables else "losses"
+    return str(study.model.words.discrepancy_of)
 
 
-def _print_recordings(rooms) -> None:  # type: ignore[no-untyped-def]
+def _print_recordings(study, recorded) -> None:  # type: ignore[no-untyped-def]
     from specan.study.localisation.frf_errors import summary
     from specan_cli.output import table
 
-    for one in rooms:
+    for one in recorded:
         click.echo("")
         table(
-            f"{one.recording}: model over measured, all microphones",
+            f"{one.recording}: model over measured, all {study.model.receivers.plural}",
             ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "the clearest, dB (95 %)"],
             summary([one]),
         )
         frac = ", ".join(f"{c} {f:.4f}" for c, f in zip(one.channels, one.frac, strict=True) if f == f)
         click.echo(f"FRAC: {frac}")
-    if rooms:
+    if recorded:
         click.echo("(FRAC and CSAC see less than chi-square: they are shown, and decide nothing.)")

@@ -43,7 +43,7 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
             rows,
         )
         if steps:
-            click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "the ideal machine"))
+            click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "no effects"))
     if plot is not None:
         from specan.report.figure_style import save_figure
         from specan.report.figures_study import figure_history

@@ -14,8 +14,9 @@ FILE = click.Path(path_type=Path)
 
 @click.command("new", cls=Verb)
 @click.argument("directory", type=FILE, metavar="DIR")
-@click.option("--model", "model_name", required=True, metavar="NAME", help="See specan model list.")
-@click.option("--rig", required=True, type=FILE, help="What is known of the set-up (TOML).")
+@click.option("--model", "model_name", required=True, metavar="NAME|FILE.py",
+              help="A model (see specan model list), or a Python file with one of your own.")  # fmt: skip
+@click.option("--rig", type=FILE, help="What is known of the set-up (TOML).")
 @click.option("--measurement", "measurements", multiple=True, type=FILE, required=True, metavar="FILE",
               help="Measured data to fit; repeatable.")  # fmt: skip
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
@@ -24,13 +25,13 @@ FILE = click.Path(path_type=Path)
               help="Conditions of the measurement to put aside: torque=60, speed_rpm=2400; repeatable.")  # fmt: skip
 @click.option("--calibration", type=FILE, help="A calibration.toml for recordings.")
 @click.option("--effects", metavar="NAME,NAME...|none",
-              help="Effects to begin with [default: those of the model's base; none: the ideal machine].")  # fmt: skip
+              help="Effects to begin with [default: those of the model's base; none: without effects].")  # fmt: skip
 @plot_option("measured and model")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def command(
     directory: Path,
     model_name: str,
-    rig: Path,
+    rig: Path | None,
     measurements: tuple[Path, ...],
     validations: tuple[Path, ...],
     hold_out: tuple[str, ...],
@@ -79,7 +80,7 @@ def _show(begun: object, as_json: bool) -> None:
     assert isinstance(begun, Begun)
     study, step = begun.study, begun.step
     held = held_for_want_of_variation(study.problem)
-    defaults = study.model.settings.get("defaults_used", {})
+    defaults = study.model.rig.defaults_used
     fitted = sum(o.n for o in study.data.fitted)
     aside = sum(o.n for o in study.data.held_out)
     if as_json:
@@ -106,7 +107,7 @@ def _show(begun: object, as_json: bool) -> None:
     click.echo(f"{study.directory}: {study.model.title}, {fitted} values to fit, {aside} put aside")
     for note in study.model.notes:
         click.echo(f"  {note}")
-    click.echo("Effects: " + (", ".join(study.model_effects) or "none, the ideal machine"))
+    click.echo("Effects: " + (", ".join(study.model_effects) or f"none, {study.model.words.ideal}"))
     click.echo("\nWhat was found and assumed about the measurement:")
     for text in study.data.statements:
         click.echo(f"  {text}")

@@ -32,8 +32,8 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Pat
         emit_json({"verdict": found.verdict, "next_measurement": rows})
     elif not rows:
         click.echo("Nothing is left to decide: no two explanations compete for these data.")
-        if "wall_admittance" in study.model.quantities:
-            click.echo(f"Positions that would tell more of the walls: specan study impedance {directory}")
+        if study.model.words.what_else:
+            click.echo(study.model.words.what_else.format(study=directory))
     else:
         for number, row in enumerate(rows, 1):
             click.echo(f"{number}. {row['text']}")

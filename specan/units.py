@@ -92,6 +92,17 @@ def convert(value: Any, unit: str, target: str) -> Any:
         ) from None
 
 
+def printed_unit(unit: str) -> str:
+    """A unit as a sentence shows it; nothing for a plain number.
+
+    Examples
+    --------
+    >>> [printed_unit(unit) for unit in ("degC", "N*m", "percent", "1", "Hz")]
+    ['°C', 'Nm', '%', '', 'Hz']
+    """
+    return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(unit, unit.replace("*", ""))
+
+
 def is_compatible(unit: str, target: str) -> bool:
     """Whether `unit` can be read and converted to `target`."""
     try:

@@ -210,7 +210,7 @@ class Recording:
             f"{self.label} has no channel {name!r}", remedy=nearest(name, [c.name for c in self.channels])
         )
 
-    def by_role(self, role: Role) -> tuple[Channel, ...]:
+    def by_role(self, role: str) -> tuple[Channel, ...]:
         """Channels of one role, in the order of the file."""
         return tuple(c for c in self.channels if c.role == role)
 

@@ -13,13 +13,14 @@ import numpy as np
 
 from specan.impedance.surface_impedance import Impedance
 from specan.impedance.wall_admittance import USE, Point, Space, free_walls
+from specan.models import Model
+from specan.models.receivers import Places
+from specan.models.room.places import with_microphones
 from specan.study.design.planned_receivers import (
-    by_microphone,
+    by_receiver,
     few_lines,
-    free_places,
     planned,
     spoken_place,
-    with_microphones,
 )
 from specan.study.observation import Array
 
@@ -129,7 +130,7 @@ class _Goal:
 
 def _further_microphones(space: Space, state: Point, known: Array, goal: _Goal) -> Advice:
     """One place after the other, each the best beside those that are taken."""
-    places = free_places(space.assembly.model)
+    places = _places(space.assembly.model).free()
     each = information_at(space, state, places)
     chosen: list[int] = []
     for _ in range(min(MICROPHONES, len(places))):
@@ -148,7 +149,7 @@ def information_at(space: Space, state: Point, places: Array) -> list[Array]:
     assembly = model.with_effect(free_walls).assemble({*problem.assembly.uses, USE})
     wider = replace(space, problem=problem, assembly=assembly)
     seen = wider.uncertain(planned(space.observations[0], names), state)
-    parts = by_microphone(seen, seen.whiten(wider.slopes(seen, state)))
+    parts = by_receiver(seen, seen.whiten(wider.slopes(seen, state)))
     return [part.T @ part for part in parts]
 
 
@@ -171,3 +172,9 @@ def _covered_wall(space: Space, state: Point, known: Array, goal: _Goal) -> Advi
             (goal.shortfall(both), Advice("cover-wall", (), wall, goal.reached(both), len(goal.names)))
         )
     return min(tried, key=lambda pair: pair[0])[1]
+
+
+def _places(model: Model) -> Places:
+    assert model.receivers is not None
+    assert model.receivers.places is not None
+    return model.receivers.places

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from specan.errors import RequestError, nearest
 from specan.impedance.absorption import diffuse_absorption, normal_absorption
 from specan.impedance.wall_admittance import WallFit, wall_fit
+from specan.models.room.places import wall_areas
 from specan.study.build_problem import assemble
-from specan.study.design.planned_receivers import wall_areas
 from specan.study.observation import Array
 from specan.study.observation.frf import nominal_third
 

@@ -135,7 +135,7 @@ class StudyPage:
         )
 
     def _show_study(self) -> None:
-        effects = ", ".join(self.study.model_effects) or "none, the ideal machine"
+        effects = ", ".join(self.study.model_effects) or f"none, {self.study.model.words.ideal}"
         self.heading.text = notice(f"{self.study.model.title}. Effects: {effects}")
         steps = self.study.history.steps
         self.staircase.show(steps)

@@ -4,14 +4,19 @@ A model is an acyclic graph of named quantities; an effect is a small pure funct
 scales or joins some of them. See `specan.models.effect.effect` for how to write one.
 """
 
-from specan.models.assembly import Assembly, Evaluation, varying
 from specan.models.check import check_effect, conditions_over_limits
 from specan.models.effect import Effect, Use, effect
-from specan.models.model import LawSpace, Model, Nuisance, Observable
+from specan.models.evaluation import Evaluation, varying
+from specan.models.model import Assembly, LawSpace, Model, Nuisance, Words
+from specan.models.observable import Observable
 from specan.models.parameter import Parameter
-from specan.models.quantity import Condition, Quantity, constant, quantity
+from specan.models.quantity import Condition, Quantity, SettingError, constant, quantity
+from specan.models.receivers import Receivers
+from specan.models.rig_statement import RigStatement, rig_statement
+from specan.models.table_rules import Completed, TableFault, TableRules
 
 __all__ = [
-    "Assembly", "Condition", "Effect", "Evaluation", "LawSpace", "Model", "Nuisance", "Observable", "Parameter",
-    "Quantity", "Use", "check_effect", "conditions_over_limits", "constant", "effect", "quantity", "varying",
+    "Assembly", "Completed", "Condition", "Effect", "Evaluation", "LawSpace", "Model", "Nuisance", "Observable",
+    "Parameter", "Quantity", "Receivers", "RigStatement", "SettingError", "TableFault", "TableRules", "Use", "Words",
+    "check_effect", "conditions_over_limits", "constant", "effect", "quantity", "rig_statement", "varying",
 ]  # fmt: skip

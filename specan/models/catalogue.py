@@ -22,27 +22,67 @@ MODELS = {
 }
 
 ENTRY_POINTS = "specan.effects"
+MODEL_ENTRY_POINTS = "specan.models"  # name = module with `build(rig) -> Model`, and perhaps `EXAMPLE_RIG`
 
 
 def model_names() -> list[str]:
-    """Names of the models that specan has."""
-    return sorted(MODELS)
+    """Names of the models that are built in and of those that installed packages bring."""
+    return sorted({*MODELS, *(point.name for point in entry_points(group=MODEL_ENTRY_POINTS))})
 
 
-def load_model(name: str, rig: Mapping[str, Any]) -> Model:
-    """Build a model for a rig (the parsed rig file), installed plug-in effects included.
+def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
+    """Build a model for a rig, installed plug-in effects included.
+
+    Parameters
+    ----------
+    name : str or Path
+        Name of a built-in or installed model, or a Python file that holds one Model or a function
+        ``build(rig) -> Model``.
+    rig : mapping
+        The parsed rig file.
 
     Raises
     ------
     RequestError
-        Unknown model, or a rig that is incomplete or impossible.
+        Unknown model, a file that holds none, or a rig that is incomplete or impossible.
     """
-    model: Model = _package(name).build(rig)
-    return model.with_effect(*_plugins(name))
+    if is_file(name):
+        return model_from_file(Path(name), rig)
+    model: Model = _package(str(name)).build(rig)
+    return model.with_effect(*_plugins(str(name)))
+
+
+def is_file(name: str | Path) -> bool:
+    """Whether a model is named by its file."""
+    return str(name).endswith(".py")
+
+
+def model_from_file(path: Path, rig: Mapping[str, Any], content: bytes | None = None) -> Model:
+    """Load a user's own model from a Python file, or from the `content` that was hashed for it.
+
+    Raises
+    ------
+    RequestError
+        The file is missing, is no valid Python, fails, or holds no model or several.
+    """
+    module = _module_from(path, "model", content)
+    build = getattr(module, "build", None)
+    found: list[Model] = [value for value in vars(module).values() if isinstance(value, Model)]
+    if callable(build):
+        found = []
+        _run(lambda: found.append(build(rig)), path, "model")
+    if len(found) != 1 or not isinstance(found[0], Model):
+        raise RequestError(
+            f"the model file {path} holds {len(found) or 'no'} model{'s' * (len(found) > 1)}",
+            expected="one Model, or a function build(rig) that returns one",
+        )
+    return found[0]
 
 
 def example_model(name: str) -> Model:
     """Build a model for the example rig that comes with it: to look at, not to compare with anything."""
+    if is_file(name):
+        return load_model(name, getattr(_module_from(Path(name), "model"), "EXAMPLE_RIG", {}))
     rig = getattr(_package(name), "EXAMPLE_RIG", None)
     if rig is None:
         raise RequestError(f"the model {name!r} comes with no example rig", remedy="name a rig file")
@@ -54,10 +94,24 @@ def model_summary(name: str) -> str:
     return (_package(name).__doc__ or "").split("\n")[0]
 
 
+def model_effects(name: str) -> tuple[str, ...]:
+    """Names of the effects that a built-in or installed model knows."""
+    if name in MODELS:
+        return tuple(effects_in(f"{MODELS[name]}.effects"))
+    return tuple(example_model(name).effects)
+
+
 def _package(name: str) -> Any:
-    if name not in MODELS:
-        raise RequestError(f"there is no model {name!r}", remedy=nearest(name, MODELS))
-    return importlib.import_module(MODELS[name])
+    if name in MODELS:
+        return importlib.import_module(MODELS[name])
+    for point in entry_points(group=MODEL_ENTRY_POINTS):
+        if point.name == name:
+            return point.load()
+    raise RequestError(
+        f"there is no model {name!r}",
+        expected="one of " + ", ".join(model_names()) + ", or a Python file",
+        remedy=nearest(name, model_names()),
+    )
 
 
 def effects_in(package: str) -> dict[str, Effect]:
@@ -79,22 +133,7 @@ def effects_from_file(path: Path, content: bytes | None = None) -> list[Effect]:
     RequestError
         The file is missing, is no valid Python, fails on import, or holds no effect.
     """
-    try:
-        source = path.read_bytes() if content is None else content
-        code = compile(source, str(path), "exec")
-    except FileNotFoundError:
-        raise RequestError(f"the effect file {path} does not exist", remedy="check the path") from None
-    except (SyntaxError, ValueError) as fault:
-        line = getattr(fault, "lineno", None)
-        raise RequestError(
-            f"the effect file {path} is not valid Python ({fault.args[0]}, line {line})",
-            remedy="correct that line",
-        ) from None
-    spec = importlib.util.spec_from_loader(f"specan_user_effect_{path.stem}", loader=None, origin=str(path))
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
-    module.__file__ = str(path)
-    _run(lambda: exec(code, module.__dict__), path)
+    module = _module_from(path, "effect", content)
     effects = _effects_of(module)
     if not effects:
         raise RequestError(
@@ -104,16 +143,37 @@ def effects_from_file(path: Path, content: bytes | None = None) -> list[Effect]:
     return effects
 
 
-def _run(load: Callable[[], None], path: Path) -> None:
+def _module_from(path: Path, what: str, content: bytes | None = None) -> Any:
+    """Run a user's file as a module of its own; `what` it holds is for messages."""
+    try:
+        source = path.read_bytes() if content is None else content
+        code = compile(source, str(path), "exec")
+    except FileNotFoundError:
+        raise RequestError(f"the {what} file {path} does not exist", remedy="check the path") from None
+    except (SyntaxError, ValueError) as fault:
+        line = getattr(fault, "lineno", None)
+        raise RequestError(
+            f"the {what} file {path} is not valid Python ({fault.args[0]}, line {line})",
+            remedy="correct that line",
+        ) from None
+    spec = importlib.util.spec_from_loader(f"specan_user_{what}_{path.stem}", loader=None, origin=str(path))
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    module.__file__ = str(path)
+    _run(lambda: exec(code, module.__dict__), path, what)
+    return module
+
+
+def _run(load: Callable[[], None], path: Path, what: str) -> None:
     try:
         load()
     except RequestError as fault:
         raise RequestError(
-            f"the effect file {path}: {fault.found}", expected=fault.expected, remedy=fault.remedy
+            f"the {what} file {path}: {fault.found}", expected=fault.expected, remedy=fault.remedy
         ) from None
     except Exception as fault:  # whatever a user's file raises is the file's fault, and is said as such
         raise RequestError(
-            f"the effect file {path} fails when it is loaded ({type(fault).__name__}: {fault})",
+            f"the {what} file {path} fails when it is loaded ({type(fault).__name__}: {fault})",
             remedy="correct it",
         ) from None
 

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.models.assembly import Assembly
 from specan.models.effect import Effect, Use
-from specan.models.model import Model
+from specan.models.model import Assembly, Model
 
 
 def check_effect(
@@ -52,7 +51,7 @@ def check_effect(
         Names the first rule that is broken.
     """
     model = model.with_effect(effect)
-    base = model.assemble(with_effects or model.base_effects)
+    base = model.assemble(with_effects or [u for u in model.base_effects if Use.parse(u).name != effect.name])
     use = Use(effect.name, at or (model.axes[effect.at][0] if effect.at else ""))
     active = model.assemble([*base.uses, use])
     _check_neutral(use, base, active, conditions)
@@ -70,16 +69,20 @@ def conditions_over_limits(model: Model, points: int = 4) -> dict[str, NDArray[n
     RequestError
         The model's rig declares no limits.
     """
-    limits = model.settings.get("limits")
+    limits = model.rig.limits
     if not limits:
         raise RequestError(
             f"the rig of {model.name} has no limits to check over", remedy="call check_effect from Python"
         )
     axes = np.meshgrid(*(np.linspace(low, high, points) for low, high in limits.values()), indexing="ij")
     order = np.random.default_rng(0).permutation(axes[0].size)
-    found = {name: axis.ravel()[order] for name, axis in zip(limits, axes, strict=True)}
+    found: dict[str, NDArray[np.float64]] = {
+        name: np.asarray(axis.ravel()[order], dtype=np.float64)
+        for name, axis in zip(limits, axes, strict=True)
+    }
     unknown = [c.name for c in model.conditions.values() if c.default is not None and not c.known]
-    return found | {name: 900.0 * np.arange(order.size) for name in unknown}
+    found |= {name: np.asarray(900.0 * np.arange(order.size), dtype=np.float64) for name in unknown}
+    return found
 
 
 def _fail(use: Use, what: str, remedy: str = "") -> None:

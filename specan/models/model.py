@@ -7,20 +7,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from specan.errors import RequestError, nearest
-from specan.models.assembly import Assembly
 from specan.models.effect import Effect, Use
+from specan.models.evaluation import Evaluator
 from specan.models.graph import components
+from specan.models.observable import Observable
 from specan.models.quantity import Condition, Quantity
-
-
-@dataclass(frozen=True)
-class Observable:
-    """What is measured: a quantity of the model and the column or channel that holds it."""
-
-    name: str
-    quantity: str
-    unit: str
-    doc: str
+from specan.models.receivers import Receivers
+from specan.models.rig_statement import RigStatement
+from specan.models.table_rules import TableRules
 
 
 @dataclass(frozen=True)
@@ -54,6 +48,31 @@ class LawSpace:
 
 
 @dataclass(frozen=True)
+class Words:
+    """What a model calls its own things, in sentences that a study prints.
+
+    Attributes
+    ----------
+    ideal : str
+        The model without effects: ``the ideal machine``.
+    discrepancy_of : str
+        What the declared discrepancy is a percentage of: the part of the reading that the effects make.
+    remedy_uncertainty : str
+        An example of stating a reading's uncertainty in the rig file.
+    vary : str
+        What to vary in a measurement in which nothing varies.
+    what_else : str
+        What else could be asked where nothing is left to decide; ``{study}`` stands for the study's directory.
+    """
+
+    ideal: str = "the model without effects"
+    discrepancy_of: str = "prediction"
+    remedy_uncertainty: str = ""
+    vary: str = "conditions"
+    what_else: str = ""
+
+
+@dataclass(frozen=True)
 class Model:
     """A graph of quantities with the effects that may change it.
 
@@ -65,8 +84,16 @@ class Model:
         Effects that a new study starts with.
     nuisances : tuple of Nuisance
         Instrument errors with a certificate.
+    rig : RigStatement
+        Limits of the conditions and uncertainties of instruments and settings.
+    words : Words
+        What the model calls its own things.
+    table_rules : TableRules, optional
+        What its tables obey, and which of their columns follow from others.
+    receivers : Receivers, optional
+        Where it predicts transfer functions: the channels and their places.
     settings : mapping
-        What the rig file says and a study needs (limits, uncertainties), untouched.
+        The checked rig file, for the model's own simulation and figures; a study never reads it.
     law : LawSpace, optional
         Where a law is looked for when something unknown is missing.
     unsuited : mapping
@@ -84,6 +111,10 @@ class Model:
     base_effects: tuple[str, ...] = ()
     nuisances: tuple[Nuisance, ...] = ()
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    rig: RigStatement = field(default_factory=RigStatement)
+    words: Words = field(default_factory=Words)
+    table_rules: TableRules | None = None
+    receivers: Receivers | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     law: LawSpace | None = None
     unsuited: Mapping[str, str] = field(default_factory=dict)
@@ -101,11 +132,29 @@ class Model:
                     f"the effect {effect.name!r} acts at one {effect.at}, an axis that {self.name} lacks",
                     remedy=nearest(effect.at, self.axes),
                 )
+        self._check_observables()
         loop = next(
             (c for c in components({q.name: q.reads for q in self.quantities.values()}) if len(c) > 1), None
         )
         if loop:
             raise RequestError(f"the quantities {', '.join(loop)} of {self.name} read each other in a circle")
+
+    def _check_observables(self) -> None:
+        for observable in self.observables.values():
+            _require_known(observable.name, (observable.quantity,), set(self.quantities))
+            node = self.quantities[observable.quantity]
+            if node.unit != observable.unit:
+                raise RequestError(
+                    f"the observable {observable.name!r} is in {observable.unit}, its quantity "
+                    f"{node.name!r} in {node.unit}",
+                    expected="the unit of the quantity",
+                    remedy="declare that unit, and the unit of a table's column as column_unit",
+                )
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of measurement that the model can be held against: ``("table",)``."""
+        return tuple(dict.fromkeys(o.kind for o in self.observables.values()))
 
     def with_effect(self, *more: Effect) -> Model:
         """The same model with further effects in its catalogue (a user's own)."""
@@ -154,6 +203,13 @@ class Model:
             if lacking:
                 missing[effect.name] = "needs " + ", ".join(lacking)
         return missing
+
+
+@dataclass(frozen=True)
+class Assembly(Evaluator):
+    """A model with a set of effects switched on; evaluated for conditions and parameter values."""
+
+    model: Model
 
 
 def _require_known(owner: str, names: Iterable[str], known: set[str]) -> None:

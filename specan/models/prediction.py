@@ -63,6 +63,41 @@ def predict(request: Request, columns: Mapping[str, NDArray[np.float64]]) -> dic
     }
 
 
+def simulated_table(
+    request: Request,
+    columns: Mapping[str, NDArray[np.float64]],
+    *,
+    noise: float = 0.0,
+    repeats: int = 1,
+    seed: int = 0,
+) -> Columns:
+    """The table that would be measured: conditions and observables, one row a reading, in the columns' units.
+
+    Parameters
+    ----------
+    request : Request
+    columns : mapping
+        Columns of the conditions, in their own units.
+    noise : float
+        Standard deviation of one reading of each observable, in its column's unit, normal and independent.
+    repeats : int
+        Readings of each condition, numbered in a column ``repeat`` where there are several.
+    seed : int
+        Of the noise.
+    """
+    rows = {name: np.tile(np.asarray(values, float), repeats) for name, values in columns.items()}
+    size = len(next(iter(columns.values())))
+    random = np.random.default_rng(seed)
+    found = dict(rows)
+    for name, values in predict(request, rows).items():
+        observable = request.assembly.model.observables[name]
+        shown = convert(values, observable.unit, observable.column_unit or observable.unit)
+        found[observable.header] = np.asarray(shown) + noise * random.standard_normal(values.size)
+    if repeats > 1:
+        found["repeat"] = np.repeat(np.arange(1.0, repeats + 1), size)
+    return found
+
+
 @dataclass(frozen=True)
 class Outside:
     """A range of validity that some rows leave."""

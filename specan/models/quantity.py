@@ -13,6 +13,26 @@ from specan.models.parameter import Parameter
 
 
 @dataclass(frozen=True)
+class SettingError:
+    """Standard uncertainty of setting a condition: a fraction of its value, and an absolute part in SI.
+
+    Examples
+    --------
+    >>> float(SettingError(relative=0.03, absolute=4.0).at(100.0))
+    5.0
+    """
+
+    relative: float = 0.0
+    absolute: float = 0.0
+
+    def at(self, value: Any) -> Any:
+        """Standard uncertainty at a value, of the shape of the value."""
+        import numpy as np
+
+        return np.hypot(self.relative * np.abs(value), self.absolute)
+
+
+@dataclass(frozen=True)
 class Condition:
     """An operating condition: what the experimenter sets or reads, one value a row (or line).
 
@@ -24,6 +44,16 @@ class Condition:
         Used where the data have no such column, in `column_unit`; None makes the column necessary
         for whatever reads it. NaN says that it is not known then: what reads it does without, and what
         `needs` it cannot be tested.
+    usual_setting : SettingError
+        Usual uncertainty of setting it; tells levels apart where the rig states none. An absolute one says that
+        its scale has no zero that a percentage could be taken of (a temperature).
+    label : str
+        What sentences and axes call it; by default the column without its unit.
+
+    Examples
+    --------
+    >>> Condition("load", "N", "Load.", "pulling_load_kN", "kN").words
+    'pulling load'
     """
 
     name: str
@@ -33,6 +63,19 @@ class Condition:
     column_unit: str = ""
     default: float | None = None
     varies: bool = True  # False: never an axis along which a failure is looked for
+    usual_setting: SettingError = SettingError(relative=0.02)
+    label: str = ""
+
+    @property
+    def words(self) -> str:
+        """Name in words."""
+        if self.label:
+            return self.label
+        stem, _, suffix = self.column.rpartition("_")
+        unit = "".join(c for c in self.column_unit.removeprefix("deg") if c.isalnum())
+        return (stem if stem and suffix.lower() == unit.lower() else self.column or self.name).replace(
+            "_", " "
+        )
 
     @property
     def known(self) -> bool:

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from specan.errors import RequestError, nearest
-from specan.models.assembly import Assembly
 from specan.models.effect import Use
-from specan.models.model import Model
+from specan.models.model import Assembly, Model
 from specan.units import base_unit, convert
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from specan.impedance.surface_impedance import ALL, Impedance, WallBand
 from specan.report.figure_style import COLOURS, octave_axis, with_gaps
 from specan.report.measured_transfer import level_db, measured_transfer, phase_deg
-from specan.study.localisation.frf_errors import RoomErrors
+from specan.study.localisation.frf_errors import FrfErrors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,7 +75,7 @@ def _part(axes: Axes, rows: list[WallBand], name: str) -> None:
             axes.plot(row.mid_hz, interval.value, "o", ms=4, color=COLOURS[1])
 
 
-def figure_errors(study: Study, errors: RoomErrors, shown: int) -> Figure:
+def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     """Level error by third octave and microphone, on a plan of the microphones, and one microphone's curves.
 
     A dot marks an error of more than two standard uncertainties. On the plan a microphone's colour is its
@@ -96,14 +96,17 @@ def figure_errors(study: Study, errors: RoomErrors, shown: int) -> Figure:
     image = _error_map(panels["map"], errors, clear, reach)
     figure.colorbar(image, ax=panels["map"], label="model over measured / dB")
     band = int(np.nanargmax(np.nanmean((errors.level_dB / errors.u_level_dB) ** 2, axis=0)))
-    dims = study.model.settings["rig"]["room"]["dims_m"] or errors.position_m.max(axis=0)
+    receivers = study.model.receivers
+    assert receivers is not None
+    places = receivers.positions_m
+    dims = np.array(receivers.places.extent_m) if receivers.places else places.max(axis=0)
     for name, axes in (("plan", (0, 1)), ("side", (0, 2))):
-        _on_a_plan(panels[name], errors, band, reach, axes, dims, shown)
+        _on_a_plan(panels[name], errors, places, band, reach, axes, dims, shown)
     _curves(panels["level"], panels["phase"], study, errors, shown)
     return figure
 
 
-def _error_map(axes: Axes, errors: RoomErrors, clear: np.ndarray, reach: float) -> Any:
+def _error_map(axes: Axes, errors: FrfErrors, clear: np.ndarray, reach: float) -> Any:
     image = axes.imshow(errors.level_dB, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
     mic, band = np.nonzero(clear)
     axes.plot(band, mic, ".", color="k", ms=3)
@@ -115,7 +118,8 @@ def _error_map(axes: Axes, errors: RoomErrors, clear: np.ndarray, reach: float) 
 
 def _on_a_plan(
     axes: Axes,
-    errors: RoomErrors,
+    errors: FrfErrors,
+    place: np.ndarray,
     band: int,
     reach: float,
     which: tuple[int, int],
@@ -124,7 +128,7 @@ def _on_a_plan(
 ) -> None:
     """Microphones in their places, seen along one axis."""
     a, b = which
-    place, colour = errors.position_m, errors.level_dB[:, band]
+    colour = errors.level_dB[:, band]
     style: dict[str, Any] = {"cmap": "PuOr_r", "vmin": -reach, "vmax": reach, "edgecolors": "0.3"}
     axes.scatter(place[:, a], place[:, b], c=colour, s=60, **style)
     axes.plot(place[shown, a], place[shown, b], "s", ms=13, mfc="none", color="k")
@@ -133,7 +137,7 @@ def _on_a_plan(
     axes.set_title(f"{errors.bands[band]:g} Hz", fontsize="medium")
 
 
-def _curves(level: Axes, phase: Axes, study: Study, errors: RoomErrors, shown: int) -> None:
+def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: int) -> None:
     """Magnitude and phase of one microphone, measured with its 95 % band and the model's."""
     number = [o.name for o in study.problem.observations].index(errors.recording)
     observation = study.problem.observations[number]

@@ -14,8 +14,8 @@ from specan.report.figure_style import COLOURS
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
 from specan.study.history import Step
-from specan.study.localisation.by_blocks import spoken
 from specan.study.observation.table import TableObservation
+from specan.study.observation.variable import variable_named
 from specan.units import convert
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from specan.study.study import Study
 
+FIGURES = {"frf": figure_compare_frf}  # kind of measurement: its figure; rows of a table without one
 MOST_PANELS = 4
 MOST_LINES = 7
 POINTS = 60  # along a curve
@@ -56,8 +57,9 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
     from matplotlib.figure import Figure
 
     observation = study.problem.observations[0]
-    if not isinstance(observation, TableObservation):
-        return figure_compare_frf(study, channel)
+    if observation.kind in FIGURES:
+        return FIGURES[observation.kind](study, channel)
+    assert isinstance(observation, TableObservation)
     if channel is not None:
         raise RequestError("a table has no channels", remedy="leave out --channel")
     predicted = study.problem.predictions(study.shown.theta)[0]
@@ -68,7 +70,9 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
     for panel, (top, bottom) in zip(panels, grid.T, strict=True):
         _draw(study, observation, predicted, panel, top, bottom)
         if panel.line and panel.observable not in explained:
-            top.legend(title=axis_text(panel.line), fontsize="small", title_fontsize="small")
+            top.legend(
+                title=axis_text(panel.line, observation.variables), fontsize="small", title_fontsize="small"
+            )
             explained.add(panel.observable)
     grid[1, 0].set_ylabel("(model - measured) / sigma" if study.data.known else "relative to 1 %")
     return figure
@@ -92,7 +96,11 @@ def _panels(observation: TableObservation) -> list[_Panel]:
             continue
         for level in levels:
             inside = rows & (observation.labels[third or ""] == level)
-            found.append(_Panel(name, inside, x, line, spoken(third or "", level)))
+            found.append(
+                _Panel(
+                    name, inside, x, line, variable_named(third or "", observation.variables).spoken(level)
+                )
+            )
     return found
 
 
@@ -119,7 +127,7 @@ def _draw(
         axes.grid(alpha=0.3)
     top.set_ylabel(_quantity(study, panel.observable))
     top.set_title(panel.title, fontsize="medium")
-    bottom.set_xlabel(axis_text(panel.x))
+    bottom.set_xlabel(axis_text(panel.x, observation.variables))
 
 
 def _lines(observation: TableObservation, panel: _Panel) -> list[tuple[str, str, NDArray[np.bool_]]]:
@@ -203,7 +211,10 @@ def figure_map(study: Study) -> Figure:
     )
     axes.set_xticks(range(len(found.columns)), list(found.columns), rotation=45)
     axes.set_yticks(range(len(found.rows)), [text.replace("$", r"\$") for text in found.rows])
-    axes.set(xlabel=axis_text(found.across), ylabel=axis_text(found.up) if found.up else "")
+    axes.set(
+        xlabel=axis_text(found.across, found.variables),
+        ylabel=axis_text(found.up, found.variables) if found.up else "",
+    )
     figure.colorbar(image, label="z: model low (-) or high (+)", extend="both")
     return figure
 

@@ -21,10 +21,10 @@ _DYNAMICS_DB = 70.0
 
 
 def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
-    """Magnitude and phase of one microphone, or of those that the model misses most, and the difference of the levels.
+    """Magnitude and phase of one channel, or of those that the model misses most, and the difference of the levels.
 
     The grey band is two standard uncertainties of the measurement to either side; what is common to all lines of a
-    microphone (its place, its calibration) and the declared discrepancy of the model are in it.
+    channel (its place, its calibration) and the declared discrepancy of the model are in it.
     """
     from matplotlib.figure import Figure
 
@@ -51,8 +51,9 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
     reach = float(np.clip(np.nanquantile(error, 0.98), 1.0, 20.0))
     grid[2, 0].set_ylim(-reach, reach)
     grid[0, 0].legend(fontsize="small")
+    plural = study.model.receivers.plural if study.model.receivers else "channels"
     figure.suptitle(
-        f"{found.name}: {len(chosen)} of {len(found.channels)} microphones"
+        f"{found.name}: {len(chosen)} of {len(found.channels)} {plural}"
         + ("" if channel else ", the worst first"),
         fontsize="medium",
     )
@@ -61,7 +62,7 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
 
 def _number(found: MeasuredTransfer, channel: str) -> int:
     if channel not in found.channels:
-        raise RequestError(f"there is no microphone {channel!r}", remedy=nearest(channel, found.channels))
+        raise RequestError(f"there is no channel {channel!r}", remedy=nearest(channel, found.channels))
     return found.channels.index(channel)
 
 

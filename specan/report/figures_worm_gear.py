@@ -52,7 +52,7 @@ def figure(number: int, request: Request, measured: Columns | None = None) -> Fi
 def _span(request: Request, condition: str) -> tuple[float, float]:
     """Limits of the bench in the unit of the table's column."""
     known = request.assembly.model.conditions[condition]
-    low, high = request.assembly.model.settings["limits"][condition]
+    low, high = request.assembly.model.rig.limits[condition]
     return (
         float(convert(low, known.unit, known.column_unit)),
         float(convert(high, known.unit, known.column_unit)),

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import Block, localise, variable_name
+from specan.study.localisation.localise import localise
+from specan.study.localisation.result import Block
+from specan.study.observation.variable import Variable, variable_named
 
 _LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
 _MOST_SHARE = 0.95  # of the cells that the scale tells apart where the model fails everywhere
@@ -37,6 +39,8 @@ class ResidualMap:
         Passed at a false discovery rate of 5 %; of transfer functions by level or phase.
     texts : tuple of tuple of str
         What the model does there, in words.
+    variables : mapping
+        Words and unit of the operating variables.
     """
 
     across: str
@@ -47,6 +51,7 @@ class ResidualMap:
     count: NDArray[np.int64]
     significant: NDArray[np.bool_]
     texts: tuple[tuple[str, ...], ...]
+    variables: Mapping[str, Variable]
 
     @property
     def end(self) -> float:
@@ -85,7 +90,17 @@ def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
                 significant[i, j] = any(b.significant for b in found)
     names_across = tuple(_text(level) for level in columns)
     names_up = tuple(_text(level) for level in rows) if up else ("",)
-    return ResidualMap(across, up, names_across, names_up, z, count, significant, tuple(map(tuple, texts)))
+    return ResidualMap(
+        across,
+        up,
+        names_across,
+        names_up,
+        z,
+        count,
+        significant,
+        tuple(map(tuple, texts)),
+        dict(problem.observations[0].variables),
+    )
 
 
 def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:
@@ -93,18 +108,16 @@ def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:
 
     Examples
     --------
-    >>> map_axes({"torque": np.array([1.0, 1.0, 2.0]), "speed": np.array([1.0, 2.0, 3.0]), "oil": np.ones(3)})
-    ['speed', 'torque']
+    >>> map_axes({"load": np.array([1.0, 1.0, 2.0]), "width": np.array([1.0, 2.0, 3.0]), "age": np.ones(3)})
+    ['width', 'load']
     """
     counts = {n: np.unique(v).size for n, v in labels.items() if n != "measurement"}
     return sorted((n for n in counts if counts[n] > 1), key=lambda n: (n != _FREQUENCY, -counts[n], n))
 
 
-def axis_text(column: str) -> str:
-    """``speed / rpm`` of ``speed_rpm``."""
-    if column == _FREQUENCY:
-        return "third octave / Hz"
-    return f"{variable_name(column)} / {column.rpartition('_')[2]}" if "_" in column else column
+def axis_text(column: str, variables: Mapping[str, Variable]) -> str:
+    """Label of an axis over a variable: ``output force / kN``."""
+    return variable_named(column, variables).axis if column else ""
 
 
 def _shared_labels(problem: Problem) -> dict[str, NDArray[Any]]:

@@ -26,7 +26,7 @@ def study_report(study: Study) -> str:
     parts = [
         f"<h1>{escape(study.directory.resolve().name)}</h1>",
         f"<p>{escape(study.model.title)}. Effects of the model: "
-        f"{escape(', '.join(study.model_effects) or 'none, the ideal machine')}.</p>",
+        f"{escape(', '.join(study.model_effects) or f'none, {study.model.words.ideal}')}.</p>",
         *_comparison(study),
         *(_diagnosis(diagnosis) if diagnosis else []),
         *_history(study),
@@ -143,7 +143,7 @@ def _history(study: Study) -> list[str]:
 
 def _assumptions(study: Study) -> list[str]:
     parts = ["<h2>What was found and assumed</h2>", bullets(study.data.statements)]
-    defaults = study.model.settings.get("defaults_used", {})
+    defaults = study.model.rig.defaults_used
     if defaults:
         parts.append(table(["rig default", "value"], [[k, v] for k, v in defaults.items()]))
     return parts

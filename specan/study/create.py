@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 from specan.errors import RequestError
 from specan.models import Model, Use
-from specan.models.catalogue import load_model
+from specan.models.catalogue import is_file, load_model
 from specan.models.rig_file import read_rig_file
 from specan.study.build_problem import undetermined
 from specan.study.data.sources import kind_of
@@ -17,6 +18,7 @@ from specan.study.history import NAME as HISTORY
 from specan.study.history import Step
 from specan.study.study import Study, relative_to
 from specan.study.study_file import NAME, StudyText, file_hash
+from specan.study.user_effects import take_in_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ class Begun:
 def begin(
     directory: Path,
     model_name: str,
-    rig: Path,
+    rig: Path | None,
     measurements: Sequence[Path],
     *,
     validations: Sequence[Path] = (),
@@ -52,13 +54,13 @@ def begin(
     directory : Path
         Made if it does not exist; must not hold a study yet.
     model_name : str
-        ``worm-gear``.
-    rig : Path
-        The rig file.
+        Name of a model, or a Python file that holds one; see `specan.models.catalogue.load_model`.
+    rig : Path, optional
+        The rig file; a model of its own file may need none.
     measurements, validations : sequence of Path
         Data to fit, and data that are only ever predicted.
     hold_out : sequence of str
-        Rows or channels of the measurements to put aside: ``torque=60,90``.
+        Rows or channels of the measurements to put aside: ``load=60,90``.
     calibration : Path, optional
     effects : sequence of str, optional
         Effects to begin with; the model's base effects by default.
@@ -72,19 +74,24 @@ def begin(
         raise RequestError(f"{directory} holds a study already", remedy="choose another directory")
     if not measurements:
         raise RequestError("a study needs a measurement", remedy="give one with --measurement FILE")
-    model = load_model(model_name, read_rig_file(rig))
-    content: dict[str, Any] = {"schema": 1, "model": model_name, "rig": relative_to(directory, rig)}
+    model = load_model(model_name, read_rig_file(rig) if rig else {})
+    content: dict[str, Any] = {"schema": 1, "model": model_name}
+    if rig is not None:
+        content["rig"] = relative_to(directory, rig)
     if calibration is not None:
         content["calibration"] = relative_to(directory, calibration)
-    content["measurement"] = [_data_entry(directory, path) for path in measurements]
+    content["measurement"] = [_data_entry(directory, path, model) for path in measurements]
     if validations:
-        content["validation"] = [_data_entry(directory, path) for path in validations]
+        content["validation"] = [_data_entry(directory, path, model) for path in validations]
     if hold_out:
         content["hold_out"] = [{"where": where} for where in hold_out]
     content["effect"] = _effects(model, model.base_effects if effects is None else effects)
     existed = directory.exists()
     directory.mkdir(parents=True, exist_ok=True)
     try:
+        if is_file(model_name):
+            own, sha256 = take_in_model(directory, Path(model_name))
+            content = {"schema": 1, "model": own, "model_sha256": sha256, **dict(list(content.items())[2:])}
         StudyText.begin(directory / NAME, content).save()
         study, held = hold_undetermined(Study(directory))
         step = study.step("new")
@@ -93,15 +100,15 @@ def begin(
         for name in (NAME, HISTORY):
             (directory / name).unlink(missing_ok=True)
         if not existed:
-            directory.rmdir()
+            shutil.rmtree(directory, ignore_errors=True)
         raise
     return Begun(study, step, held)
 
 
-def _data_entry(directory: Path, path: Path) -> dict[str, Any]:
+def _data_entry(directory: Path, path: Path, model: Model) -> dict[str, Any]:
     if not path.exists():
         raise RequestError(f"the measurement {path} does not exist", remedy="check the path")
-    return {"file": relative_to(directory, path), "sha256": file_hash(path), "kind": kind_of(path)}
+    return {"file": relative_to(directory, path), "sha256": file_hash(path), "kind": kind_of(path, model)}
 
 
 def _effects(model: Model, names: Sequence[str]) -> list[dict[str, Any]]:

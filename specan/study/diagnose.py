@@ -14,7 +14,9 @@ from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import MOST_ROWS, Block, localise
+from specan.study.localisation.by_blocks import MOST_ROWS
+from specan.study.localisation.localise import localise
+from specan.study.localisation.result import Block
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.alternatives import alternatives
 from specan.study.selection.detectable_size import by_effect, smallest_visible
@@ -84,7 +86,7 @@ def diagnose(
 def _nearer(start: Refit, near: Approach, search: Search) -> Search:
     """The search with covariances about the single effect that it finds best, where they were about another field.
 
-    About another field, what the best effect leaves seems to be a microphone's place or gain.
+    About another field, what the best effect leaves seems to be a channel's place or gain.
     """
     if not search.refits.far:
         return search
@@ -394,4 +396,4 @@ def _places(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:
 
 
 def _discrepancy(problem: Problem) -> float:
-    return 100 * float(problem.assembly.model.settings.get("discrepancy", 0.0))
+    return float(problem.assembly.model.rig.discrepancy_percent)

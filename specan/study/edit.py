@@ -54,7 +54,7 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
     ----------
     study : Study
     effect : str
-        Name, with its place: ``seal-drag``, ``wall-impedance@z1``, ``panel-resonance@2``; or a Python
+        Name, with its place: ``drag``, ``drag@z1``, ``drag@2``; or a Python
         file that holds one effect.
     because : str
         Reason, for the history.

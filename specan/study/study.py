@@ -12,7 +12,7 @@ from typing import Any
 from specan import __version__
 from specan.errors import RequestError
 from specan.models import Model, Use
-from specan.models.catalogue import load_model
+from specan.models.catalogue import is_file, load_model
 from specan.models.rig_file import read_rig_file
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.data.sources import DataFile, DataRequest, open_data
@@ -27,7 +27,10 @@ from specan.study.estimation.prediction_error import (
 )
 from specan.study.estimation.problem import Problem
 from specan.study.history import History, Step
-from specan.study.localisation.by_blocks import Localisation, localise
+from specan.study.localisation.frf_errors import FrfErrors, frf_errors
+from specan.study.localisation.localise import localise
+from specan.study.localisation.result import Localisation
+from specan.study.observation.frf import FrfObservation
 from specan.study.selection.starting_values import kept_values, ways_in
 from specan.study.study_file import (
     NAME,
@@ -38,7 +41,7 @@ from specan.study.study_file import (
     read_study_file,
     rig_hash,
 )
-from specan.study.user_effects import load_own_effects, take_in
+from specan.study.user_effects import load_own_effects, load_own_model, take_in
 from specan.study.verdict import Diagnosis
 
 BENT = 10.0
@@ -89,13 +92,19 @@ class Study:
     # --- files ------------------------------------------------------------------------------------
 
     def _load_model(self) -> Model:
-        model = load_model(self.content.model, read_rig_file(self.directory / self.content.rig))
-        return model.with_effect(*load_own_effects(self.directory, self.content.effect_file))
+        return self._bare_model().with_effect(*load_own_effects(self.directory, self.content.effect_file))
+
+    def _bare_model(self) -> Model:
+        """The model without the study's own effects."""
+        content = self.content
+        rig = read_rig_file(self.directory / content.rig) if content.rig else {}
+        if is_file(content.model):
+            return load_own_model(self.directory, content.model, content.model_sha256, rig)
+        return load_model(content.model, rig)
 
     def _take_in(self, path: Path) -> None:
         """Make an own effect file part of the study, or trust the one that is."""
-        model = load_model(self.content.model, read_rig_file(self.directory / self.content.rig))
-        entry = take_in(self.directory, path, model)
+        entry = take_in(self.directory, path, self._bare_model())
         if entry not in self.content.effect_file:
             text = StudyText(self.directory / NAME)
             text.add_effect_file(entry.model_dump())
@@ -154,7 +163,7 @@ class Study:
         everything = (*self.content.measurement, *self.content.validation)
         return {
             "study": content_hash(self.content),
-            "rig": rig_hash(self.directory / self.content.rig),
+            "rig": rig_hash(self.directory / self.content.rig) if self.content.rig else "",
             "files": {e.file: e.sha256 for e in everything},
             "effect_files": {e.file: e.sha256 for e in self.content.effect_file},
         }
@@ -223,6 +232,15 @@ class Study:
         where = localise(self.problem, self.shown) if self.data.known else None
         return Comparison(self.shown, self.errors, where, parameter_table(self.problem, self.shown))
 
+    def frf_errors(self) -> list[FrfErrors]:
+        """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
+        predictions = self.problem.predictions(self.shown.theta)
+        return [
+            frf_errors(o, predicted)
+            for o, predicted in zip(self.problem.observations, predictions, strict=True)
+            if isinstance(o, FrfObservation)
+        ]
+
     def diagnose(
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
     ) -> Diagnosis:
@@ -245,7 +263,12 @@ class Study:
             raise RequestError(
                 f"{verb} needs to know how uncertain the measurement is, and nothing tells",
                 expected="repeated conditions (a column 'repeat'), or [uncertainty] in the rig file",
-                remedy="repeat some conditions, setting them anew, or give for instance input_torque_Nm = 0.005",
+                remedy="repeat some conditions, setting them anew"
+                + (
+                    f", or give for instance {example}"
+                    if (example := self.model.words.remedy_uncertainty)
+                    else ""
+                ),
             )
 
     def step(self, action: str, effect: str = "", because: str = "") -> Step:
@@ -295,8 +318,3 @@ def relative_to(directory: Path, path: Path) -> str:
         return Path(os.path.relpath(path.resolve(), directory.resolve())).as_posix()
     except ValueError:  # another drive
         return path.resolve().as_posix()
-
-
-def parse_use(text: str) -> Use:
-    """A use as a person types it."""
-    return Use.parse(text.strip())

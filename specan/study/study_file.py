@@ -59,7 +59,7 @@ class DataEntry(Settings):
 
 
 class HoldOutEntry(Settings):
-    """Rows or channels of the measurements that are put aside: ``where = "torque=60"``."""
+    """Rows or channels of the measurements that are put aside: ``where = "load=60"``."""
 
     where: str
     file: str | None = None
@@ -77,7 +77,8 @@ class StudyFile(Settings):
 
     schema_: Literal[1] = Field(alias="schema")
     model: str
-    rig: str
+    model_sha256: str | None = None
+    rig: str = ""
     calibration: str | None = None
     measurement: tuple[DataEntry, ...] = Field(min_length=1)
     validation: tuple[DataEntry, ...] = ()

@@ -1,4 +1,4 @@
-"""A user's own effect files: copied into the study, run on a machine only after someone named them there.
+"""A user's own effect and model files: copied into the study, run on a machine only after someone named them there.
 
 An effect file is a program. One that comes with somebody else's study runs only after its content was
 named once on this machine; the record of what was named lies outside every study.
@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from specan.errors import RequestError
 from specan.models import Effect, Model
-from specan.models.catalogue import effects_from_file
+from specan.models.catalogue import effects_from_file, model_from_file
 from specan.study.study_file import EffectFileEntry
 
 FOLDER = "effects"
+MODEL_FOLDER = "model"
 
 
 def trust_record() -> Path:
@@ -46,6 +48,11 @@ def trust(sha256: str) -> None:
     record.parent.mkdir(parents=True, exist_ok=True)
     with record.open("a", encoding="utf-8", newline="\n") as stream:
         stream.write(sha256 + "\n")
+
+
+def trust_file(path: Path) -> None:
+    """Remember that a file was named."""
+    trust(hashlib.sha256(path.read_bytes()).hexdigest())
 
 
 def take_in(directory: Path, given: Path, model: Model) -> EffectFileEntry:
@@ -110,3 +117,49 @@ def load_own_effects(directory: Path, entries: Sequence[EffectFileEntry]) -> lis
             )
         effects += effects_from_file(path, content)
     return effects
+
+
+def take_in_model(directory: Path, given: Path) -> tuple[str, str]:
+    """Copy a model file into a study and trust it: the user has just named it.
+
+    Returns
+    -------
+    file, sha256 : str
+        Its path in the study, and the hash of its content.
+    """
+    if not given.exists():
+        raise RequestError(f"the model file {given} does not exist", remedy="check the path")
+    content = given.read_bytes()
+    sha256 = hashlib.sha256(content).hexdigest()
+    inside = directory / MODEL_FOLDER / given.name
+    if inside.resolve() != given.resolve():
+        inside.parent.mkdir(parents=True, exist_ok=True)
+        inside.write_bytes(content)
+    trust(sha256)
+    return f"{MODEL_FOLDER}/{given.name}", sha256
+
+
+def load_own_model(directory: Path, file: str, sha256: str | None, rig: Mapping[str, Any]) -> Model:
+    """Load the model file of a study.
+
+    Raises
+    ------
+    RequestError
+        The file is missing, was changed, or has not been named on this machine.
+    """
+    path = directory / file
+    if not path.exists():
+        raise RequestError(f"the study's model file {file} is missing", remedy="put it back")
+    content = path.read_bytes()
+    found = hashlib.sha256(content).hexdigest()
+    if found != sha256:
+        raise RequestError(
+            f"the study's model file {file} was changed since it was taken in",
+            remedy="restore it, or begin a new study with it",
+        )
+    if not is_trusted(found):
+        raise RequestError(
+            f"the study brings its own model file {file}, which has not been run on this machine",
+            remedy=f"read it, then name it once with specan model check {path}",
+        )
+    return model_from_file(path, rig, content)

@@ -22,7 +22,7 @@ class Ranked:
     effects : tuple of str
         Bare names.
     at : mapping
-        Elements of an axis at which an effect acts: ``{"wall-impedance": ("z1",)}``.
+        Elements of an axis at which an effect acts: ``{"drag": ("z1",)}``.
     delta_bic : float
         Fall in BIC from the base.
     p_value : float

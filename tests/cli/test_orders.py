@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from specan.errors import RequestError
-from specan.io.tdms_writing import write_tdms
+from specan.io.write_tdms import write_tdms
 from specan_cli.main import main
 
 
@@ -21,7 +21,8 @@ def run_up(tmp_path_factory):
         ("Acc 1", acceleration, {"unit_string": "m/s^2"}),
         ("Tacho", 5.0 * (turns % 1 < 0.1), {"unit_string": "V", "PulsesPerRevolution": 1}),
     ]
-    write_tdms(path, 12800.0, channels, {})
+    names, samples, properties = zip(*channels, strict=True)
+    write_tdms(path, names, np.stack(samples), 12800.0, channels=properties, group={}, samples="float32")
     return str(path)
 
 

@@ -8,7 +8,7 @@ import pytest
 from specan.report import residual_map as module
 from specan.report.measured_transfer import measured_transfer
 from specan.report.residual_map import map_axes, residual_map
-from specan.study.localisation.by_blocks import Block, Localisation
+from specan.study.localisation.result import Block, Localisation
 
 
 @dataclass
@@ -62,6 +62,7 @@ def test_a_prediction_comes_back_to_its_microphone_and_line():
 @dataclass
 class Rows:
     labels: dict
+    variables: dict = field(default_factory=dict)
 
 
 @dataclass

@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from specan.models import Condition, LawSpace, Model, Nuisance, Observable, Parameter, effect, quantity
+from specan.models import (
+    Condition,
+    LawSpace,
+    Model,
+    Nuisance,
+    Observable,
+    Parameter,
+    RigStatement,
+    effect,
+    quantity,
+)
 from specan.study.estimation.problem import base_problem
 from specan.study.observation.table import TableObservation
 
@@ -110,7 +120,7 @@ class Toy:
             {"reading": Observable("reading", "reading", "W", "")},
             base_effects=("line",),
             nuisances=nuisances,
-            settings={"limits": {"x": (0.1, 4.0), "z": (-1.0, 1.5)}, "discrepancy": 0.005},
+            rig=RigStatement(limits={"x": (0.1, 4.0), "z": (-1.0, 1.5)}, discrepancy_percent=0.5),
             law=LawSpace("heat", {"x": "x"}),
         )  # fmt: skip
 

@@ -7,6 +7,7 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
+from specan.models.receivers import ReceiverErrors
 from specan.study.estimation.continuation import coarse, coarse_fit
 from specan.study.estimation.fit import fit
 from specan.study.estimation.linearised_covariance import linearised
@@ -57,7 +58,7 @@ def recorded(model, uses, values):
         conditions_at_nodes=conditions,
         shared=np.empty((*true.shape, 0), dtype=complex),
         kept=np.ones(true.shape, dtype=bool),
-        declared=CommonErrors(0.0, 0.1, 0.3, 0.005, 5e-5, 293.15),
+        declared=CommonErrors(replace(model.receivers, errors=ReceiverErrors(0.0, 0.1, 0.3, 0.005, 5e-5))),
     )
 
 

@@ -13,7 +13,7 @@ from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose, parameters_of
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import base_problem
-from specan.study.localisation.by_blocks import localise
+from specan.study.localisation.localise import localise
 from specan.study.selection.acceptance import Gate, Passage
 from specan.study.selection.alternatives import alternatives, distance
 from specan.study.selection.detectable_size import Visible, by_effect, smallest_visible

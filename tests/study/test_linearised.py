@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from specan.models.catalogue import load_model
+from specan.models.receivers import ReceiverErrors
 from specan.study.estimation.fit import fit
 from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.problem import base_problem
@@ -56,7 +57,7 @@ def measured(model):
         conditions_at_nodes=conditions,
         shared=np.empty((*true.shape, 0), dtype=complex),
         kept=np.ones(true.shape, dtype=bool),
-        declared=CommonErrors(0.003, 0.0, 0.0, 0.0, 0.0, 293.15),
+        declared=CommonErrors(replace(model.receivers, errors=ReceiverErrors(0.003, 0.0, 0.0, 0.0, 0.0))),
     )
 
 

@@ -7,7 +7,9 @@ import pytest
 
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import held_out_error, observable_errors
-from specan.study.localisation.by_blocks import LeftOut, benjamini_yekutieli, localise
+from specan.study.localisation.by_blocks import LeftOut
+from specan.study.localisation.localise import localise
+from specan.study.localisation.result import benjamini_yekutieli
 
 
 def test_a_left_out_block_is_what_a_refit_without_it_says(toy):

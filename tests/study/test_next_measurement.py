@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from specan.models import Use
+from specan.models import RigStatement, Use
 from specan.study.design.operating_points import after_reading, explore, propose
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
-from specan.study.localisation.by_blocks import localise
+from specan.study.localisation.localise import localise
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.search import Search
 
@@ -90,7 +90,7 @@ def test_without_limits_nothing_is_proposed(toy):
     from dataclasses import replace
 
     problem = toy.problem(lambda x, z: 4 * x**2, ["square", "cross"], seed=7)
-    model = replace(problem.assembly.model, settings={})
+    model = replace(problem.assembly.model, rig=RigStatement())
     problem = replace(problem, assembly=model.assemble(problem.assembly.uses))
     rivals = fitted(problem, "square", "cross")
     assert propose(rivals) == ()

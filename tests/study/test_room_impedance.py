@@ -13,7 +13,7 @@ from specan.errors import RequestError
 from specan.impedance.absorption import diffuse_absorption, normal_absorption
 from specan.impedance.surface_impedance import impedance
 from specan.impedance.wall_admittance import WallFit, spline_basis, third_octaves
-from specan.study.design.planned_receivers import free_places, wall_areas, with_microphones
+from specan.models.room.places import wall_areas, with_microphones
 from specan_cli.main import main
 from specan_cli.study_impedance import _print
 from truth.room import simulate, write
@@ -206,7 +206,7 @@ def test_further_places_are_free_and_leave_the_microphones_as_they_are():
     from specan.models.catalogue import example_model
 
     model = example_model("room")
-    places = free_places(model)
+    places = model.receivers.places.free()
     dims = np.array(model.settings["rig"]["room"]["dims_m"])
     assert len(places) > 20
     assert np.all(places > 0.05)

@@ -7,15 +7,16 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
+from specan.models.receivers import ReceiverErrors
 from specan.models.room import EXAMPLE_RIG
 from specan.study.design.operating_points import explore, propose
-from specan.study.design.planned_receivers import free_places
 from specan.study.design.receiver_places import _separations, _views, best_places
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import base_problem
-from specan.study.localisation.by_band_and_channel import Cells, near_walls
-from specan.study.localisation.by_blocks import LeftOut, localise
-from specan.study.localisation.frf_errors import likeness, room_errors
+from specan.study.localisation.by_band_and_channel import Cells
+from specan.study.localisation.by_blocks import LeftOut
+from specan.study.localisation.frf_errors import assurance, frf_errors
+from specan.study.localisation.localise import localise
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
@@ -47,7 +48,7 @@ def recorded(model, change=lambda h: h, uses=(), values=None, seed=0):
     return FrfObservation(
         "take 1", "take 1", "indicated_frf", FREQUENCY, 1.0, NAMES, change(h * (1 + drawn[:, None])) + noise, level,
         level, Folding.none(FREQUENCY), {"frequency": FREQUENCY}, shared, np.ones(h.shape, dtype=bool),
-        CommonErrors(0.0, 0.17, 1.1, 0.0, 0.0, 293.15),
+        CommonErrors(replace(model.receivers, errors=ReceiverErrors(0.0, 0.17, 1.1, 0.0, 0.0))),
     )  # fmt: skip
 
 
@@ -128,7 +129,7 @@ def test_levels_carry_the_uncertainty_that_their_errors_have(model):
     for seed in range(60):
         o = recorded(model, seed=seed)
         predicted = np.concatenate([truth.real.ravel(), truth.imag.ravel()])
-        found = room_errors(o, predicted, np.array(PLACES))
+        found = frf_errors(o, predicted)
         z += (found.level_dB / found.u_level_dB).ravel().tolist()
         z += (found.phase_deg / found.u_phase_deg).ravel().tolist()
         level, u_level, phase, u_phase = found.mean([0, 1, 2], range(len(found.bands)))
@@ -139,16 +140,15 @@ def test_levels_carry_the_uncertainty_that_their_errors_have(model):
 
 def test_frac_and_csac_do_not_see_a_gain():
     h = np.random.default_rng(0).standard_normal((4, 30)) + 1j
-    assert likeness(h, 2 * h, axis=1) == pytest.approx(np.ones(4))
-    assert likeness(h, np.array([[1.0], [2.0], [1.0], [1.0]]) * h, axis=1) == pytest.approx(np.ones(4))
-    assert np.all(likeness(h, h[:, ::-1], axis=0) < 0.999)
+    assert assurance(h, 2 * h, axis=1) == pytest.approx(np.ones(4))
+    assert assurance(h, np.array([[1.0], [2.0], [1.0], [1.0]]) * h, axis=1) == pytest.approx(np.ones(4))
+    assert np.all(assurance(h, h[:, ::-1], axis=0) < 0.999)
 
 
 def test_walls_without_a_pair_of_microphones_nearby_are_no_group(model):
-    near = near_walls(model.settings["rig"], NAMES, base_problem(model, [recorded(model)]))
+    near = model.receivers.groups(NAMES)
     assert near["y1"] == np.flatnonzero(near_y1()).tolist()
     assert all(2 <= len(group) < 8 for group in near.values())
-    assert near_walls({}, NAMES, base_problem(model, [recorded(model)])) == {}
 
 
 # --- the next microphone -----------------------------------------------------------------------------
@@ -171,7 +171,7 @@ def test_places_for_the_next_microphone_are_proposed_with_what_is_expected_there
     assert 1 <= len(proposals) <= 3
     first = proposals[0].to_json()
     place = np.array([first["conditions"][k] for k in ("x_m", "y_m", "z_m")])
-    assert np.min(np.linalg.norm(free_places(model) - place, axis=1)) < 1e-9
+    assert np.min(np.linalg.norm(model.receivers.places.free() - place, axis=1)) < 1e-9
     assert set(first["predictions"]) == {"wall-impedance@y1", "wall-impedance@y0"}
     assert first["separation_sigma"] >= 2
     assert "wall-impedance@y1 expects" in first["text"]
@@ -181,7 +181,7 @@ def test_places_for_the_next_microphone_are_proposed_with_what_is_expected_there
 
 
 def test_the_proposed_place_is_the_one_that_separates_most(rivals, model):
-    places = free_places(model)
+    places = model.receivers.places.free()
     best = best_places(rivals, np.array([0.5, 0.5]), 1, 0.0)[0]
     views = _views(rivals, places)
     covariances = [r.fit.covariance * r.scale for r in rivals]

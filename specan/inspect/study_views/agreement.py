@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from specan.inspect.study_views.rows import TableAgreement
 from specan.inspect.study_views.transfer import TransferAgreement
 from specan.inspect.trial import Trial
-from specan.study.observation.frf import FrfObservation
-from specan.study.observation.table import TableObservation
 from specan.study.study import Study
 
 
@@ -27,12 +26,10 @@ class Agreement(Protocol):
         """Show another fit."""
 
 
+VIEWS: dict[str, Callable[[Study], Agreement]] = {"table": TableAgreement, "frf": TransferAgreement}
+
+
 def agreement_of(study: Study) -> list[Agreement]:
-    """One for the tables and one for the recordings of a study."""
-    found: list[Agreement] = []
-    observations = study.data.fitted  # not those of the problem, whose covariances may rest on a fit
-    if any(isinstance(o, TableObservation) for o in observations):
-        found.append(TableAgreement(study))
-    if any(isinstance(o, FrfObservation) for o in observations):
-        found.append(TransferAgreement(study))
-    return found
+    """One for every kind of measurement of a study."""
+    kinds = {o.kind for o in study.data.fitted}  # not of the problem, whose covariances may rest on a fit
+    return [view(study) for kind, view in VIEWS.items() if kind in kinds]

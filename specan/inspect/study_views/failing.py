@@ -49,10 +49,10 @@ class FailingMap:
         self._colours.update(low=-found.end, high=found.end)
         self.sheet.x_range.factors = [plain(text) for text in found.columns]
         self.sheet.y_range.factors = [plain(text) for text in found.rows]
-        self.sheet.xaxis.axis_label = axis_text(found.across)
-        self.sheet.yaxis.axis_label = axis_text(found.up) if found.up else ""
+        across, up = (axis_text(name, found.variables) for name in (found.across, found.up))
+        self.sheet.xaxis.axis_label, self.sheet.yaxis.axis_label = across, up
         self._hover.tooltips = [
-            (axis_text(found.across), "@x"), *([(axis_text(found.up), "@y")] if found.up else []),
+            (across, "@x"), *([(up, "@y")] if up else []),
             ("left-out z, positive: model high", "@z{0.0}"), ("", "@text"), ("values", "@n"),
         ]  # fmt: skip
         self._cells.data = _cells(found)

@@ -43,7 +43,7 @@ class TableAgreement:
         of = "sigma" if self._known else "1 % of it"
         self.residual = figure(
             title="Residual", height=300, sizing_mode="stretch_width", tools=_TOOLS,
-            x_axis_label=axis_text(self._across), y_axis_label=f"(model - measured) / {of}",
+            x_axis_label=axis_text(self._across, tables[0].variables), y_axis_label=f"(model - measured) / {of}",
         )  # fmt: skip
         for place in (-2, 0, 2):
             self.residual.add_layout(

@@ -11,7 +11,8 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan.models.catalogue import effects_in
-from specan.models.model import Model, Nuisance, Observable
+from specan.models.model import Model, Nuisance
+from specan.models.observable import Observable
 from specan.models.planetary_gear import excitation, load, response
 from specan.models.planetary_gear.geometry import mesh_phases, planet_angles, set_meshes
 from specan.models.planetary_gear.kinematics import (

@@ -10,13 +10,21 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan.models.catalogue import effects_in
-from specan.models.model import Model, Nuisance, Observable
+from specan.models.model import Model, Nuisance, Words
+from specan.models.observable import Observable
 from specan.models.quantity import Condition, Quantity, constant
 from specan.models.room import air, field, instruments
 from specan.models.room.mesh_shape import mesh_shape
+from specan.models.room.places import room_receivers
 from specan.models.room.rig import WALLS, Rig, read_rig
 from specan.models.room.shape import RoomShape
 
+WORDS = Words(
+    ideal="the ideal room",
+    discrepancy_of="response",
+    remedy_uncertainty="position_m = 0.002",
+    what_else="Positions that would tell more of the walls: specan study impedance {study}",
+)
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
 MOST_MODES = 60_000  # about 60 MB a block of lines
 
@@ -60,7 +68,9 @@ def build(rig: Mapping[str, Any]) -> Model:
         effects={name: effect for name, effect in effects.items() if name not in unsuited},
         unsuited={name: shape.lacks[effects[name].at] for name in sorted(unsuited)},
         observables={
-            "frf": Observable("frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity."),
+            "frf": Observable(
+                "frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity.", kind="frf"
+            ),
         },
         nuisances=tuple(n for n in _nuisances(settings) if n.effect.partition("@")[0] not in unsuited),
         axes={
@@ -70,7 +80,9 @@ def build(rig: Mapping[str, Any]) -> Model:
             "third_octave": tuple(f"{f:.4g} Hz" for f in _third_octaves(settings)),
             **shape.axes,
         },
-        settings={"rig": settings.model_dump(), "uncertainty": settings.uncertainty.model_dump()},
+        words=WORDS,
+        receivers=room_receivers(settings, microphones),
+        settings={"rig": settings.model_dump()},
     )
 
 

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from specan.models.catalogue import effects_in
-from specan.models.model import LawSpace, Model, Nuisance, Observable
-from specan.models.quantity import Condition
+from specan.models.model import LawSpace, Model, Nuisance, Words
+from specan.models.observable import Observable
+from specan.models.quantity import Condition, SettingError
+from specan.models.rig_statement import RigStatement
 from specan.models.worm_gear import kinematics, mesh, power
 from specan.models.worm_gear.article import article_quantities
 from specan.models.worm_gear.bearings import bearing_quantities
@@ -22,7 +24,8 @@ from specan.models.worm_gear.rig import (
     placed_bearings,
     read_rig,
 )
-from specan.units import base_unit, convert
+from specan.models.worm_gear.table_rules import table_rules
+from specan.units import convert
 
 BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
 
@@ -76,21 +79,28 @@ def build(rig: Mapping[str, Any]) -> Model:
         base_effects=BASE_EFFECTS,
         nuisances=_nuisances(settings),
         axes={"bearing": _bearing_names(bearings)},
-        settings=_for_studies(settings, conditions),
+        rig=_rig_statement(settings, conditions),
+        words=WORDS,
+        table_rules=table_rules(settings.gear.z_wheel / settings.gear.z_worm),
+        settings={"rig": settings.model_dump()},
         law=LawSpace("power_loss", {"T": "output_torque", "n": "worm_speed", "nu": "kinematic_viscosity"}),
     )
 
 
 def _conditions(operation: Operation) -> dict[str, Condition]:
     listed = [
-        Condition("worm_speed", "rad/s", "Speed of the worm shaft.", "speed_rpm", "rpm"),
+        Condition(
+            "worm_speed", "rad/s", "Speed of the worm shaft.", "speed_rpm", "rpm",
+            usual_setting=SettingError(relative=0.01),
+        ),
         Condition(
             "indicated_output_torque", "N*m", "Torque that the output sensor indicates.",
-            "output_torque_Nm", "N*m",
+            "output_torque_Nm", "N*m", usual_setting=SettingError(relative=0.05),
         ),
         Condition(
             "indicated_oil_temperature", "K", "Temperature that the sensor in the oil sump indicates.",
             "oil_temperature_C", "degC", operation.oil_temperature_C,
+            usual_setting=SettingError(absolute=1.5),
         ),
         Condition(
             "oil_level", "1", "Oil level over the standard one.", "oil_level_percent", "percent",
@@ -99,6 +109,7 @@ def _conditions(operation: Operation) -> dict[str, Condition]:
         Condition(
             "ambient_temperature", "K", "Temperature of the room.", "ambient_temperature_C", "degC",
             operation.ambient_temperature_C, varies=False,
+            usual_setting=SettingError(absolute=1.5),
         ),
         Condition(
             "elapsed_time", "s", "Time since the first reading.", "elapsed_time_s", "s", float("nan"),
@@ -107,9 +118,17 @@ def _conditions(operation: Operation) -> dict[str, Condition]:
     return {condition.name: condition for condition in listed}
 
 
+WORDS = Words(
+    ideal="the ideal machine",
+    discrepancy_of="losses",
+    remedy_uncertainty="input_torque_Nm = 0.005",
+    vary="speeds, torques or temperatures",
+)
 OBSERVABLES = (
     Observable("input_torque", "indicated_input_torque", "N*m", "Torque at the input shaft; what is fitted."),
-    Observable("efficiency", "indicated_efficiency", "1", "Power out over power in."),
+    Observable(
+        "efficiency", "indicated_efficiency", "1", "Power out over power in.", reading_of="input_torque"
+    ),
     Observable("power_loss", "indicated_power_loss", "W", "Power in less power out."),
 )
 
@@ -128,46 +147,32 @@ def _bearing_names(bearings: tuple[PlacedBearing, ...]) -> tuple[str, ...]:
     return tuple(f"{b.shaft} {i % 2 + 1}: {b.bearing.designation}" for i, b in enumerate(bearings))
 
 
-# key of [uncertainty]: condition, whether relative to its value, unit
+# key of [uncertainty]: condition, whether relative to its value
 SETTING_ERRORS = {
-    "torque_setting_percent": ("indicated_output_torque", True, "percent"),
-    "speed_setting_percent": ("worm_speed", True, "percent"),
-    "oil_temperature_setting_K": ("indicated_oil_temperature", False, "kelvin"),
+    "torque_setting_percent": ("indicated_output_torque", True),
+    "speed_setting_percent": ("worm_speed", True),
+    "oil_temperature_setting_K": ("indicated_oil_temperature", False),
 }
+READING_ERRORS = {"input_torque_Nm": "input_torque", "output_torque_Nm": "indicated_output_torque"}
 
 
-def _for_studies(rig: Rig, conditions: Mapping[str, Condition]) -> dict[str, Any]:
-    """What a study reads; SI, by the names of conditions and observables.
-
-    limits
-        ``{condition: (low, high)}`` that the bench can run.
-    setting_errors
-        ``{condition: (standard uncertainty, whether relative)}`` of setting a condition again.
-    reading_errors
-        ``{observable: standard uncertainty}`` of one reading, ``{condition: ...}`` likewise.
-    discrepancy
-        Declared standard model discrepancy, relative to the observable.
-    uncertainty, defaults_used
-        The rig file's own keys: what it gives, and the defaults that were assumed.
-    """
+def _rig_statement(rig: Rig, conditions: Mapping[str, Condition]) -> RigStatement:
+    """Limits and uncertainties of the bench, SI."""
     columns = {c.column: c for c in conditions.values()}
-    limits = rig.limits.model_dump(exclude_none=True)
-    given = rig.uncertainty
-    readings = {"input_torque": given.input_torque_Nm, "indicated_output_torque": given.output_torque_Nm}
-    return {
-        "limits": {
-            columns[key].name: tuple(
-                float(convert(value, columns[key].column_unit, columns[key].unit)) for value in span
-            )
-            for key, span in limits.items()
+    given = rig.uncertainty.model_dump(exclude_none=True)
+    limits = {}
+    for key, (low, high) in rig.limits.model_dump(exclude_none=True).items():
+        known = columns[key]
+        ends = [float(convert(end, known.column_unit, known.unit)) for end in (low, high)]
+        limits[known.name] = (ends[0], ends[1])
+    return RigStatement(
+        limits=limits,
+        setting={
+            condition: SettingError(given[key] / 100) if relative else SettingError(absolute=given[key])
+            for key, (condition, relative) in SETTING_ERRORS.items()
+            if key in given
         },
-        "setting_errors": {
-            condition: (float(convert(sd, unit, base_unit(unit))), relative)
-            for key, (condition, relative, unit) in SETTING_ERRORS.items()
-            if (sd := getattr(given, key))
-        },
-        "reading_errors": {name: sd for name, sd in readings.items() if sd},
-        "discrepancy": 0.01 * given.model_discrepancy_percent,
-        "uncertainty": given.model_dump(exclude_none=True),
-        "defaults_used": defaults_used(rig),
-    }
+        reading={name: given[key] for key, name in READING_ERRORS.items() if key in given},
+        discrepancy_percent=rig.uncertainty.model_discrepancy_percent,
+        defaults_used=defaults_used(rig),
+    )

@@ -1,7 +1,7 @@
 """A smooth picture of the machine that uncertainties are worked out around: the base model, fitted once.
 
 How a setting's scatter goes over into the reading needs the slope of the reading over that setting, and
-a discrepancy in percent of the losses needs the losses. Both are taken from the model with its own base
+a discrepancy in percent of what the effects do needs that part. Both are taken from the model with its own base
 effects - not from the model that a study is trying out - so that the covariance stays the same from step
 to step and chi-squares of different models may be compared.
 """
@@ -47,8 +47,8 @@ class Reference:
         slope = (ends[0] - ends[1]) / (2 * step)
         return np.where(np.isfinite(slope), slope, 0.0)
 
-    def losses(self, rows: Rows) -> Array:
-        """What the machine's losses do to the reading: prediction less that of the model without effects.
+    def effects_part(self, rows: Rows) -> Array:
+        """What the effects do to the reading: prediction less that of the model without effects.
 
         A model whose base has no effects is taken whole.
         """

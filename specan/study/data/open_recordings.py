@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.recording import Recording
-from specan.errors import RequestError, nearest
+from specan.errors import InputError, RequestError, nearest
 from specan.io.open import open_recording
-from specan.models import Model
+from specan.models import Model, Receivers
 from specan.study.data.estimate_frf import BLOCK_S, observe_recording, settling_s
 from specan.study.data.sources import DataFile, DataRequest, OpenedData
 from specan.study.observation.frf import FrfObservation
+
+TITLE = "a recording"
+
+
+def reads(path: Path) -> bool:
+    """Whether a file is a recording by its content."""
+    from specan.io.content import format_of
+
+    try:
+        format_of(path)
+    except InputError:
+        return False
+    return True
 
 
 def open_data(model: Model, request: DataRequest) -> OpenedData:
@@ -24,13 +39,14 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
     RequestError
         The model predicts no transfer function, or a held-out channel that no recording has.
     """
-    if "frf" not in model.observables:
+    receivers = model.receivers
+    if receivers is None:
         raise RequestError(
             f"the model {model.name} predicts nothing that a recording holds", remedy="give a table instead"
         )
     fitted, held_out, statements = [], [], []
     for file in request.measurements:
-        whole, said = _observe(model, request, file)
+        whole, said = _observe(model, receivers, request, file)
         aside = _put_aside(whole, file, request)
         if np.all(aside):
             raise RequestError(f"all channels of {file.name} are held out", remedy="hold out fewer")
@@ -39,44 +55,45 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
             held_out.append(whole.take(aside))
         statements += said
     for file in request.validations:
-        whole, said = _observe(model, request, file)
+        whole, said = _observe(model, receivers, request, file)
         held_out.append(whole)
         statements += said
-    given = model.settings["uncertainty"]
+    given = receivers.errors
     common = (
-        f"every microphone: place {1000 * given['position_m']:.3g} mm, calibration {given['calibration_dB']:.3g} dB "
-        f"and {given['calibration_phase_deg']:.3g} degrees, model discrepancy "
-        f"{given['model_discrepancy_percent']:.3g} % (from the rig file or its defaults)"
+        f"every {receivers.noun}: place {1000 * given.position_m:.3g} mm, calibration {given.calibration_dB:.3g} dB "
+        f"and {given.calibration_phase_deg:.3g} degrees, model discrepancy "
+        f"{100 * given.discrepancy:.3g} % (from the rig file or its defaults)"
     )
     return OpenedData(
         fitted=tuple(fitted),
         held_out=tuple(held_out),
         statements=(*statements, common),
-        discrepancy_percent=given["model_discrepancy_percent"],
+        discrepancy_percent=100 * given.discrepancy,
     )
 
 
-def _observe(model: Model, request: DataRequest, file: DataFile) -> tuple[FrfObservation, list[str]]:
+def _observe(
+    model: Model, receivers: Receivers, request: DataRequest, file: DataFile
+) -> tuple[FrfObservation, list[str]]:
     recording = open_recording(file.path, calibration=request.calibration, label=file.name)
-    band = model.settings["rig"]["band"]
     found = observe_recording(
         recording,
         model,
         estimator=file.estimator or "H1",
-        f_min_hz=band["f_min_hz"],
-        f_max_hz=band["f_max_hz"],
+        f_min_hz=receivers.band_hz[0],
+        f_max_hz=receivers.band_hz[1],
     )
-    settle = settling_s(recording.by_role("vibrometer")[0].duration_s)
+    settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s)
     return found, [
-        f"{file.name}: {len(found.channels)} microphones, {found.frequency_hz.size} lines of {1 / BLOCK_S:.3g} Hz, "
-        f"{file.estimator or 'H1'}, blocks of {BLOCK_S:.3g} s after {settle:.3g} s; the model filters the "
-        "recorded velocity and goes through the same blocks",
-        *_calibrated(recording),
+        f"{file.name}: {len(found.channels)} {receivers.plural}, {found.frequency_hz.size} lines of "
+        f"{1 / BLOCK_S:.3g} Hz, {file.estimator or 'H1'}, blocks of {BLOCK_S:.3g} s after {settle:.3g} s; "
+        "the model filters the recorded velocity and goes through the same blocks",
+        *_calibrated(recording, receivers),
     ]
 
 
-def _calibrated(recording: Recording) -> list[str]:
-    first = recording.by_role("microphone")[0]
+def _calibrated(recording: Recording, receivers: Receivers) -> list[str]:
+    first = recording.by_role(receivers.role)[0]
     reason = first.decisions.get("sensitivity", "")
     return [f"{recording.label}: sensitivities {reason}"] if reason else []
 

@@ -10,13 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
-from specan.models import Model
+from specan.models import Model, SettingError
 from specan.study.data.operating_table import Rows, check_varied, grouping_of, join
-from specan.study.data.setpoints import Setting
 from specan.study.data.sources import DataFile, DataRequest, OpenedData
 from specan.study.data.table_covariance import uncertainty
 from specan.study.data.table_reader import Measurement, read_measurement
 from specan.units import convert
+
+TITLE = "a table (text with a header line)"
+
+
+def reads(path: Path) -> bool:
+    """Whether a file is text, whatever its name."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(4096)
+    except OSError:
+        return False
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
+        return True
+    return bool(start) and b"\0" not in start and not start.startswith((b"RIFF", b"TDSm", b"PK"))
 
 
 def open_data(model: Model, request: DataRequest) -> OpenedData:
@@ -39,7 +52,7 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
         raise RequestError(
             "all rows are held out", expected="some to fit", remedy="hold out fewer conditions"
         )
-    check_varied(rows.take(~aside))
+    check_varied(rows.take(~aside), model)
     found = uncertainty(model, rows.take(~aside))
     whole = found.observe(rows)
     kept = replace(whole.take(~aside), pure_dof=whole.pure_dof) if np.any(aside) else whole
@@ -66,7 +79,7 @@ def read_tables(
     measurements, validations : sequence of Path
         Tables to fit and tables to predict only.
     hold_out : sequence of (file name or None, condition)
-        Rows of the measurements to put aside, ``(None, "torque=60,90")``.
+        Rows of the measurements to put aside, ``(None, "load=60,90")``.
     """
     fitted, checked = ([DataFile(path.name, path) for path in paths] for paths in (measurements, validations))
     return open_data(model, DataRequest(fitted, checked, hold_out))
@@ -82,7 +95,7 @@ def _read(file: DataFile, model: Model) -> Measurement:
 
 
 def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:
-    """Rows that meet a condition such as ``torque=60,90`` or ``speed_rpm=2400``.
+    """Rows that meet a condition such as ``load=60,90`` or ``load_kN=60``.
 
     A value stands for the level nearest to it, as far as the scatter of setting allows.
 
@@ -117,7 +130,7 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
     return found
 
 
-def _at_level(rows: Rows, name: str, value: float, setting: Setting) -> NDArray[np.bool_]:
+def _at_level(rows: Rows, name: str, value: float, setting: SettingError) -> NDArray[np.bool_]:
     distance = np.abs(rows.levels[name] - value)
     read = 0.0 if rows.is_set[name] else float(setting.at(value))
     reach = max(read, 1e-6 * abs(value), 1e-12)

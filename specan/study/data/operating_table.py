@@ -10,17 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import InputError
-from specan.models import Condition, Model
+from specan.models import Condition, Model, SettingError
 from specan.study.data.plausible_rows import check_limits, duplicates
-from specan.study.data.setpoints import Setting, cells, grouped, levels
+from specan.study.data.setpoints import cells, grouped, levels
 from specan.study.data.table_reader import Measurement
 from specan.study.observation import Array
-from specan.units import convert, scale_to
+from specan.study.observation.variable import Variable
+from specan.units import convert, printed_unit
 
 TIME = "elapsed_time"  # orders the readings; never a setting
-# Scatter of setting, for telling levels apart where the rig says nothing: a brake, a drive, a heater, others.
-ASSUMED = {"N*m": Setting(relative=0.05), "rad/s": Setting(relative=0.01), "K": Setting(absolute=1.5)}
-ASSUMED_OTHERS = Setting(relative=0.02)
 ENOUGH = 8  # degrees of freedom above which repeats are believed
 
 
@@ -84,6 +82,11 @@ class Rows:
         """File and line of a row, for messages."""
         return f"{self.recordings[self.recording[row]]}, line {self.lines[row]}"
 
+    def variables(self, model: Model) -> dict[str, Variable]:
+        """Words and unit of each label."""
+        known = {c.column: Variable(c.words, printed_unit(c.column_unit)) for c in model.conditions.values()}
+        return {name: known.get(name, Variable(name)) for name in self.labels(model)}
+
     def labels(self, model: Model) -> dict[str, NDArray[Any]]:
         """Levels of the operating variables that vary, in the units of their columns; where from."""
         found: dict[str, NDArray[Any]] = {}
@@ -98,27 +101,9 @@ class Rows:
         return found
 
 
-def setting_of(model: Model, condition: Condition) -> Setting | None:
-    """Scatter of setting a condition, from the rig's ``[uncertainty]``; None where it says nothing.
-
-    Keys are ``<column>_setting_percent`` or ``<column>_setting_<unit>``, the column without its unit;
-    ``torque_setting_percent`` is understood for ``output_torque_Nm``.
-    """
-    given: Mapping[str, float] = model.settings.get("uncertainty", {})
-    stem = condition.column.rpartition("_")[0]
-    for name in (stem, stem.rpartition("_")[2]):
-        if f"{name}_setting_percent" in given:
-            return Setting(relative=given[f"{name}_setting_percent"] / 100)
-        for key, value in given.items():
-            head, _, unit = key.rpartition("_")
-            if head == f"{name}_setting":
-                return Setting(absolute=value * scale_to(unit, condition.unit))
-    return None
-
-
-def grouping_of(model: Model, condition: Condition) -> Setting:
-    """Scatter of setting by which levels are told apart: the rig's, or what is usual."""
-    return setting_of(model, condition) or ASSUMED.get(condition.unit, ASSUMED_OTHERS)
+def grouping_of(model: Model, condition: Condition) -> SettingError:
+    """Uncertainty of setting by which levels are told apart: the rig's, or what is usual for the condition."""
+    return model.rig.setting.get(condition.name, condition.usual_setting)
 
 
 def join(measurements: Sequence[Measurement], model: Model) -> Rows:
@@ -205,7 +190,7 @@ def _setups(
     recording: NDArray[np.intp],
     cell: NDArray[np.intp],
     conditions: Mapping[str, Array],
-    settings: Mapping[str, Setting],
+    settings: Mapping[str, SettingError],
 ) -> tuple[NDArray[np.intp], str]:
     for how in ("setup", "repeat"):
         marks = [getattr(m, how) for m in measurements]
@@ -221,7 +206,7 @@ def _setups(
     return np.cumsum(changed), "order"
 
 
-def check_varied(rows: Rows) -> None:
+def check_varied(rows: Rows, model: Model) -> None:
     """Refuse a single condition, or rows that are all alike: no model can be tested on them."""
     if all(np.unique(values).size < 2 for name, values in rows.levels.items() if name != TIME):
         there = ", ".join(rows.recordings)
@@ -229,5 +214,5 @@ def check_varied(rows: Rows) -> None:
         raise InputError(
             f"{there}: {what}",
             expected="at least two different operating conditions",
-            remedy="measure at other speeds, torques or temperatures",
+            remedy=f"measure at other {model.words.vary}",
         )

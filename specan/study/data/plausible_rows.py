@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import InputError
-from specan.models import Condition, Model
-from specan.study.data.setpoints import Setting
+from specan.models import Condition, Model, SettingError
 from specan.study.observation import Array
 from specan.units import convert
 
@@ -30,7 +29,7 @@ def check_limits(
     conditions: Mapping[str, Array],
     places: Sequence[str],
     model: Model,
-    settings: Mapping[str, Setting],
+    settings: Mapping[str, SettingError],
 ) -> list[str]:
     """Refuse values that the bench cannot run; a likely unit is named.
 
@@ -44,7 +43,7 @@ def check_limits(
     places : sequence of str
         File and line of every row.
     model : Model
-        Its settings hold the rig's ``[limits]``.
+        Its rig holds the ``[limits]``.
     settings : mapping
         Scatter of setting each condition.
 
@@ -59,16 +58,16 @@ def check_limits(
         Values far outside the limits, or in another unit.
     """
     remarks = []
-    for name, (low, high) in model.settings.get("limits", {}).items():
+    for name, (low, high) in model.rig.limits.items():
         if name not in conditions:
             continue
         values, condition = conditions[name], model.conditions[name]
-        bad = _outside(values, low, high, condition, settings.get(name, Setting()))
+        bad = _outside(values, low, high, condition, settings.get(name, SettingError()))
         if not np.any(bad):
             continue
         shown = _shown(values[bad], condition)
         ends = _shown(np.array([low, high]), condition)
-        unit = _likely_unit(values, low, high, condition, settings.get(name, Setting()))
+        unit = _likely_unit(values, low, high, condition, settings.get(name, SettingError()))
         span = f"{shown.min():.4g} to {shown.max():.4g}" if np.ptp(shown) > 0 else f"{shown[0]:.4g}"
         said = f"{_named(places, bad)}: {condition.column} is {span} {condition.column_unit}"
         if not unit and values.min() > low - (high - low) and values.max() < high + (high - low):
@@ -104,7 +103,7 @@ def duplicates(columns: Sequence[Array], places: Sequence[str]) -> str:
 
 
 def _outside(
-    values: Array, low: float, high: float, condition: Condition, setting: Setting
+    values: Array, low: float, high: float, condition: Condition, setting: SettingError
 ) -> NDArray[np.bool_]:
     reach = SCATTER * np.asarray(setting.at(values)) + OF_RANGE * (high - low)
     bad = (values < low - reach) | (values > high + reach)
@@ -113,7 +112,7 @@ def _outside(
     return np.asarray(bad)
 
 
-def _likely_unit(values: Array, low: float, high: float, condition: Condition, setting: Setting) -> str:
+def _likely_unit(values: Array, low: float, high: float, condition: Condition, setting: SettingError) -> str:
     """``rev/s?``: a unit in which all values lie within the limits; empty where none does."""
     shown = _shown(values, condition)
     for unit in MISTAKEN.get(condition.column_unit, ()):

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models import SettingError
 from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
@@ -15,19 +13,7 @@ GROUPS = 8
 CHANCE = 1e-3  # probability below which gaps of two sizes are no accident
 
 
-@dataclass(frozen=True)
-class Setting:
-    """Standard deviation of setting an operating variable: a fraction of the value, and as it is."""
-
-    relative: float = 0.0
-    absolute: float = 0.0
-
-    def at(self, value: Any) -> Any:
-        """Standard deviation at a value."""
-        return np.hypot(self.relative * np.abs(value), self.absolute)
-
-
-def levels(values: Array, setting: Setting) -> tuple[Array, bool]:
+def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
     """The level that each value was meant to be at, and whether the column holds set values.
 
     Values on a round grid that is coarser than the scatter of setting are set values and levels as they
@@ -38,7 +24,7 @@ def levels(values: Array, setting: Setting) -> tuple[Array, bool]:
     ----------
     values : array
         One value for each different operating point (repeats count once).
-    setting : Setting
+    setting : SettingError
         Scatter of setting this variable.
 
     Returns
@@ -50,9 +36,9 @@ def levels(values: Array, setting: Setting) -> tuple[Array, bool]:
     Examples
     --------
     >>> import numpy as np
-    >>> levels(np.array([5.0, 20.0, 5.0, 20.0]), Setting(0.05))
+    >>> levels(np.array([5.0, 20.0, 5.0, 20.0]), SettingError(0.05))
     (array([ 5., 20.,  5., 20.]), True)
-    >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), Setting(0.05))
+    >>> levels(np.array([5.1, 20.4, 4.9, 19.6]), SettingError(0.05))
     (array([ 5., 20.,  5., 20.]), False)
     """
     distinct = np.unique(values)
@@ -95,7 +81,7 @@ def round_step(distinct: Array) -> float:
     return 1e-10
 
 
-def _parts(ordered: Array, setting: Setting) -> list[slice]:
+def _parts(ordered: Array, setting: SettingError) -> list[slice]:
     """Part sorted values at their widest gap while a part is wider than six standard deviations of the
     setting, has a gap of more than two and a half of them, or one that the values themselves show to be a step."""
     least = _break(ordered, setting)
@@ -114,7 +100,7 @@ def _parts(ordered: Array, setting: Setting) -> list[slice]:
     return done
 
 
-def _break(ordered: Array, setting: Setting) -> float:
+def _break(ordered: Array, setting: SettingError) -> float:
     """Gap, in standard deviations of the setting, from which neighbours are different settings; infinite if none is.
 
     Settings that a brake holds better than the rig file says leave gaps of two kinds: those between readings of one

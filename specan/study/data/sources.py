@@ -5,15 +5,17 @@ from __future__ import annotations
 import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 from specan.errors import RequestError, nearest
 from specan.models import Model
 from specan.study.observation import Observation
 
-# kind -> module with `open_data(model, request) -> OpenedData`
-OPENERS = {"table": "specan.study.data.open_tables", "frf": "specan.study.data.open_recordings"}
-SUFFIXES = {".csv": "table", ".tsv": "table", ".txt": "table", ".tdms": "frf", ".wav": "frf"}
+# kind -> module with `reads(path) -> bool`, `TITLE` and `open_data(model, request) -> OpenedData`
+KINDS = {"table": "specan.study.data.open_tables", "frf": "specan.study.data.open_recordings"}
+ENTRY_POINTS = "specan.measurement_kinds"  # of installed packages: name = such a module
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class DataFile:
 
 @dataclass(frozen=True)
 class DataRequest:
-    """The files of one kind, and what is to be put aside: pairs (file name or None, ``torque=60``)."""
+    """The files of one kind, and what is to be put aside: pairs (file name or None, ``load=60``)."""
 
     measurements: Sequence[DataFile]
     validations: Sequence[DataFile] = ()
@@ -66,23 +68,44 @@ class OpenedData:
     discrepancy_percent: float = 0.0
 
 
-def kind_of(path: Path) -> str:
-    """Kind of a measured file, from its suffix."""
-    kind = SUFFIXES.get(path.suffix.lower())
-    if kind is None:
-        raise RequestError(
-            f"{path.name} is no kind of file that a study reads", expected="one of " + ", ".join(SUFFIXES)
-        )
-    return kind
+def kind_named(kind: str) -> Any:
+    """Module of a kind of measurement, built in or from an installed package.
+
+    Raises
+    ------
+    RequestError
+        There is none of that name.
+    """
+    if kind in KINDS:
+        return importlib.import_module(KINDS[kind])
+    installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    if kind in installed:
+        return installed[kind].load()
+    raise RequestError(f"a study reads no {kind!r}", remedy=nearest(kind, [*KINDS, *installed]))
+
+
+def kind_of(path: Path, model: Model) -> str:
+    """Kind of a measured file: the first that the model can be held against and that the file's content is of.
+
+    Raises
+    ------
+    RequestError
+        The file is of no kind that the model can be held against.
+    """
+    for kind in model.kinds:
+        if kind_named(kind).reads(path):
+            return kind
+    titles = " or ".join(kind_named(kind).TITLE for kind in model.kinds)
+    raise RequestError(
+        f"{path.name} is no kind of file that a study of the model {model.name} reads", expected=titles
+    )
 
 
 def open_data(model: Model, requests: Mapping[str, DataRequest]) -> OpenedData:
     """Open the files of every kind."""
     parts = []
     for kind, request in requests.items():
-        if kind not in OPENERS:
-            raise RequestError(f"a study reads no {kind!r}", remedy=nearest(kind, OPENERS))
-        parts.append(importlib.import_module(OPENERS[kind]).open_data(model, request))
+        parts.append(kind_named(kind).open_data(model, request))
     return OpenedData(
         fitted=tuple(o for p in parts for o in p.fitted),
         held_out=tuple(o for p in parts for o in p.held_out),

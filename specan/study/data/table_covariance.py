@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Model
-from specan.study.data import gear_table
 from specan.study.data.baseline import Reference, crude, reference
-from specan.study.data.operating_table import ENOUGH, TIME, Rows, setting_of
+from specan.study.data.operating_table import ENOUGH, TIME, Rows
 from specan.study.data.replicate_variance import VarianceFunction, pooled
-from specan.study.data.table_reader import column_of
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
+from specan.units import printed_unit
 
 LEAST = 3  # degrees of freedom below which repeats say nothing
 COARSE = 1e-3  # rounding below this share of the reading is no account of a measurement's uncertainty
@@ -71,8 +70,8 @@ class Uncertainty:
 
     @property
     def discrepancy_percent(self) -> float:
-        """Declared discrepancy of the model, percent of the losses."""
-        return float(self.model.settings.get("uncertainty", {}).get("model_discrepancy_percent", 0.0))
+        """Declared discrepancy of the model, percent of what its effects do to the reading."""
+        return self.model.rig.discrepancy_percent
 
     def observe(self, rows: Rows) -> TableObservation:
         """Rows with their covariance; `pure_dof` holds for the rows that this was worked out on."""
@@ -80,9 +79,9 @@ class Uncertainty:
         together = (rows.setup[:, None] == rows.setup) & (rows.observable[:, None] == rows.observable)
         root = np.sqrt(setup)
         covariance = np.diag(reading) + np.where(together, np.outer(root, root), 0.0)
-        loss = self.discrepancy_percent / 100 * self.reference.losses(rows)
-        loss = np.where(np.isfinite(loss), loss, 0.0)
-        covariance += np.outer(loss, loss) * self._likeness(rows)
+        part = self.discrepancy_percent / 100 * self.reference.effects_part(rows)
+        part = np.where(np.isfinite(part), part, 0.0)
+        covariance += np.outer(part, part) * self._discrepancy_correlation(rows)
         return TableObservation(
             name=", ".join(dict.fromkeys(rows.recordings[k] for k in rows.recording)),
             observable=rows.observable,
@@ -90,11 +89,12 @@ class Uncertainty:
             conditions=rows.conditions,
             covariance=covariance,
             labels=rows.labels(self.model),
+            variables=rows.variables(self.model),
             recordings=rows.recordings,
             recording=rows.recording,
             noise_dof=self._dof(rows),
             pure_dof=sum(noise.pure_dof for noise in self.noise.values()),
-            parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(loss)},
+            parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},
             available=frozenset(rows.conditions),
             known=self.known,
             lines=rows.lines,
@@ -132,7 +132,7 @@ class Uncertainty:
         spread = sum(share[name] ** 2 / noise.dof for name, noise in self.noise.items())
         return 1 / spread if spread > 0 else np.inf
 
-    def _likeness(self, rows: Rows) -> Array:
+    def _discrepancy_correlation(self, rows: Rows) -> Array:
         """Correlation of the discrepancy between rows: it is smooth over every operating variable."""
         distance = np.zeros((rows.n, rows.n))
         for name, (low, high) in self.ranges.items():
@@ -147,7 +147,7 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
     Parameters
     ----------
     model : Model
-        Its settings hold the rig's ``[uncertainty]``.
+        Its rig states the uncertainties of instruments and settings.
     rows : Rows
         The rows that are fitted.
 
@@ -160,7 +160,7 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
     noise, statements = {}, [*rows.notes, *_about_conditions(model, rows)]
     for observable in sorted(set(rows.observable.tolist())):
         noise[observable], said = _noise_of(model, centre, rows, rows.observable == observable)
-        statements += [f"{column_of(model.observables[observable])}: {text}" for text in said]
+        statements += [f"{model.observables[observable].header}: {text}" for text in said]
     ranges = {
         name: (float(x.min()), float(x.max()))
         for name, x in rows.conditions.items()
@@ -168,7 +168,9 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
     }
     found = Uncertainty(model, centre, noise, ranges)
     percent = found.discrepancy_percent
-    statements.append(f"model discrepancy {percent:g} % of the losses, smooth over the operating variables")
+    statements.append(
+        f"model discrepancy {percent:g} % of the {model.words.discrepancy_of}, smooth over the operating variables"
+    )
     return Uncertainty(model, centre, noise, ranges, tuple(statements))
 
 
@@ -180,52 +182,51 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
         condition = model.conditions[name]
         if name == TIME or not condition.varies or not np.ptp(rows.levels[name]) > 0:
             continue
-        size = 1.0 if condition.unit == "K" else x
+        size = 1.0 if condition.usual_setting.absolute else x
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
     return {**found, SETTING: declared_setting(model, centre, rows)}
 
 
 def declared_reading(model: Model, centre: Reference, rows: Rows) -> Array:
-    """Variance of a reading from the instruments of the rig file; zero where it names none."""
-    given = model.settings.get("uncertainty", {})
+    """Variance of a reading from the instruments of the rig; zero where it states none."""
+    given = model.rig.reading
     variance = np.zeros(rows.n)
     for name in set(rows.observable.tolist()):
         mine = rows.observable == name
-        column = column_of(model.observables[name])
-        if column in given:
-            variance[mine] = given[column] ** 2
-        elif column == gear_table.ETA and gear_table.IN in given:
-            torque = _input_torque(centre, rows, mine)
-            variance[mine] = (rows.measured[mine] / torque * given[gear_table.IN]) ** 2
+        source = model.observables[name].reading_of
+        if name in given:
+            variance[mine] = given[name] ** 2
+        elif source in given:
+            read = _predicted_as(centre, rows, mine, source)
+            variance[mine] = (rows.measured[mine] / read * given[source]) ** 2
     for name, condition in model.conditions.items():
-        if name not in rows.conditions or rows.is_set[name] or condition.unit == "K":
+        if name not in rows.conditions or rows.is_set[name] or condition.usual_setting.absolute:
             continue
         slope = centre.slope(rows, name)
         variance += (slope * rows.steps[name]) ** 2 / 12
-        variance += (slope * given.get(condition.column, 0.0)) ** 2
+        variance += (slope * given.get(name, 0.0)) ** 2
     return variance
 
 
 def is_declared(model: Model, observable: str) -> bool:
-    """Whether the rig file tells how uncertain a reading is."""
-    given = model.settings.get("uncertainty", {})
-    column = column_of(model.observables[observable])
-    return column in given or (column == gear_table.ETA and gear_table.IN in given)
+    """Whether the rig tells how uncertain a reading is."""
+    given = model.rig.reading
+    return observable in given or model.observables[observable].reading_of in given
 
 
-def _input_torque(centre: Reference, rows: Rows, mine: NDArray[np.bool_]) -> Array:
-    """Input torque that belongs to rows of measured efficiency."""
+def _predicted_as(centre: Reference, rows: Rows, mine: NDArray[np.bool_], observable: str) -> Array:
+    """What the reference expects some rows to be as another observable."""
     from dataclasses import replace
 
     part = rows.take(mine)
-    return centre.predict(replace(part, observable=np.full(part.n, "input_torque", dtype="U64")))
+    return centre.predict(replace(part, observable=np.full(part.n, observable, dtype="U64")))
 
 
 def declared_setting(model: Model, centre: Reference, rows: Rows) -> Array:
     """Variance that the scatter of set values adds, from the rig file; values that were read add none."""
     variance = np.zeros(rows.n)
     for name, x in rows.conditions.items():
-        setting = setting_of(model, model.conditions[name])
+        setting = model.rig.setting.get(name)
         if setting is not None and rows.is_set[name]:
             variance += (centre.slope(rows, name) * setting.at(x)) ** 2
     return variance
@@ -250,8 +251,8 @@ def _noise_of(
     setup = pooled(
         mean(rest), part.cell[first], means, {n: mean(c) for n, c in grows.items()}, SETTING, instrument
     )
-    column = column_of(model.observables[str(part.observable[0])])
-    unit = "" if model.observables[str(part.observable[0])].unit == "1" else " Nm"
+    measured = model.observables[str(part.observable[0])]
+    column, unit = measured.header, f" {printed_unit(measured.unit)}".rstrip()
     several = float(np.mean(np.bincount(np.unique(part.setup, return_inverse=True)[1])))
     anew = _usable(setup, told)
     again = _usable(reading, told)
@@ -310,8 +311,8 @@ def _slopes(rows: Rows, predicted: Array) -> Array:
     """What repeats of a condition may differ by without being scattered, the likeliest first.
 
     A setting that was read differed: the reference's slope may be a little wrong, so that a correction
-    linear in the deviation, and in the condition, is left to be fitted. Time went on: a gear runs in,
-    quickly at first, by a torque or by a share of the torque.
+    linear in the deviation, and in the condition, is left to be fitted. Time went on: a machine runs in,
+    quickly at first, by an amount or by a share of the reading.
     """
     scaled = [(x - x.mean()) / x.std() for n, x in rows.levels.items() if np.ptp(x) > 0 and n != TIME]
     deviations = {
@@ -399,13 +400,14 @@ def _told(found: VarianceFunction | None, how: str, kind: str, unit: str, grows:
 def _anew(model: Model, rows: Rows) -> str:
     given = []
     for name in rows.conditions:
-        setting = setting_of(model, model.conditions[name])
+        setting, condition = model.rig.setting.get(name), model.conditions[name]
         if setting is not None and rows.is_set[name]:
-            column = model.conditions[name].column
-            size = f"{100 * setting.relative:g} %" if setting.relative else f"{setting.absolute:g} K"
-            given.append(f"{column} is set to {size}")
+            size = (
+                f"{100 * setting.relative:g} %"
+                if setting.relative
+                else f"{setting.absolute:g} {printed_unit(condition.unit)}"
+            )
+            given.append(f"{condition.column} is set to {size}")
     return (
-        " and ".join(given) + " (rig file)"
-        if given
-        else "no scatter of setting is declared (torque_setting_percent)"
+        " and ".join(given) + " (rig file)" if given else "no scatter of setting is declared in the rig file"
     )

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import InputError, nearest
-from specan.models import Condition, Model, Observable
-from specan.study.data import gear_table
+from specan.models import Condition, Model, Observable, TableFault, TableRules
 from specan.study.data.table_file import TableFile, read_table
 from specan.study.observation import Array
 from specan.units import convert, scale_to
@@ -54,12 +53,6 @@ class Measurement:
         return int(self.measured.size)
 
 
-def column_of(observable: Observable) -> str:
-    """Header under which a table holds an observable: ``input_torque_Nm``, ``efficiency``."""
-    unit = observable.unit.replace("*", "").replace("/", "_per_").replace("^", "")
-    return observable.name if observable.unit == "1" else f"{observable.name}_{unit}"
-
-
 def read_measurement(
     path: Path,
     model: Model,
@@ -75,7 +68,7 @@ def read_measurement(
     model : Model
         Says which columns there may be.
     constants : mapping, optional
-        Conditions of all rows that the table does not hold, by column: ``{"oil_temperature_C": 45.0}``.
+        Conditions of all rows that the table does not hold, by column: ``{"load_kN": 45.0}``.
     content : bytes, optional
         The file's content where it has been read already.
     name : str, optional
@@ -88,16 +81,13 @@ def read_measurement(
     """
     table = read_table(path, content)
     known = {c.column: c for c in model.conditions.values() if c.column}
-    measurable = {column_of(o): o for o in model.observables.values()}
-    _check_columns(table, known, measurable)
+    measurable = {o.header: o for o in model.observables.values() if o.kind == "table"}
+    _check_columns(table, known, measurable, model.table_rules)
     _add_constants(table, constants or {}, known)
     steps = {n: np.full(table.lines.size, s) for n, s in table.steps.items()}
     notes: list[str] = []
-    if {gear_table.IN, gear_table.ETA} <= set(measurable) and gear_table.OUT in known:
-        ratio = float(model.assemble().evaluate({}, wanted=["gear_ratio"])["gear_ratio"])
-        completed, its_steps, notes = gear_table.complete(table, ratio)
-        table.columns.update(completed)
-        steps |= its_steps
+    if model.table_rules is not None:
+        notes += _complete(table, model.table_rules, steps)
     chosen, measured, step = _choose(table, measurable, steps)
     conditions, its_steps = _conditions(table, known, steps)
     return Measurement(
@@ -114,8 +104,23 @@ def read_measurement(
     )
 
 
+def _complete(table: TableFile, rules: TableRules, steps: dict[str, Array]) -> tuple[str, ...]:
+    """Apply a model's rules to the columns and their steps, in place; returns the notes."""
+    try:
+        found = rules.complete(table.columns, table.steps)
+    except TableFault as fault:
+        where = f"{table.path}" if fault.rows is None else f"{table.path}, {table.rows(fault.rows)}"
+        raise InputError(f"{where}: {fault.found}", expected=fault.expected, remedy=fault.remedy) from None
+    table.columns.update(found.columns)
+    steps.update(found.steps)
+    return found.notes
+
+
 def _check_columns(
-    table: TableFile, known: Mapping[str, Condition], measurable: Mapping[str, Observable]
+    table: TableFile,
+    known: Mapping[str, Condition],
+    measurable: Mapping[str, Observable],
+    rules: TableRules | None,
 ) -> None:
     allowed = {*known, *measurable, *MARKS}
     for name in table.columns:
@@ -127,7 +132,8 @@ def _check_columns(
                 remedy=f"{hint.rstrip('?')}; a column whose name begins with 'note' is passed over",
             )
     for column, condition in known.items():
-        derivable = column == gear_table.OUT and {gear_table.IN, gear_table.ETA} <= set(table.columns)
+        sources = rules.derivable.get(column) if rules else None
+        derivable = sources is not None and sources <= set(table.columns)
         if column not in table.columns and condition.default is None and not derivable:
             raise InputError(
                 f"{table.path}: the column {column!r} is missing (found: {', '.join(table.columns)})",
@@ -164,11 +170,12 @@ def _choose(
             continue
         values = table.columns[column]
         rows = np.isnan(measured) & np.isfinite(values)
-        if column == gear_table.ETA:
-            rows &= values > 0
         chosen[rows] = observable.name
         measured[rows] = values[rows]
         step[rows] = steps[column][rows]
+        if observable.column_unit not in ("", observable.unit):
+            measured[rows] = convert(values[rows], observable.column_unit, observable.unit)
+            step[rows] *= scale_to(observable.column_unit, observable.unit)
     if np.any(np.isnan(measured)):
         raise InputError(
             f"{table.path}, {table.rows(np.isnan(measured))}: no measured value",

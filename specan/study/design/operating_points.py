@@ -6,8 +6,8 @@ a reading there could know (Box & Hill 1967; Buzzi-Ferraris & Forzatti 1984):
     sum over pairs  w_a w_b (y_a - y_b)^2 / (sigma^2 + v_a + v_b),
 
 with v the variance that a prediction inherits from the fitted parameters. After each point the parameters'
-covariances are updated as if it had been measured, and neighbours of points that are taken are left out. In a
-room the points are places of microphones (`specan.study.design.receiver_places`).
+covariances are updated as if it had been measured, and neighbours of points that are taken are left out. Of a
+field the points are places of receivers (`specan.study.design.receiver_places`).
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from specan.models import Condition, Model
 from specan.study.design.planned_receivers import spoken_place
-from specan.study.design.receiver_places import best_places, in_words, is_room, where_it_fails
+from specan.study.design.receiver_places import best_places, can_place, in_words, where_it_fails
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import Block
+from specan.study.localisation.result import Block
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
-from specan.units import convert
+from specan.units import convert, printed_unit
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True
     if len(rivals) < 2:
         return ()
     problem = rivals[0].problem
-    if is_room(problem):
+    if can_place(problem):
         found = _positions(rivals, count)
         return tuple(found or (_other_kinds(rivals) if other_kinds else []))
     grid = _grid(problem)
@@ -115,8 +115,11 @@ def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Prop
     blocks : sequence of Block
         Where it fails, the worst first.
     """
-    if blocks and is_room(start.problem):
-        return tuple(_position_to_explore(p, blocks[0]) for p in where_it_fails(start, blocks[0], count))
+    if blocks and can_place(start.problem):
+        noun = _noun(start.problem.assembly.model)
+        return tuple(
+            _position_to_explore(p, blocks[0], noun) for p in where_it_fails(start, blocks[0], count)
+        )
     grid = _grid(start.problem)
     if grid is None or not blocks:
         return ()
@@ -139,12 +142,14 @@ def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Prop
 
 
 def _positions(rivals: Sequence[Refit], count: int) -> list[Proposal]:
-    """Places for microphones that separate the rivals."""
+    """Places for receivers that separate the rivals."""
     names = [_name(r) for r in rivals]
-    unit = rivals[0].problem.assembly.model.observables["frf"].unit
+    model = rivals[0].problem.assembly.model
+    unit = model.observables[rivals[0].problem.observations[0].observable].unit  # type: ignore[attr-defined]
+    noun = _noun(model)
     return [
         Proposal(
-            in_words(found, names, unit),
+            in_words(found, names, unit, noun),
             dict(zip(("x_m", "y_m", "z_m"), found.place_m, strict=True)),
             dict(zip(names, found.levels_dB, strict=True)),
             "dB",
@@ -155,10 +160,15 @@ def _positions(rivals: Sequence[Refit], count: int) -> list[Proposal]:
     ]
 
 
-def _position_to_explore(place: tuple[float, float, float], block: Block) -> Proposal:
+def _position_to_explore(place: tuple[float, float, float], block: Block, noun: str) -> Proposal:
     told = f"where the model fails ({block.short_place}: {block.text}) and nothing was measured nearby"
     conditions = dict(zip(("x_m", "y_m", "z_m"), place, strict=True))
-    return Proposal(f"a microphone at {spoken_place(place)}: {told}", conditions, {}, "dB", None, None)
+    return Proposal(f"a {noun} at {spoken_place(place)}: {told}", conditions, {}, "dB", None, None)
+
+
+def _noun(model: Model) -> str:
+    assert model.receivers is not None
+    return model.receivers.noun
 
 
 def _inside(problem: Problem, planned: TableObservation, block: Block) -> NDArray[np.bool_]:
@@ -185,7 +195,7 @@ def _measured_places(problem: Problem, planned: TableObservation) -> Array:
 def _grid(problem: Problem) -> dict[str, Array] | None:
     """Conditions within the limits, SI; None where the rig names none or the data are no table."""
     model = problem.assembly.model
-    limits: Mapping[str, Sequence[float]] = model.settings.get("limits", {})
+    limits = model.rig.limits
     usable = {n: limits[n] for n in limits if n in model.conditions}
     if not usable or not all(isinstance(o, TableObservation) for o in problem.observations):
         return None
@@ -325,7 +335,7 @@ def _proposal(
     predictions = {_name(r): float(value) for r, value in zip(rivals, predicted)}
     sigma = float(planned.sigma[row])
     where = ", ".join(f"{_spoken(model, column, value)}" for column, value in conditions.items())
-    unit = "" if observable.unit == "1" else " " + observable.unit.replace("*", "")
+    unit = f" {printed_unit(observable.unit)}".rstrip()
     said = ", ".join(f"{name} expects {value:.4g}{unit}" for name, value in predictions.items())
     told = (
         f"one reading separates them by {least:.1f} sigma"
@@ -338,9 +348,7 @@ def _proposal(
 
 def _spoken(model: Model, column: str, value: float) -> str:
     condition = next(c for c in model.conditions.values() if c.column == column)
-    unit = {"degC": "°C", "N*m": "Nm", "percent": "%"}.get(condition.column_unit, condition.column_unit)
-    words = column.rpartition("_")[0].replace("_", " ")
-    return f"{words} {value:g} {unit}"
+    return f"{condition.words} {value:g} {printed_unit(condition.column_unit)}".rstrip()
 
 
 def _name(refit: Refit) -> str:

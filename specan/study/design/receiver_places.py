@@ -1,11 +1,11 @@
-"""Where the next microphone of a room should stand: where the explanations that are left differ most.
+"""Where the next receiver of a field should stand: where the explanations that are left differ most.
 
-At a place the rivals expect transfer functions y_a and y_b, vectors over all lines. What a microphone there would tell
+At a place the rivals expect transfer functions y_a and y_b, vectors over all lines. What a receiver there would tell
 between them is, as for single readings (Box and Hill 1967; Buzzi-Ferraris and Forzatti 1984),
 
     (y_a - y_b)' (V + J_a C_a J_a' + J_b C_b J_b')^-1 (y_a - y_b),
 
-with V what a microphone can know there (noise, its place, its calibration, the declared discrepancy) and J C J' what
+with V what a receiver can know there (noise, its place, its calibration, the declared discrepancy) and J C J' what
 the fitted parameters leave open. Its root is the separation in sigma.
 """
 
@@ -18,23 +18,22 @@ from typing import Any
 
 import numpy as np
 
+from specan.models.receivers import Places, Receivers
 from specan.study.design.planned_receivers import (
-    by_microphone,
-    free_places,
+    by_receiver,
     planned,
     spoken_place,
-    with_microphones,
 )
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import Block
 from specan.study.localisation.frf_errors import DB
+from specan.study.localisation.result import Block
 from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
 from specan.study.selection.refits import Refit
 
 
 @dataclass(frozen=True)
-class PlacedMicrophone:
+class PlacedReceiver:
     """A proposed place and what is expected there.
 
     Attributes
@@ -57,15 +56,23 @@ class PlacedMicrophone:
     separation: float
 
 
-def is_room(problem: Problem) -> bool:
-    """Whether further microphones can be placed: a box, recordings, no parameter of its own for each microphone."""
-    model = problem.assembly.model
-    own = any(problem.assembly.parameters[name].per == "microphone" for name in problem.free)
-    recordings = all(isinstance(o, FrfObservation) for o in problem.observations)
-    return recordings and not own and bool((model.settings.get("rig", {}).get("room") or {}).get("dims_m"))
+def can_place(problem: Problem) -> bool:
+    """Whether further receivers can be placed: the model knows places, and no parameter is a receiver's own."""
+    receivers = problem.assembly.model.receivers
+    if receivers is None or receivers.places is None:
+        return False
+    own = any(problem.assembly.parameters[name].per == receivers.axis for name in problem.free)
+    return not own and all(isinstance(o, FrfObservation) for o in problem.observations)
 
 
-def best_places(rivals: Sequence[Refit], weights: Array, count: int, least: float) -> list[PlacedMicrophone]:
+def _of(problem: Problem) -> tuple[Receivers, Places]:
+    receivers = problem.assembly.model.receivers
+    assert receivers is not None
+    assert receivers.places is not None, "see can_place"
+    return receivers, receivers.places
+
+
+def best_places(rivals: Sequence[Refit], weights: Array, count: int, least: float) -> list[PlacedReceiver]:
     """Places that separate rivals, the best first; each beside those before it.
 
     Parameters
@@ -78,7 +85,7 @@ def best_places(rivals: Sequence[Refit], weights: Array, count: int, least: floa
     least : float
         Separation in sigma below which nothing is proposed.
     """
-    places = free_places(rivals[0].problem.assembly.model)
+    places = _of(rivals[0].problem)[1].free()
     views = _views(rivals, places)
     covariances = [r.fit.covariance * r.scale for r in rivals]
     left, found = set(range(len(places))), []
@@ -109,7 +116,7 @@ def _views(rivals: Sequence[Refit], places: Array) -> list[_View]:
     views, seen = [], None
     for rival in rivals:
         problem = rival.problem
-        model, names = with_microphones(problem.assembly.model, places)
+        model, names = _of(problem)[1].with_receivers(problem.assembly.model, places)
         wider = replace(problem, assembly=model.assemble(problem.assembly.uses))
         first = problem.observations[0]
         assert isinstance(first, FrfObservation)
@@ -125,8 +132,8 @@ def _views(rivals: Sequence[Refit], places: Array) -> list[_View]:
             _View(
                 seen,
                 response,
-                by_microphone(seen, seen.whiten(predicted[:, None]))[..., 0],
-                by_microphone(seen, slopes),
+                by_receiver(seen, seen.whiten(predicted[:, None]))[..., 0],
+                by_receiver(seen, slopes),
             )
         )
     return views
@@ -135,7 +142,7 @@ def _views(rivals: Sequence[Refit], places: Array) -> list[_View]:
 def _separations(
     views: Sequence[_View], covariances: Sequence[Array], place: int
 ) -> dict[tuple[int, int], float]:
-    """Squared separation of every pair of rivals by a microphone at one place."""
+    """Squared separation of every pair of rivals by a receiver at one place."""
     found = {}
     for a, b in combinations(range(len(views)), 2):
         gap = views[a].white[place] - views[b].white[place]
@@ -152,7 +159,7 @@ def _root(covariance: Array) -> Array:
 
 
 def _after(covariance: Array, slopes: Array) -> Array:
-    """Covariance of the parameters once a microphone with these whitened slopes has been there."""
+    """Covariance of the parameters once a receiver with these whitened slopes has been there."""
     if not covariance.size:
         return covariance
     root = _root(covariance)
@@ -162,7 +169,7 @@ def _after(covariance: Array, slopes: Array) -> Array:
 
 def _expected(
     views: Sequence[_View], place: Array, number: int, pair: tuple[int, int], separation: float
-) -> PlacedMicrophone:
+) -> PlacedReceiver:
     """The third octave in which the two that are furthest apart differ most against its uncertainty."""
     observation = views[0].observation
     mic = int(np.flatnonzero(observation.kept.any(axis=1))[number])
@@ -176,7 +183,7 @@ def _expected(
         told.append((abs(levels[pair[0]] - levels[pair[1]]) / sigma, float(band), levels, sigma))
     _, band, levels, sigma = max(told, key=lambda t: t[0])
     x, y, z = (float(v) for v in place)
-    return PlacedMicrophone((x, y, z), band, tuple(float(v) for v in levels), float(sigma), separation)
+    return PlacedReceiver((x, y, z), band, tuple(float(v) for v in levels), float(sigma), separation)
 
 
 def _level_sigma(observation: FrfObservation, mic: int, lines: Any, response: Any) -> float:
@@ -187,18 +194,16 @@ def _level_sigma(observation: FrfObservation, mic: int, lines: Any, response: An
 
 
 def where_it_fails(start: Refit, block: Block, count: int) -> list[tuple[float, float, float]]:
-    """Free places in the corner of a block - near its wall or its microphone - far from all microphones."""
+    """Free places in the corner of a block - near its group or its receiver - far from all receivers."""
     model = start.problem.assembly.model
-    rig = model.settings["rig"]
-    places, taken = free_places(model), np.array(rig["mics"]["position_m"])
-    dims = np.array(rig["room"]["dims_m"])
-    wall, name = block.where.get("near_wall"), block.where.get("channel")
-    if wall is not None:
-        axis, far = "xyz".index(wall[0]), wall[1] == "1"
-        depth = dims[axis] - places[:, axis] if far else places[:, axis]
+    receivers, known = _of(start.problem)
+    places, taken = known.free(), receivers.positions_m
+    group, name = block.where.get(receivers.group_label), block.where.get("channel")
+    if group is not None:
+        depth = known.depth(group, places)
         places = places[depth <= depth.min() + 1e-9]
-    elif name in model.axes["microphone"]:
-        away = np.linalg.norm(places - taken[model.axes["microphone"].index(name)], axis=1)
+    elif name in model.axes[receivers.axis]:
+        away = np.linalg.norm(places - taken[model.axes[receivers.axis].index(name)], axis=1)
         places = places[np.argsort(away, kind="stable")[:8]]
     found: list[tuple[float, float, float]] = []
     for _ in range(min(count, len(places))):
@@ -209,11 +214,11 @@ def where_it_fails(start: Refit, block: Block, count: int) -> list[tuple[float, 
     return found
 
 
-def in_words(found: PlacedMicrophone, names: Sequence[str], unit: str) -> str:
+def in_words(found: PlacedReceiver, names: Sequence[str], unit: str, noun: str) -> str:
     """A proposal as a sentence."""
     said = ", ".join(f"{n} expects {v:.1f} dB" for n, v in zip(names, found.levels_dB, strict=True))
     return (
-        f"a microphone at {spoken_place(found.place_m)}: around {found.band_hz:g} Hz {said} (re 1 {unit}); sigma "
+        f"a {noun} at {spoken_place(found.place_m)}: around {found.band_hz:g} Hz {said} (re 1 {unit}); sigma "
         f"there is {found.sigma_dB:.2g} dB, one recording over all frequencies separates them by "
         f"{found.separation:.1f} sigma"
     )

@@ -15,7 +15,7 @@ from specan.study.estimation.levenberg_marquardt import LED, descend_a_little, l
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
-STAGES = (20.0, 5.0)  # per cent of the RMS over microphones
+STAGES = (20.0, 5.0)  # per cent of the RMS over channels
 ENOUGH = 8  # Jacobians a stage: what a fit still gains then, such uncertainties do not tell from nothing
 
 

@@ -1,6 +1,6 @@
 """Covariances that depend on where the model is, taken about a fit.
 
-A microphone that stands two millimetres off reads the gradient of the field there: how much that is, only a fitted
+A receiver that stands two millimetres off reads the gradient of the field there: how much that is, only a fitted
 model tells. The covariance is linearised about one fit, and then stays the same for every model that is
 compared, so that chi-squares can be.
 """
@@ -22,7 +22,7 @@ JACOBIANS = 3
 def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> Problem:
     """The problem with covariances about a fit of its own, and a start there; itself where they depend on none.
 
-    A coarse fit is not near enough, because it does not see the windows: a microphone's gain, say, would act on
+    A coarse fit is not near enough, because it does not see the windows: a receiver's gain, say, would act on
     another field than its calibration's uncertainty does, and seem to be known better than the calibration.
     From there all lines are fitted by a few steps, and the covariances taken about that.
 

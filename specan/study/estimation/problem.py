@@ -86,7 +86,7 @@ class Problem:
 
     @cached_property
     def elements(self) -> dict[str, tuple[str, ...]]:
-        """Elements of each parameter that is a vector: ``{"microphone-gain.gain": ("Mic 1", ...)}``."""
+        """Elements of each parameter that is a vector: ``{"gain-error.gain": ("Channel 1", ...)}``."""
         found = {}
         for name, parameter in self.assembly.parameters.items():
             if parameter.per == "recording":
@@ -102,7 +102,7 @@ class Problem:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Name of every element of theta: ``churning.exponent``, ``microphone-gain.gain[Mic 3]``."""
+        """Name of every element of theta: ``churning.exponent``, ``gain-error.gain[Channel 3]``."""
         return tuple(
             f"{name}[{element}]" if element else name
             for name in self.free

@@ -1,8 +1,8 @@
-"""Where a model fails on transfer functions: level and phase, by third octave, microphone and nearest wall.
+"""Where a model fails on transfer functions: level and phase, by third octave, receiver and group of receivers.
 
 Whether a place stands out is a matter of the left-out algebra of `by_blocks`: in a cell, a third octave at
-one microphone, the prediction may be off along itself (a level) and across itself (a phase). Errors of
-different microphones are independent, or low in rank, so what holds for any set of cells follows from sums over
+one receiver, the prediction may be off along itself (a level) and across itself (a phase). Errors of
+different receivers are independent, or low in rank, so what holds for any set of cells follows from sums over
 cells. By how much
 the model is off there is said in plain dB and degrees (`specan.study.localisation.frf_errors`).
 """
@@ -16,23 +16,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models import Receivers
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import (
+from specan.study.localisation.by_blocks import LEAST_SHARE, LeftOut
+from specan.study.localisation.frf_errors import frf_errors
+from specan.study.localisation.result import (
     CLEAR,
-    LEAST_SHARE,
     LEVEL,
     Block,
-    LeftOut,
     Localisation,
     Trend,
     benjamini_yekutieli,
+    level_and_phase,
 )
-from specan.study.localisation.frf_errors import room_errors
 from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
+from specan.study.observation.variable import Variable
 
-NEAR = 0.3  # of an edge: within this distance a microphone is near a wall
 MOST_SENTENCES = 3
 LONGEST_RUN = 3  # third octaves: an error that goes on further is said of all frequencies
 GAIN = 1.1  # by how much |z| has to be larger for a smaller or larger place to be named instead
@@ -83,7 +84,7 @@ class Cells:
         spread, shrink = _of_all(observations)
         seen = white.shape[0]
         basis, clean = algebra.basis[:seen], algebra.clean[:seen]
-        # Columns of one microphone are whitened to d - U s U'd, with d on its own rows: sums of d and of U'd do.
+        # Columns of one receiver are whitened to d - U s U'd, with d on its own rows: sums of d and of U'd do.
         self._shared = 2 * shrink - shrink**2
         of_basis, of_clean = (shrink[:, None] * (spread.T @ basis), shrink * (spread.T @ clean))
         self._gram, self._fitted, self._along, self._spread = [], [], [], []
@@ -123,13 +124,13 @@ class Cells:
         return _statistic(gram, fitted, along, np.diag(gram))
 
     def _common(self, onto: Array) -> Array:
-        """What the errors that all microphones share take from a Gram matrix."""
+        """What the errors that all receivers share take from a Gram matrix."""
         taken: Array = onto.T @ (self._shared[:, None] * onto)
         return taken
 
 
 def _of_all(observations: Sequence[FrfObservation]) -> tuple[Array, Array]:
-    """Directions that errors common to all microphones of a recording widen, and by how much each is shortened."""
+    """Directions that errors common to all receivers of a recording widen, and by how much each is shortened."""
     from scipy.linalg import block_diag
 
     found = [o.of_all for o in observations]
@@ -160,15 +161,14 @@ class Words:
 
     def __init__(self, problem: Problem, best: Fit, cells: Cells) -> None:
         predictions = problem.predictions(best.theta)
-        nowhere = np.empty((0, 3))
         self._errors = [
-            room_errors(o, p, nowhere)  # type: ignore[arg-type]
+            frf_errors(o, p)  # type: ignore[arg-type]
             for o, p in zip(problem.observations, predictions, strict=True)
         ]
         self._cells = cells
 
     def failure(self, channels: Sequence[int], bands: Sequence[int]) -> Failure:
-        """Mean error over some microphones and bands: of several recordings, of the one that is furthest off."""
+        """Mean error over some receivers and bands: of several recordings, of the one that is furthest off."""
         names = {self._cells.channels[m] for m in channels}
         wanted = self._cells.bands[list(bands)]
         found = []
@@ -182,48 +182,40 @@ class Words:
         return max(found, key=lambda f: f.clarity)
 
 
-def localise_frf(problem: Problem, best: Fit) -> Localisation:
-    """Find third octaves, microphones and walls at which a fitted model of transfer functions fails."""
+def by_band_and_channel(problem: Problem, best: Fit) -> Localisation:
+    """Find third octaves, receivers and groups of them at which a fitted model of transfer functions fails."""
     cells = Cells(LeftOut(problem, best))
     words = Words(problem, best, cells)
-    near = near_walls(problem.assembly.model.settings.get("rig", {}), cells.channels, problem)
-    blocks = [_block(cells, words, problem, where, m, b) for where, m, b in _places(cells, near)]
+    receivers = _receivers(problem)
+    near = receivers.groups(cells.channels)
+    variables = {
+        **problem.observations[0].variables,
+        receivers.group_label: Variable(receivers.group_words, before=True),
+    }
+    blocks = [
+        _block(cells, words, problem, where, m, b, variables)
+        for where, m, b in _places(cells, near, receivers.group_label)
+    ]
     passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
     fails = any(b.significant for b in marked)
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: (b.p_value, -b.statistic))),
-        trends=_trends(cells, problem),
-        notes=tuple(_sentences(cells, words, near)) if fails else (),
+        trends=_trends(cells, problem, variables),
+        notes=tuple(_sentences(cells, words, near, receivers)) if fails else (),
     )
-
-
-def near_walls(rig: Mapping[str, Any], channels: Sequence[str], problem: Problem) -> dict[str, list[int]]:
-    """Numbers of the channels near each wall of a box; at least two, and not all."""
-    dims = (rig.get("room") or {}).get("dims_m")
-    if dims is None:
-        return {}
-    names = problem.assembly.model.axes["microphone"]
-    place = np.array([rig["mics"]["position_m"][names.index(c)] for c in channels])
-    found = {}
-    for axis, edge in enumerate(dims):
-        for side, distance in (("0", place[:, axis]), ("1", edge - place[:, axis])):
-            inside = np.flatnonzero(distance <= NEAR * edge).tolist()
-            if 2 <= len(inside) < len(channels):
-                found["xyz"[axis] + side] = inside
-    return found
 
 
 Place = tuple[dict[str, Any], list[int], list[int]]
 
 
-def _places(cells: Cells, near: Mapping[str, list[int]]) -> Iterator[Place]:
-    """Third octaves, microphones, walls, and every pair of a third octave with one of the others."""
+def _places(cells: Cells, near: Mapping[str, list[int]], label: str) -> Iterator[Place]:
+    """Third octaves, receivers, groups, and every pair of a third octave with one of the others."""
     everywhere, always = list(range(len(cells.channels))), list(range(len(cells.bands)))
     groups: list[tuple[dict[str, Any], list[int]]] = []
     if len(everywhere) > 1:
         groups += [({"channel": name}, [m]) for m, name in enumerate(cells.channels)]
-    groups += [({"near_wall": wall}, inside) for wall, inside in near.items()]
+    groups += [({label: group}, inside) for group, inside in near.items()]
     for where, chosen in groups:
         yield where, chosen, always
     for b, band in enumerate(cells.bands.tolist()):
@@ -239,6 +231,7 @@ def _block(
     where: Mapping[str, Any],
     channels: list[int],
     bands: list[int],
+    variables: Mapping[str, Variable],
 ) -> Block:
     found = words.failure(channels, bands)
     statistic, dof = cells.statistic(channels, bands)
@@ -253,25 +246,25 @@ def _block(
     unit = problem.assembly.model.observables[observable].unit
     return Block(
         where, observable, rows, statistic, p, found.z, relative, float("nan"), unit,
-        level_dB=found.level_dB, phase_deg=found.phase_deg, z_phase=found.z_phase,
+        level_dB=found.level_dB, phase_deg=found.phase_deg, z_phase=found.z_phase, variables=variables,
     )  # fmt: skip
 
 
-def _trends(cells: Cells, problem: Problem) -> tuple[Trend, ...]:
+def _trends(cells: Cells, problem: Problem, variables: Mapping[str, Variable]) -> tuple[Trend, ...]:
     names = ["third_octave_hz", *(["channel"] if len(cells.channels) > 1 else [])]
     p = [misfit_p_value(*cells.fall(name), problem.noise_dof) for name in names]
     passed = benjamini_yekutieli(p, LEVEL)
-    found = [Trend(n, v, bool(ok), "") for n, v, ok in zip(names, p, passed, strict=True)]
+    found = [Trend(n, v, bool(ok), "", variables[n].words) for n, v, ok in zip(names, p, passed, strict=True)]
     return tuple(sorted(found, key=lambda t: t.p_value))
 
 
 # --- sentences ---------------------------------------------------------------------------------------
 
 
-def _sentences(cells: Cells, words: Words, near: Mapping[str, list[int]]) -> list[str]:
-    """The clearest places, each a run of third octaves at some microphones; none twice."""
-    groups: list[tuple[str, list[int]]] = [("all microphones", list(range(len(cells.channels))))]
-    groups += [(f"microphones near wall {wall}", inside) for wall, inside in near.items()]
+def _sentences(cells: Cells, words: Words, near: Mapping[str, list[int]], receivers: Receivers) -> list[str]:
+    """The clearest places, each a run of third octaves at some receivers; none twice."""
+    groups: list[tuple[str, list[int]]] = [(f"all {receivers.plural}", list(range(len(cells.channels))))]
+    groups += [(f"{receivers.group_words} {group}", inside) for group, inside in near.items()]
     groups += [(name, [m]) for m, name in enumerate(cells.channels)]
     count = len(cells.bands)
     ends = [(a, a + n) for n in range(1, LONGEST_RUN + 1) for a in range(count - n + 1)]
@@ -293,7 +286,7 @@ def _sentences(cells: Cells, words: Words, near: Mapping[str, list[int]]) -> lis
         z = failure.z if abs(failure.z) >= abs(failure.z_phase) else failure.z_phase
         band = "all frequencies" if len(bands) == count else _edges(cells.bands[bands])
         where = f"{band}, {text}"
-        found.append(f"{where}: {failure_text(failure)} (z = {z:.1f})")
+        found.append(f"{where}: {_text(failure)} (z = {z:.1f})")
     return found
 
 
@@ -303,23 +296,11 @@ def _edges(bands: Array) -> str:
     return f"{exact[0] * 10**-0.05:.0f}-{exact[-1] * 10**0.05:.0f} Hz"
 
 
-def failure_text(found: Failure | Block) -> str:
-    """``model 4.0 dB high``, ``model 12 degrees ahead``, or both.
-
-    Examples
-    --------
-    >>> failure_text(Failure(3.96, -2.0, 8.0, -1.0))
-    'model 4 dB high'
-    >>> failure_text(Failure(-0.31, -12.2, -4.0, -9.0))
-    'model 0.31 dB low and 12 degrees behind'
-    """
-    parts = []
-    if abs(found.z) >= CLEAR and found.level_dB is not None:
-        parts.append(f"{_round(found.level_dB)} dB {'high' if found.level_dB > 0 else 'low'}")
-    if found.z_phase is not None and abs(found.z_phase) >= CLEAR and found.phase_deg is not None:
-        parts.append(f"{_round(found.phase_deg)} degrees {'ahead' if found.phase_deg > 0 else 'behind'}")
-    return "model " + (" and ".join(parts) or "off in no one direction")
+def _text(found: Failure) -> str:
+    return level_and_phase(found.level_dB, found.z, found.phase_deg, found.z_phase)
 
 
-def _round(value: float) -> str:
-    return f"{abs(value):.2g}"
+def _receivers(problem: Problem) -> Receivers:
+    receivers = problem.assembly.model.receivers
+    assert receivers is not None, "transfer functions without receivers"
+    return receivers

@@ -10,7 +10,7 @@ cannot hide a failure in either.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -21,135 +21,12 @@ from numpy.typing import NDArray
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
 from specan.study.estimation.projection import orthonormal
+from specan.study.localisation.result import CLEAR, LEVEL, Block, Localisation, Trend, benjamini_yekutieli
 from specan.study.observation import Array
-from specan.study.observation.frf import FrfObservation
+from specan.study.observation.variable import Variable, variable_named
 
-LEVEL = 0.05  # false discovery rate
 MOST_ROWS = 3000  # of data; beyond it blocks are tested by their direction only
 LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
-CLEAR = 3.0  # |z| from which a mean error is named
-
-
-@dataclass(frozen=True)
-class Block:
-    """Rows that were left out together.
-
-    Attributes
-    ----------
-    where : mapping
-        Operating variable to level, ``{"speed_rpm": 2000.0}``.
-    n : int
-        Number of rows.
-    statistic, p_value : float
-        S_b and its probability under a true model.
-    z : float
-        Mean relative error over its standard uncertainty; positive where the model is high.
-    error_percent, error : float
-        That mean relative error of the prediction, and what it is in the observable's unit.
-    significant : bool
-        Passed by Benjamini and Yekutieli's rule (blocks overlap) at a false discovery rate of 5 %.
-    level_dB, phase_deg, z_phase : float or None
-        Of transfer functions: model over measurement, and the z of the phase (`z` is that of the level).
-    """
-
-    where: Mapping[str, Any]
-    observable: str
-    n: int
-    statistic: float
-    p_value: float
-    z: float
-    error_percent: float
-    error: float
-    unit: str
-    significant: bool = False
-    level_dB: float | None = None
-    phase_deg: float | None = None
-    z_phase: float | None = None
-
-    @property
-    def text(self) -> str:
-        """What the model does there: ``model 4.2 % (0.11 N*m) high``, ``model 4 dB high``."""
-        if self.level_dB is not None:
-            from specan.study.localisation.by_band_and_channel import failure_text
-
-            return failure_text(self)
-        if abs(self.z) < CLEAR:
-            return "model off in both directions"
-        size = f" ({abs(self.error):.2g} {self.unit})" if self.unit not in ("", "1") else ""
-        return f"model {abs(self.error_percent):.2g} %{size} {'high' if self.z > 0 else 'low'}"
-
-    @property
-    def place(self) -> str:
-        """Where that is: ``2000 rpm (speed), 60 Nm (output torque)``."""
-        return ", ".join(spoken(name, level) for name, level in self.where.items())
-
-    @property
-    def short_place(self) -> str:
-        """The same without the variables' names: ``2000 rpm, 60 Nm``."""
-        return ", ".join(spoken(name, level).split(" (")[0] for name, level in self.where.items())
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        found = {
-            "where": dict(self.where), "observable": self.observable, "z": self.z, "p_value": self.p_value,
-            "error_percent": self.error_percent, "error": self.error, "unit": self.unit, "n": self.n, "text": self.text,
-        }  # fmt: skip
-        if self.level_dB is not None:
-            found |= {"level_dB": self.level_dB, "phase_deg": self.phase_deg, "z_phase": self.z_phase}
-        return found
-
-
-@dataclass(frozen=True)
-class Trend:
-    """Whether the residual depends on an operating variable at all.
-
-    Attributes
-    ----------
-    p_value : float
-        Of the fall in chi-square if every level had its own offset.
-    sentence : str
-        ``fails above 2000 rpm: model 6 % low (z = -5.1)``; empty where there is nothing to say.
-    """
-
-    variable: str
-    p_value: float
-    significant: bool
-    sentence: str
-
-
-@dataclass(frozen=True)
-class Localisation:
-    """Blocks and trends of one fit, the most improbable first.
-
-    Attributes
-    ----------
-    notes : tuple of str
-        Sentences on where it fails, where they say more than those of the trends.
-    """
-
-    blocks: tuple[Block, ...]
-    trends: tuple[Trend, ...]
-    notes: tuple[str, ...] = ()
-
-    @property
-    def fails_at(self) -> tuple[Block, ...]:
-        """Blocks that are significant."""
-        return tuple(b for b in self.blocks if b.significant)
-
-    def sentences(self) -> list[str]:
-        """Where the model fails and where not, in words."""
-        failing = list(self.notes) or list(
-            dict.fromkeys(t.sentence for t in self.trends if t.significant and t.sentence)
-        )
-        calm = [
-            f"{variable_name(t.variable)} (p = {t.p_value:.2g})" for t in self.trends if not t.significant
-        ]
-        if not failing and self.fails_at:
-            worst = self.fails_at[0]
-            failing = [f"fails at {worst.place}: {worst.text} (z = {worst.z:.1f})"]
-        if not failing:
-            return ["no block of conditions stands out"]
-        return [*failing, *(["no dependence on " + ", ".join(calm)] if calm else [])]
 
 
 class LeftOut:
@@ -207,7 +84,7 @@ class LeftOut:
         return float(np.sum(along**2 / values[kept])), float(np.sum(kept))
 
 
-def localise(problem: Problem, best: Fit) -> Localisation:
+def by_blocks(problem: Problem, best: Fit) -> Localisation:
     """Find the operating conditions at which a fitted model fails.
 
     Parameters
@@ -216,14 +93,10 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     best : Fit
         Its minimum.
     """
-    if all(isinstance(o, FrfObservation) for o in problem.observations):
-        from specan.study.localisation.by_band_and_channel import localise_frf
-
-        return localise_frf(problem, best)
     algebra = LeftOut(problem, best)
-    labels = _labels(problem)
+    labels, variables = _labels(problem), dict(problem.observations[0].variables)
     blocks = [
-        _block(algebra, where, name, rows & mine)
+        _block(algebra, where, name, rows & mine, variables)
         for where, rows in _places(labels)
         for name, mine in algebra.observables.items()
         if np.any(rows & mine)
@@ -232,7 +105,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: b.p_value)),
-        trends=tuple(sorted(_trends(algebra, labels, marked), key=lambda t: t.p_value)),
+        trends=tuple(sorted(_trends(algebra, labels, marked, variables), key=lambda t: t.p_value)),
     )
 
 
@@ -265,7 +138,13 @@ def _levels(values: NDArray[Any]) -> list[Any]:
     return np.unique(values).tolist()
 
 
-def _block(algebra: LeftOut, where: Mapping[str, Any], observable: str, rows: NDArray[np.bool_]) -> Block:
+def _block(
+    algebra: LeftOut,
+    where: Mapping[str, Any],
+    observable: str,
+    rows: NDArray[np.bool_],
+    variables: Mapping[str, Variable],
+) -> Block:
     error, z = algebra.direction(rows)
     if rows.size <= MOST_ROWS:
         statistic, dof = algebra.statistic(rows)
@@ -275,29 +154,17 @@ def _block(algebra: LeftOut, where: Mapping[str, Any], observable: str, rows: ND
     known = algebra.problem.assembly.model.observables.get(observable)
     size = error * float(np.mean(algebra.predicted[rows]))
     unit = known.unit if known else ""
-    return Block(where, observable, int(rows.sum()), statistic, p, z, 100 * error, size, unit)
+    return Block(
+        where, observable, int(rows.sum()), statistic, p, z, 100 * error, size, unit, variables=variables
+    )
 
 
-def benjamini_yekutieli(p_values: Sequence[float], level: float) -> NDArray[np.bool_]:
-    """Which hypotheses fall at a false discovery rate, whatever the dependence between them.
-
-    Examples
-    --------
-    >>> benjamini_yekutieli([1e-6, 0.2, 0.9], 0.05).tolist()
-    [True, False, False]
-    """
-    p = np.asarray(p_values, dtype=float)
-    if not p.size:
-        return np.zeros(0, dtype=bool)
-    p = np.where(np.isfinite(p), p, 1.0)
-    m = p.size
-    limit = level / np.sum(1 / np.arange(1, m + 1)) * np.arange(1, m + 1) / m
-    ordered = np.sort(p)
-    below = np.flatnonzero(ordered <= limit)
-    return p <= (ordered[below[-1]] if below.size else -1.0)
-
-
-def _trends(algebra: LeftOut, labels: Mapping[str, NDArray[Any]], blocks: Sequence[Block]) -> list[Trend]:
+def _trends(
+    algebra: LeftOut,
+    labels: Mapping[str, NDArray[Any]],
+    blocks: Sequence[Block],
+    variables: Mapping[str, Variable],
+) -> list[Trend]:
     raw = []
     for name, values in labels.items():
         dummies = np.stack(
@@ -308,19 +175,27 @@ def _trends(algebra: LeftOut, labels: Mapping[str, NDArray[Any]], blocks: Sequen
         raw.append((name, misfit_p_value(fall, basis.shape[1], algebra.problem.noise_dof)))
     passed = benjamini_yekutieli([p for _, p in raw], LEVEL)
     return [
-        Trend(name, p, bool(ok), _sentence(algebra, name, labels[name], blocks) if ok else "")
+        Trend(
+            name,
+            p,
+            bool(ok),
+            _sentence(algebra, name, labels[name], blocks, variable_named(name, variables)) if ok else "",
+            variable_named(name, variables).words,
+        )
         for (name, p), ok in zip(raw, passed, strict=True)
     ]
 
 
-def _sentence(algebra: LeftOut, name: str, values: NDArray[Any], blocks: Sequence[Block]) -> str:
+def _sentence(
+    algebra: LeftOut, name: str, values: NDArray[Any], blocks: Sequence[Block], variable: Variable
+) -> str:
     """The end of a variable's range, the level, or the level in company, at which the model is furthest off."""
     levels = _levels(values)
-    tried = [(f"at {spoken(name, level)}", values == level) for level in levels]
+    tried = [(f"at {variable.spoken(level)}", values == level) for level in levels]
     if not isinstance(levels[0], str):
-        tried += [(f"from {spoken(name, level)} up", values >= level) for level in levels[1:-1]]
-        tried += [(f"up to {spoken(name, level)}", values <= level) for level in levels[1:-1]]
-    # An efficiency that is low goes with an input torque that is high: each observable by itself.
+        tried += [(f"from {variable.spoken(level)} up", values >= level) for level in levels[1:-1]]
+        tried += [(f"up to {variable.spoken(level)}", values <= level) for level in levels[1:-1]]
+    # Two observables may be off to opposite sides for one reason: each by itself.
     found = [
         (text, what, *algebra.direction(rows & mine))
         for text, rows in tried
@@ -335,30 +210,4 @@ def _sentence(algebra: LeftOut, name: str, values: NDArray[Any], blocks: Sequenc
     worst = max(company, key=lambda b: abs(b.z), default=None)
     if worst is not None and abs(worst.z) >= CLEAR:
         return f"fails at {worst.place}: {worst.text} (z = {worst.z:.1f})"
-    return f"fails with {variable_name(name)}, in no one direction"
-
-
-def variable_name(column: str) -> str:
-    """``oil_temperature_C`` in words.
-
-    Examples
-    --------
-    >>> variable_name("oil_temperature_C"), variable_name("measurement")
-    ('oil temperature', 'measurement')
-    """
-    return (column.rpartition("_")[0] or column).replace("_", " ")
-
-
-def spoken(column: str, level: Any) -> str:
-    """A level of an operating variable in words.
-
-    Examples
-    --------
-    >>> spoken("speed_rpm", 2000.0), spoken("measurement", "table_7.csv"), spoken("near_wall", "y1")
-    ('2000 rpm (speed)', 'table_7.csv (measurement)', 'microphones near wall y1')
-    """
-    if column == "near_wall":
-        return f"microphones near wall {level}"
-    unit = column.rpartition("_")[2]
-    value = level if isinstance(level, str) else f"{level:g} {'Hz' if unit == 'hz' else unit}"
-    return f"{value} ({variable_name(column)})"
+    return f"fails with {variable.words}, in no one direction"

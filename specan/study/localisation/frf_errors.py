@@ -1,12 +1,12 @@
 """How far a model of transfer functions is off, as acousticians say it: dB and degrees, FRAC and CSAC.
 
-Level and phase error of a third octave at a microphone,
+Level and phase error of a third octave at a receiver,
 
     dL = 10 lg (sum |H_a|^2 / sum |H_x|^2),    dphi = arg sum H_a conj(H_x),
 
 with H_a the model's and H_x the measured transfer function, carry the uncertainty of the measurement and of what
-is declared about it and the model. FRAC (over the lines of a microphone; Heylen and Lammens 1996) and CSAC (over the
-microphones of a line; Zang, Grafe and Imregun 2001) have none, and hardly move where chi-square sees an
+is declared about it and the model. FRAC (over the lines of a receiver; Heylen and Lammens 1996) and CSAC (over the
+receivers of a line; Zang, Grafe and Imregun 2001) have none, and hardly move where chi-square sees an
 effect: they are shown and decide nothing.
 """
 
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,30 +23,26 @@ from specan.errors import RequestError, nearest
 from specan.study.observation import Array
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 
-if TYPE_CHECKING:
-    from specan.study.study import Study
-
 Complex = NDArray[np.complex128]
 DB = 20 / np.log(10)
 
 
 @dataclass(frozen=True, eq=False)
-class RoomErrors:
-    """Errors of one recording; NaN where a microphone is not in use.
+class FrfErrors:
+    """Errors of one recording; NaN where a receiver is not in use.
 
     Attributes
     ----------
     bands : array (bands,)
         Nominal third octaves, Hz.
-    level_dB, u_level_dB, phase_deg, u_phase_deg : array (microphones, bands)
+    level_dB, u_level_dB, phase_deg, u_phase_deg : array (receivers, bands)
         Model over measurement, and standard uncertainties; a positive phase is ahead.
-    frac : array (microphones,)
+    frac : array (receivers,)
     csac : array (bands,)
         Mean over the lines of the band.
-    common : complex array (microphones, bands, errors)
-        One standard deviation each of what the bands of a microphone share; relative, the real part to the
+    common : complex array (receivers, bands, errors)
+        One standard deviation each of what the bands of a receiver share; relative, the real part to the
         level, the imaginary part to the phase.
-    position_m : array (microphones, 3)
     """
 
     recording: str
@@ -59,10 +55,9 @@ class RoomErrors:
     frac: Array
     csac: Array
     common: Complex
-    position_m: Array
 
     def mean(self, rows: Sequence[int], bands: Sequence[int]) -> tuple[float, float, float, float]:
-        """Mean level error over some microphones and bands, dB, its uncertainty; the same of the phase, degrees."""
+        """Mean level error over some receivers and bands, dB, its uncertainty; the same of the phase, degrees."""
         cells = np.ix_(rows, bands)
         there = np.isfinite(self.level_dB[cells])
         count = int(there.sum())
@@ -80,23 +75,23 @@ class RoomErrors:
         return found[0], found[1], found[2], found[3]
 
     def number(self, channel: str | None) -> int:
-        """Row of a microphone; of the one with the clearest level error if none is named.
+        """Row of a receiver; of the one with the clearest level error if none is named.
 
         Raises
         ------
         RequestError
-            No such microphone is in use.
+            No such receiver is in use.
         """
         used = [c for c, f in zip(self.channels, self.frac, strict=True) if np.isfinite(f)]
         if channel is None:
             clear = np.nan_to_num(np.abs(self.level_dB) / self.u_level_dB).max(axis=1)
             return int(np.argmax(clear))
         if channel not in used:
-            raise RequestError(f"{channel!r} is no microphone that is fitted", remedy=nearest(channel, used))
+            raise RequestError(f"{channel!r} is no channel that is fitted", remedy=nearest(channel, used))
         return self.channels.index(channel)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: one row a third octave and microphone, then FRAC and CSAC."""
+        """For JSON: one row a third octave and receiver, then FRAC and CSAC."""
         rows = [
             {
                 "third_octave_hz": float(band), "channel": channel,
@@ -115,18 +110,7 @@ class RoomErrors:
         }
 
 
-def study_errors(study: Study) -> list[RoomErrors]:
-    """Errors of every recording that a study fits; none if it fits none."""
-    predictions = study.problem.predictions(study.shown.theta)
-    places = np.array(study.model.settings.get("rig", {}).get("mics", {}).get("position_m", np.empty((0, 3))))
-    return [
-        room_errors(o, predicted, places)
-        for o, predicted in zip(study.problem.observations, predictions, strict=True)
-        if isinstance(o, FrfObservation)
-    ]
-
-
-def room_errors(observation: FrfObservation, predicted: Array, position_m: Array) -> RoomErrors:
+def frf_errors(observation: FrfObservation, predicted: Array) -> FrfErrors:
     """Level, phase, FRAC and CSAC of one recording.
 
     Parameters
@@ -134,7 +118,6 @@ def room_errors(observation: FrfObservation, predicted: Array, position_m: Array
     observation : FrfObservation
     predicted : array (observation.n,)
         What the model expects in place of `observation.measured`.
-    position_m : array (microphones, 3)
     """
     kept = observation.kept
     measured = np.where(kept, observation.response, 0.0)
@@ -153,13 +136,12 @@ def room_errors(observation: FrfObservation, predicted: Array, position_m: Array
                     observation, m, lines, measured[m, lines], model[m, lines]
                 )
     lines_of = [labels.max(axis=0) == band for band in bands]
-    by_line = likeness(measured, model, axis=0)
-    return RoomErrors(
+    by_line = assurance(measured, model, axis=0)
+    return FrfErrors(
         observation.name, observation.channels, bands, parts[0], parts[1], parts[2], parts[3],
-        frac=likeness(measured, model, axis=1),
+        frac=assurance(measured, model, axis=1),
         csac=np.array([np.nanmean(by_line[lines]) for lines in lines_of]),
         common=common,
-        position_m=position_m,
     )  # fmt: skip
 
 
@@ -184,13 +166,13 @@ def _cell(
     return (level, DB * spread[0], phase, np.degrees(spread[1])), common
 
 
-def likeness(measured: Complex, model: Complex, axis: int) -> Array:
-    """``|sum conj(H_x) H_a|^2 / (sum |H_x|^2 sum |H_a|^2)`` along an axis: FRAC over lines, CSAC over microphones.
+def assurance(measured: Complex, model: Complex, axis: int) -> Array:
+    """``|sum conj(H_x) H_a|^2 / (sum |H_x|^2 sum |H_a|^2)`` along an axis: FRAC over lines, CSAC over receivers.
 
     Examples
     --------
     >>> h = np.array([[1.0 + 1j, 2.0, 0.5j]])
-    >>> likeness(h, 3 * h, axis=1).round(12).tolist()
+    >>> assurance(h, 3 * h, axis=1).round(12).tolist()
     [1.0]
     """
     both = np.abs(np.sum(np.conj(measured) * model, axis=axis)) ** 2
@@ -201,8 +183,8 @@ def likeness(measured: Complex, model: Complex, axis: int) -> Array:
     return found
 
 
-def summary(found: Sequence[RoomErrors]) -> list[list[str]]:
-    """Rows of a table: third octave, mean and range of the level error, phase error, CSAC, the worst microphone."""
+def summary(found: Sequence[FrfErrors]) -> list[list[str]]:
+    """Rows of a table: third octave, mean and range of the level error, phase error, CSAC, the worst receiver."""
     rows = []
     for one in found:
         for b, band in enumerate(one.bands):

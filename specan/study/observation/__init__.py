@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
+from specan.study.observation.variable import Variable
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,15 @@ class Observation(Protocol):
 
     @property
     def labels(self) -> Mapping[str, NDArray[Any]]:
-        """Operating variable (``speed_rpm``) to one level a row: values that were meant to be equal are equal."""
+        """Operating variable (``load_kN``) to one level a row: values that were meant to be equal are equal."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of measurement; see `specan.study.measurement_kinds`."""
+
+    @property
+    def variables(self) -> Mapping[str, Variable]:
+        """Words and unit of each label."""
 
     @property
     def available(self) -> frozenset[str]:

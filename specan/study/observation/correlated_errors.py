@@ -1,4 +1,4 @@
-"""What is uncertain in common over a microphone's lines: its place, its calibration, the model's own error."""
+"""What is uncertain in common over a receiver's lines: its place, its calibration, the model's own error."""
 
 from __future__ import annotations
 
@@ -9,101 +9,104 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models import Assembly
+from specan.models import Assembly, Receivers
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Responses = Callable[[Assembly, Sequence[Mapping[str, Any]]], list[Complex]]
 
 DISCREPANCY_BANDS = 3  # an octave: how quickly the model's own error may turn with frequency
-AXES = ("dx", "dy", "dz")
-STEP_M, STEP_K = 1e-3, 0.02
+STEP_M = 1e-3
 PLACE = slice(0, 3)  # columns of the three coordinates
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CommonErrors:
-    """Declared standard uncertainties.
+    """Declared errors of receivers and model, as columns of standard deviations.
 
     Attributes
     ----------
-    position_m : float
-        Of each coordinate of a microphone.
-    calibration_dB, calibration_phase_deg : float
-        Of a microphone's calibration.
-    discrepancy, detuning : float
-        Of the model: part of the response, and half of that part of the third octave's RMS response over all
-        microphones (where modes cancel, their errors do not); part of its natural frequencies and bandwidths.
-    nominal_K : float
-        Temperature to which an offset is added.
+    receivers : Receivers
+        What the model says of its receivers and their errors.
     """
 
-    position_m: float
-    calibration_dB: float
-    calibration_phase_deg: float
-    discrepancy: float
-    detuning: float
-    nominal_K: float
+    receivers: Receivers
+
+    @property
+    def position_m(self) -> float:
+        """Standard uncertainty of each coordinate of a receiver."""
+        return self.receivers.errors.position_m
 
     def columns(
         self, responses: Responses, assembly: Assembly, values: Mapping[str, Any], frequency_hz: Array
     ) -> tuple[Complex, Complex, Complex]:
-        """One standard deviation of each error, array (microphones, lines, errors), and slopes a metre.
+        """One standard deviation of each error, array (receivers, lines, errors), and slopes a metre.
 
         Returns
         -------
-        of_each : array (microphones, lines, errors)
-            Errors that each microphone has for itself.
-        of_all : array (microphones, lines, errors)
-            Errors of the modes, which every microphone sees: their natural frequencies and bandwidths.
-        slopes : array (3, microphones, lines)
+        of_each : array (receivers, lines, errors)
+            Errors that each receiver has for itself.
+        of_all : array (receivers, lines, errors)
+            Errors of the modes, which every receiver sees: their natural frequencies and bandwidths.
+        slopes : array (3, receivers, lines)
 
         The errors are taken where a fit has brought the model: by the measured response, a line that noise has made
-        small would seem to be known better, and by the drawn room a microphone near a nodal plane that has moved
+        small would seem to be known better, and by the drawn geometry a receiver near a nodal plane that has moved
         would seem to stand still.
         """
-        response, moved, detuned = _with_slopes(responses, assembly, values, self.nominal_K)
+        response, moved, detuned = _with_slopes(self.receivers, responses, assembly, values)
+        errors = self.receivers.errors
         found = [
-            *(self.position_m * slope for slope in moved),
-            response * (np.log(10) / 20 * self.calibration_dB),
-            1j * response * np.radians(self.calibration_phase_deg),
+            *(errors.position_m * slope for slope in moved),
+            response * (np.log(10) / 20 * errors.calibration_dB),
+            1j * response * np.radians(errors.calibration_phase_deg),
         ]
         of_all: list[Complex] = []
         for hat in _hats(frequency_hz):
             level = np.sqrt(np.mean(hat * np.abs(response) ** 2) / np.mean(hat))
-            of = [self.discrepancy * response, 0.5 * self.discrepancy * level + 0 * response]
+            of = [errors.discrepancy * response, 0.5 * errors.discrepancy * level + 0 * response]
             found += [hat * size * turn for size in of for turn in (1, 1j)]
-            of_all += [hat * self.detuning * detuned * turn for turn in (1, 1j)]
+            of_all += [hat * errors.detuning * detuned * turn for turn in (1, 1j)]
         return np.stack(found, axis=-1), np.stack(of_all, axis=-1), np.stack(moved)
 
 
 def _with_slopes(
-    responses: Responses, assembly: Assembly, values: Mapping[str, Any], nominal_K: float
+    receivers: Receivers, responses: Responses, assembly: Assembly, values: Mapping[str, Any]
 ) -> tuple[Complex, list[Complex], Complex]:
-    """Response; its change a metre along x, y and z (all microphones move at once); its change with ln k."""
-    model = assembly.model
-    places = [f"microphone-position@{name}" for name in model.axes["microphone"]]
-    whole = model.assemble({*map(str, assembly.uses), *places, "temperature"})
+    """Response; its change a metre along x, y and z (all receivers move at once); its change with ln k."""
+    model, tuned = assembly.model, receivers.wave_number
+    places = _movers(assembly)
+    whole = model.assemble({*map(str, assembly.uses), *places, tuned.effect})
     here = {**whole.neutral, **values}
     many = [here]
-    for axis in AXES:
+    for axis in receivers.along:
         for sign in (1, -1):
             names = [f"{use}.{axis}" for use in places]
             many.append({**here, **{n: here[n] + sign * STEP_M for n in names}})
-    many += [{**here, "temperature.offset": here["temperature.offset"] + sign * STEP_K} for sign in (1, -1)]
+    by = f"{tuned.effect}.{tuned.parameter}"
+    many += [{**here, by: here[by] + sign * tuned.step} for sign in (1, -1)]
     found = responses(whole, many)
-    steps = ((1, STEP_M), (3, STEP_M), (5, STEP_M), (7, STEP_K))
+    steps = ((1, STEP_M), (3, STEP_M), (5, STEP_M), (7, tuned.step))
     slopes = [(found[k] - found[k + 1]) / (2 * step) for k, step in steps]
-    # k goes as T^(-1/2), and the response as the density besides
-    return found[0], slopes[:3], -2 * (nominal_K * slopes[3] + found[0])
+    return found[0], slopes[:3], tuned.slope * slopes[3] + tuned.own * found[0]
+
+
+def _movers(assembly: Assembly) -> list[str]:
+    """Uses that move each of the model's receivers."""
+    receivers = assembly.model.receivers
+    assert receivers is not None
+    return [f"{receivers.moved_by}@{name}" for name in assembly.model.axes[receivers.axis]]
 
 
 def moved_to(
     assembly: Assembly, many: Sequence[Mapping[str, Any]], moved: Array
 ) -> tuple[Assembly, list[dict[str, Any]]]:
-    """The model with its microphones somewhere else than drawn, on top of what an effect moves them."""
-    places = [f"microphone-position@{name}" for name in assembly.model.axes["microphone"]]
-    by = {f"{use}.{axis}": moved[m, a] for m, use in enumerate(places) for a, axis in enumerate(AXES)}
+    """The model with its receivers somewhere else than drawn, on top of what an effect moves them."""
+    receivers, places = assembly.model.receivers, _movers(assembly)
+    assert receivers is not None
+    by = {
+        f"{use}.{axis}": moved[m, a] for m, use in enumerate(places) for a, axis in enumerate(receivers.along)
+    }
     whole = assembly.model.assemble({*map(str, assembly.uses), *places})
     return whole, [{**values, **{n: values.get(n, 0.0) + d for n, d in by.items()}} for values in many]
 

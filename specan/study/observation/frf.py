@@ -1,6 +1,6 @@
-"""Transfer functions of microphones against the vibrometer, held against a model's.
+"""Transfer functions of receivers against a reference channel, held against a model's.
 
-Rows are the real parts of all microphones (one after the other, each over its lines), then the
+Rows are the real parts of all receivers (one after the other, each over its lines), then the
 imaginary parts.
 """
 
@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
 from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to
+from specan.study.observation.variable import Variable
 from specan.study.observation.window_leakage import Folding
 
 Array = NDArray[np.float64]
@@ -26,8 +27,8 @@ LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
 
 COARSE_HZ = 3.0  # between the lines of a coarse view
 COARSE_NEIGHBOURS = 5  # lines on either side that its uncertainty is averaged over
-PLACED = 2  # times that the places of microphones are improved
-FARTHEST = 3.5  # standard uncertainties that a microphone may be found away
+PLACED = 2  # times that the places of receivers are improved
+FARTHEST = 3.5  # standard uncertainties that a receiver may be found away
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,34 +39,36 @@ class FrfObservation:
     ----------
     name, recording : str
     quantity : str
-        The model's quantity that is observed, array (microphones, nodes).
+        The model's quantity that is observed, array (receivers, nodes).
     frequency_hz : array (lines,)
     line_hz : float
         Distance of the analysis' lines; those in use may lie further apart.
     channels : tuple of str
-        Names of the microphones, in the model's order.
-    response : complex array (microphones, lines)
-    noise : array (microphones, lines)
+        Names of the receivers, in the model's order.
+    response : complex array (receivers, lines)
+    noise : array (receivers, lines)
         Standard uncertainty of the real and of the imaginary part that lines do not share.
-    random : array (microphones, lines)
+    random : array (receivers, lines)
         The part of it that the measurement shows.
     folding : Folding
         How the analysis sees a transfer function.
     conditions_at_nodes : mapping
         Conditions of the model at the folding's nodes.
-    shared : array (microphones, lines, r), complex
-        What is uncertain but common to a microphone's lines, one standard deviation a column: its place,
+    shared : array (receivers, lines, r), complex
+        What is uncertain but common to a receiver's lines, one standard deviation a column: its place,
         its calibration, the model's declared discrepancy.
-    modal : array (microphones, lines, s), complex
-        What is uncertain of the modes, and so common to all microphones, one standard deviation a column.
-    kept : bool array (microphones, lines)
+    modal : array (receivers, lines, s), complex
+        What is uncertain of the modes, and so common to all receivers, one standard deviation a column.
+    kept : bool array (receivers, lines)
         Rows in use; the real and the imaginary part of a line go together.
     declared : CommonErrors, optional
         What `about` makes `shared` of.
-    moved : array (microphones, 3), optional
-        Where the microphones probably stand, m from the drawing: `shared` holds the slopes there.
-    offset : complex array (microphones, lines)
+    moved : array (receivers, 3), optional
+        Where the receivers probably stand, m from the drawing: `shared` holds the slopes there.
+    offset : complex array (receivers, lines)
         Added to a prediction for the moved places: back along the slopes to the drawn ones.
+    observable : str
+        Name of the model's observable.
     """
 
     name: str
@@ -85,6 +88,8 @@ class FrfObservation:
     moved: Array | None = None
     offset: Complex | float = 0.0
     modal: Complex | None = None
+    observable: str = "frf"
+    kind: ClassVar[str] = "frf"
 
     @property
     def n(self) -> int:
@@ -116,20 +121,15 @@ class FrfObservation:
         """Conditions that the data hold."""
         return frozenset(self.conditions_at_nodes)
 
-    @property
-    def observable(self) -> str:
-        """Name of the model's observable."""
-        return "frf"
-
     @cached_property
     def sigma(self) -> Array:
-        """Standard uncertainty of every row, what is common to a microphone's lines included."""
+        """Standard uncertainty of every row, what is common to a receiver's lines included."""
         common = [np.sum(part**2, axis=-1) for part in (self.common.real, self.common.imag)]
         return np.concatenate([np.sqrt(self.noise**2 + c)[self.kept] for c in common])
 
     @property
     def common(self) -> Complex:
-        """Everything that lines share, (microphones, lines, r + s): `shared`, then `modal`."""
+        """Everything that lines share, (receivers, lines, r + s): `shared`, then `modal`."""
         return self.shared if self.modal is None else np.concatenate([self.shared, self.modal], axis=-1)
 
     @cached_property
@@ -144,7 +144,7 @@ class FrfObservation:
 
     @cached_property
     def labels(self) -> Mapping[str, NDArray[Any]]:
-        """Third octave and microphone of every row."""
+        """Third octave and receiver of every row."""
         band = np.round(10 * np.log10(self.frequency_hz / 1000.0)).astype(int)
         thirds = np.array([nominal_third(b) for b in band])
         names = np.array(self.channels)[:, None]
@@ -152,6 +152,11 @@ class FrfObservation:
             "third_octave_hz": self._rows(np.broadcast_to(thirds, self.kept.shape)),
             "channel": self._rows(np.broadcast_to(names, self.kept.shape)),
         }
+
+    @property
+    def variables(self) -> Mapping[str, Variable]:
+        """Words of the labels."""
+        return {"third_octave_hz": Variable("third octave", "Hz"), "channel": Variable("channel")}
 
     def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """What the model expects in place of `measured`."""
@@ -162,7 +167,7 @@ class FrfObservation:
         return np.stack([self._stack(response) for response in self.responses(assembly, many)], axis=1)
 
     def responses(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> list[Complex]:
-        """Transfer functions (microphones, lines) as the analysis would see them, for several sets of values."""
+        """Transfer functions (receivers, lines) as the analysis would see them, for several sets of values."""
         out: list[Complex] = []
         first: Any = None
         if self.moved is not None:
@@ -188,7 +193,7 @@ class FrfObservation:
         return flat.reshape(array.shape)
 
     def whiten_each(self, flat: Array) -> Array:
-        """V^(-1/2) without what the microphones have in common, along axis 0 of a matrix."""
+        """V^(-1/2) without what the receivers have in common, along axis 0 of a matrix."""
         out = np.empty_like(flat, dtype=float)
         half = self.n // 2
         for (first, last), whitener in zip(self._spans, self._whiteners, strict=True):
@@ -221,7 +226,7 @@ class FrfObservation:
     def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> FrfObservation:
         """The same with the declared errors where the model at these values says that they act.
 
-        Where the data may be `seen`, the slopes are taken where the microphones probably stand: at a nodal plane
+        Where the data may be `seen`, the slopes are taken where the receivers probably stand: at a nodal plane
         the field bends within some millimetres.
         """
         if self.declared is None:
@@ -241,9 +246,9 @@ class FrfObservation:
         return found
 
     def _places(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """Most probable displacement of each microphone, in standard uncertainties, array (microphones, 3).
+        """Most probable displacement of each receiver, in standard uncertainties, array (receivers, 3).
 
-        Where the model fails, its residual counts as noise: it must not be explained by moving microphones.
+        Where the model fails, its residual counts as noise: it must not be explained by moving receivers.
         """
         rest = self.response - self.responses(assembly, [values])[0]
         out = np.zeros((len(self.channels), 3))
@@ -355,7 +360,7 @@ class FrfObservation:
 
 @dataclass(frozen=True)
 class _Whitener:
-    """V^(-1/2) of one microphone: V = S (C + U U^T) S with S the random sigma, C the lines' correlation."""
+    """V^(-1/2) of one receiver: V = S (C + U U^T) S with S the random sigma, C the lines' correlation."""
 
     sigma: Array
     banded: Array  # lower Cholesky factor of C

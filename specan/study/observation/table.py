@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from specan.errors import InputError
 from specan.models import Assembly
 from specan.study.observation import Array
 from specan.study.observation.row_coupling import knowledge, rows_are_coupled
+from specan.study.observation.variable import Variable
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,7 @@ class TableObservation:
     conditions: Mapping[str, Array]
     covariance: Array
     labels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    variables: Mapping[str, Variable] = field(default_factory=dict)
     recordings: tuple[str, ...] = ("",)
     recording: NDArray[np.intp] | None = None
     noise_dof: float = np.inf
@@ -55,6 +57,7 @@ class TableObservation:
     position: NDArray[np.intp] | None = None
     lines: NDArray[np.int_] | None = None
     cell: NDArray[np.intp] | None = None
+    kind: ClassVar[str] = "table"
 
     def __post_init__(self) -> None:
         if not np.all(np.isfinite(self.measured)):

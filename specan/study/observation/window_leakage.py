@@ -67,7 +67,7 @@ def fold(
     rate : float
         Sampling rate, Hz.
     block, hop, start : int
-        Samples of a block, between block starts, before the first block. What the room still remembers
+        Samples of a block, between block starts, before the first block. What the field still remembers
         of the time before the record has died out by `start`.
     lines : array of int
         Numbers of the lines ``f = i rate / block``.

@@ -155,7 +155,7 @@ def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scor
 
 
 def _of_several_names(order: Sequence[Use]) -> list[Use]:
-    """The first few uses, few of one effect among them: at opposite walls it promises much the same."""
+    """The first few uses, few of one effect among them: at opposite ends it promises much the same."""
     counts: Counter[str] = Counter()
     queue = []
     for use in order:

@@ -103,7 +103,7 @@ class _Planner:
         """Places of the shapes: each over its plausible range, closer where the trace turns quickly.
 
         Several shapes are moved one at a time from their defaults, and together on a coarse grid where
-        there is room for it.
+        there is space for it.
         """
         candidate = self.candidate
         defaults: Point = {n: default_value(candidate, n) for n in candidate.shapes}

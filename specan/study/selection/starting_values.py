@@ -67,7 +67,7 @@ def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
 def looked_over(refit: Refit, scored: Mapping[Use, Sequence[Scored]], count: int) -> dict[Use, list[Scored]]:
     """Ways in for what promises most, for every effect where it promises most, and for the two best at every place.
 
-    Few shapes may be what holds an effect back; and a low mode is much the same at the opposite wall.
+    Few shapes may be what holds an effect back; and a low mode is much the same at the opposite end.
     """
     order = sorted(scored, key=lambda use: promised(refit, scored[use][0]))
     names: dict[str, Use] = {}

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from specan.errors import RequestError
+from specan.models import SettingError
 from specan.models.catalogue import load_model
 from specan.models.worm_gear import EXAMPLE_RIG, build
 from specan.models.worm_gear.bearing_table import SERIES, SIZES
@@ -80,7 +81,7 @@ def test_the_bearing_that_is_named_takes_the_axial_load():
 
 def test_defaults_that_were_used_are_told():
     rig = changed("operation", drop=True)
-    used = load_model("worm-gear", rig).settings["defaults_used"]
+    used = load_model("worm-gear", rig).rig.defaults_used
     assert used["operation.oil_temperature_C"] == 60.0
     assert "gear.lead_angle_deg" not in used
     assert not any(key.startswith("uncertainty.input_torque") for key in used)  # nothing is assumed there
@@ -94,11 +95,11 @@ def test_only_certificates_that_are_given_become_nuisances():
 
 
 def test_studies_get_si_by_name_of_condition():
-    settings = build(EXAMPLE_RIG).settings
-    assert settings["limits"]["worm_speed"] == pytest.approx((125.66, 293.22), abs=0.01)
-    assert settings["limits"]["indicated_oil_temperature"] == pytest.approx((298.15, 353.15))
-    assert settings["setting_errors"] == {"indicated_output_torque": (0.05, True)}
-    assert settings["discrepancy"] == 0.005
+    rig = build(EXAMPLE_RIG).rig
+    assert rig.limits["worm_speed"] == pytest.approx((125.66, 293.22), abs=0.01)
+    assert rig.limits["indicated_oil_temperature"] == pytest.approx((298.15, 353.15))
+    assert rig.setting == {"indicated_output_torque": SettingError(relative=0.05)}
+    assert rig.discrepancy_percent == 0.5
 
 
 def test_the_bearing_table_is_whole():

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from specan.study.data.setpoints import MOST_LEVELS, Setting, cells, grouped, levels, round_step
+from specan.models import SettingError
+from specan.study.data.setpoints import MOST_LEVELS, cells, grouped, levels, round_step
 
 TORQUES = np.array([5, 15, 30, 50, 80.0])
 
 
 def test_printed_set_values_are_set_though_closer_than_their_scatter():
     values = np.repeat([60.0, 70.0, 80.0, 90.0], 3)
-    level, is_set = levels(values, Setting(0.05))
+    level, is_set = levels(values, SettingError(0.05))
     assert is_set
     np.testing.assert_array_equal(level, values)
 
@@ -19,7 +20,7 @@ def test_printed_set_values_are_set_though_closer_than_their_scatter():
 def test_a_brake_that_misses_its_set_value_is_read(seed):
     meant = np.repeat(TORQUES, 18)
     values = np.round(meant * (1 + 0.05 * np.random.default_rng(seed).standard_normal(meant.size)), 2)
-    level, is_set = levels(values, Setting(0.05))
+    level, is_set = levels(values, SettingError(0.05))
     assert not is_set
     assert np.mean(np.abs(level / meant - 1) < 0.06) > 0.97
 
@@ -27,25 +28,25 @@ def test_a_brake_that_misses_its_set_value_is_read(seed):
 def test_a_speed_in_whole_rpm_is_read_though_values_come_twice():
     meant = np.repeat([600.0, 1000, 1800, 2800], 30)
     values = np.round(meant * (1 + 0.005 * np.random.default_rng(1).standard_normal(meant.size)))
-    level, is_set = levels(values, Setting(0.02))
+    level, is_set = levels(values, SettingError(0.02))
     assert not is_set
     assert np.unique(level).size == 4
 
 
 def test_odd_values_that_come_again_and_again_are_set():
     values = np.tile([4.9, 14.9, 29.91, 49.92], 6)
-    level, is_set = levels(values, Setting(0.05))
+    level, is_set = levels(values, SettingError(0.05))
     assert is_set
     np.testing.assert_array_equal(level, values)
 
 
 def test_a_random_plan_is_read():
     values = np.random.default_rng(3).uniform(5, 90, 15).round(2)
-    assert not levels(values, Setting(0.01))[1]
+    assert not levels(values, SettingError(0.01))[1]
 
 
 def test_one_value_is_set():
-    assert levels(np.full(4, 100.0), Setting(0.05))[1]
+    assert levels(np.full(4, 100.0), SettingError(0.05))[1]
 
 
 def test_round_steps():

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from specan.errors import InputError
+from specan.models import SettingError
 from specan.study.data.open_tables import read_tables
-from specan.study.data.setpoints import Setting, levels
+from specan.study.data.setpoints import levels
 from specan.study.diagnose import diagnose
 from specan.study.estimation.problem import base_problem
 
@@ -50,7 +51,7 @@ def test_steps_that_the_readings_tell_apart_are_not_merged(seed):
     # 70, 80 and 90 N m with a setting of 5 %, held to 0.3 % in truth: 4 N m about 80 would take its neighbours in.
     plan = np.repeat([0, 5, 15, 25, 30, 40, 50, 60, 70, 80, 90.0], 15)
     read = plan * (1 + 0.003 * np.random.default_rng(seed).standard_normal(plan.size))
-    level, is_set = levels(read, Setting(0.05))
+    level, is_set = levels(read, SettingError(0.05))
     assert not is_set
     np.testing.assert_allclose(level, plan, rtol=0.005)
 
@@ -59,7 +60,7 @@ def test_a_setting_that_scatters_as_declared_stays_one_level():
     whole = 0
     for seed in range(200):
         read = 50 * (1 + 0.05 * np.random.default_rng(seed).standard_normal(40))
-        whole += np.unique(levels(read, Setting(0.05))[0]).size == 1
+        whole += np.unique(levels(read, SettingError(0.05))[0]).size == 1
     assert whole >= 170
 
 

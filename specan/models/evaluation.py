@@ -1,30 +1,41 @@
-"""A model with some of its effects switched on: evaluated for conditions and parameter values."""
+"""The values of a graph of quantities with some effects switched on, for conditions and parameter values."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from specan.errors import ComputationError, RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.fixed_point import settle
 from specan.models.graph import components, cut
 from specan.models.parameter import Parameter
+from specan.models.quantity import Condition, Quantity
 from specan.units import convert
-
-if TYPE_CHECKING:
-    from specan.models.model import Model
 
 BASE = "base"  # the name of the part of a quantity that is no effect's
 
 
-@dataclass(frozen=True)
-class Assembly:
-    """A model with a set of effects switched on; evaluated for conditions and parameter values."""
+class Parts(Protocol):
+    """What of a model takes part in an evaluation; see `specan.models.model.Model`."""
 
-    model: Model
+    @property
+    def conditions(self) -> Mapping[str, Condition]: ...  # noqa: D102
+    @property
+    def quantities(self) -> Mapping[str, Quantity]: ...  # noqa: D102
+    @property
+    def effects(self) -> Mapping[str, Effect]: ...  # noqa: D102
+    @property
+    def axes(self) -> Mapping[str, tuple[str, ...]]: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """Quantities, conditions and effects with a set of effects switched on."""
+
+    model: Parts
     uses: tuple[Use, ...]
 
     @cached_property

@@ -1,0 +1,125 @@
+"""Receivers of a sound or vibration field: what a model says of the channels whose transfer functions it predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ReceiverErrors:
+    """Declared standard uncertainties of the receivers and of the model.
+
+    Attributes
+    ----------
+    position_m : float
+        Of each coordinate of a receiver.
+    calibration_dB, calibration_phase_deg : float
+        Of a receiver's calibration.
+    discrepancy : float
+        Of the model: part of the response, and half of that part of the third octave's RMS response over all
+        receivers (where modes cancel, their errors do not).
+    detuning : float
+        Part of the model's natural frequencies and bandwidths.
+    """
+
+    position_m: float
+    calibration_dB: float
+    calibration_phase_deg: float
+    discrepancy: float
+    detuning: float
+
+
+@dataclass(frozen=True)
+class WaveNumberStep:
+    """How the derivative of a response by the logarithm of the wave number follows from an effect's parameter.
+
+    dH/d ln k = `slope` dH/dp + `own` H, with p the parameter.
+
+    Attributes
+    ----------
+    effect, parameter : str
+        Effect and its parameter p, neutral at its neutral value.
+    step : float
+        By which p is moved for a difference quotient, SI.
+    slope, own : float
+    """
+
+    effect: str
+    parameter: str
+    step: float
+    slope: float
+    own: float
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where further receivers can stand.
+
+    Attributes
+    ----------
+    free : callable
+        ``free() -> array (n, 3)``: places in m that can be taken, where none stands yet.
+    with_receivers : callable
+        ``with_receivers(model, places) -> (model, names)``: the model with further receivers behind its own.
+    depth : callable
+        ``depth(group, places) -> array (n,)``: distance of places from what a group lies near, m.
+    extent_m : tuple of float
+        Edges of the box that holds all of them, for a plan.
+    """
+
+    free: Callable[[], Array]
+    with_receivers: Callable[[Any, Array], tuple[Any, tuple[str, ...]]]
+    depth: Callable[[str, Array], Array]
+    extent_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """Channels at places in a field, held against a reference channel.
+
+    Attributes
+    ----------
+    axis : str
+        The model's axis that names them.
+    noun, plural : str
+        What they are called in sentences.
+    role, reference_role, helper_role : str
+        Roles of their channels, of the reference channel and of the drive signal in a recording.
+    band_hz : tuple of float
+        Lowest and highest frequency that is looked at.
+    positions_m : array (receivers, 3)
+    moved_by : str
+        Effect that acts at one receiver and moves it by the parameters `along`, m.
+    errors : ReceiverErrors
+    wave_number : WaveNumberStep
+    groups : callable
+        ``groups(channels) -> {name: numbers of some channels}`` at which a failure is looked for together.
+    group_label, group_words : str
+        Key of a group in results, and the words that stand before its name.
+    places : Places, optional
+        Where further receivers can stand, if the model can tell.
+    """
+
+    axis: str
+    noun: str
+    plural: str
+    role: str
+    reference_role: str
+    helper_role: str
+    band_hz: tuple[float, float]
+    positions_m: Array
+    moved_by: str
+    along: tuple[str, str, str]
+    errors: ReceiverErrors
+    wave_number: WaveNumberStep
+    groups: Callable[[Sequence[str]], Mapping[str, list[int]]]
+    group_label: str = "group"
+    group_words: str = "receivers near"
+    places: Places | None = None

@@ -1,0 +1,118 @@
+"""Places in a box: where microphones stand near a wall, and where further ones can stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.model import Model
+from specan.models.quantity import constant
+from specan.models.receivers import Places, ReceiverErrors, Receivers, WaveNumberStep
+from specan.models.room.rig import Rig
+
+Array = NDArray[np.float64]
+
+EACH_WAY = 4  # places along each edge
+FROM_WALL_M = 0.06
+FROM_PISTON_M = 0.15
+APART_M = 0.05
+NEAR = 0.3  # of an edge: within this distance a microphone is near a wall
+STEP_K = 0.02  # of a difference quotient by the temperature
+
+
+def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
+    """The microphones of a room, held against the vibrometer."""
+    given, dims = rig.uncertainty, rig.room.dims_m
+    nominal_K = rig.air.nominal_temperature_C + 273.15
+    positions = np.array(rig.mics.position_m)
+    return Receivers(
+        axis="microphone",
+        noun="microphone",
+        plural="microphones",
+        role="microphone",
+        reference_role="vibrometer",
+        helper_role="generator",
+        band_hz=(rig.band.f_min_hz, rig.band.f_max_hz),
+        positions_m=positions,
+        moved_by="microphone-position",
+        along=("dx", "dy", "dz"),
+        errors=ReceiverErrors(
+            position_m=given.position_m,
+            calibration_dB=given.calibration_dB,
+            calibration_phase_deg=given.calibration_phase_deg,
+            discrepancy=given.model_discrepancy_percent / 100,
+            detuning=given.natural_frequency_percent / 100,
+        ),
+        # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
+        wave_number=WaveNumberStep("temperature", "offset", STEP_K, -2 * nominal_K, -2.0),
+        groups=lambda channels: {} if dims is None else near_walls(dims, positions, names, channels),
+        group_label="near_wall",
+        group_words="microphones near wall",
+        places=None
+        if dims is None
+        else Places(
+            free=lambda: free_places(rig),
+            with_receivers=with_microphones,
+            depth=lambda wall, places: _depth(dims, wall, places),
+            extent_m=dims,
+        ),
+    )
+
+
+def near_walls(
+    dims_m: Sequence[float], positions_m: Array, names: Sequence[str], channels: Sequence[str]
+) -> dict[str, list[int]]:
+    """Numbers of the channels near each wall of a box; at least two, and not all."""
+    place = np.array([positions_m[names.index(c)] for c in channels])
+    found = {}
+    for axis, edge in enumerate(dims_m):
+        for side, distance in (("0", place[:, axis]), ("1", edge - place[:, axis])):
+            inside = np.flatnonzero(distance <= NEAR * edge).tolist()
+            if 2 <= len(inside) < len(channels):
+                found["xyz"[axis] + side] = inside
+    return found
+
+
+def free_places(rig: Rig) -> Array:
+    """A grid of places (n, 3) in m: off the walls, off the piston, where no microphone stands yet."""
+    dims = np.array(rig.room.dims_m)
+    margin = np.minimum(FROM_WALL_M, dims / 4)
+    along = [np.round(np.linspace(m, edge - m, EACH_WAY), 3) for m, edge in zip(margin, dims, strict=True)]
+    grid = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 3)
+    taken = np.array(rig.mics.position_m)
+    clear = np.min(np.linalg.norm(grid[:, None] - taken[None], axis=2), axis=1) > APART_M
+    clear &= np.linalg.norm(grid - np.array(rig.piston.centre_m), axis=1) > FROM_PISTON_M
+    return np.asarray(grid[clear])
+
+
+def with_microphones(model: Model, places: Array) -> tuple[Model, tuple[str, ...]]:
+    """The model with further microphones behind its own, on the first card; and their names."""
+    names = tuple(f"place {k}" for k in range(1, len(places) + 1))
+    more = {"receiver_position": places, "receiver_nominal_gain": np.ones(len(places)),
+            "card_of_microphone": np.zeros(len(places), dtype=int)}  # fmt: skip
+    changed = {
+        name: constant(name, np.concatenate([np.asarray(node()), more[name]]), node.unit, node.doc, node.axes)
+        for name, node in ((name, model.quantities[name]) for name in more)
+    }
+    axes = {**model.axes, "microphone": (*model.axes["microphone"], *names)}
+    return replace(model, quantities={**model.quantities, **changed}, axes=axes), names
+
+
+def _depth(dims_m: Sequence[float], wall: str, places: Array) -> Array:
+    axis, far = "xyz".index(wall[0]), wall[1] == "1"
+    return np.asarray(dims_m[axis] - places[:, axis] if far else places[:, axis])
+
+
+def wall_areas(dims_m: Sequence[float]) -> Mapping[str, float]:
+    """Area of every wall of a box, m^2.
+
+    Examples
+    --------
+    >>> wall_areas([2.0, 3.0, 4.0])["y1"]
+    8.0
+    """
+    x, y, z = (float(edge) for edge in dims_m)
+    return {"x0": y * z, "x1": y * z, "y0": x * z, "y1": x * z, "z0": x * y, "z1": x * y}

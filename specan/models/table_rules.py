@@ -1,0 +1,66 @@
+"""Rules that the rows of a model's tables obey: columns that follow from others, values that cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+
+class TableFault(Exception):
+    """What is wrong with a table; whoever reads the file says which file and lines.
+
+    Parameters
+    ----------
+    found : str
+        What was found.
+    rows : array of bool, optional
+        The rows that it is true of; the whole table by default.
+    expected, remedy : str
+        See `specan.errors.SpecanError`.
+    """
+
+    def __init__(
+        self, found: str, rows: NDArray[np.bool_] | None = None, expected: str = "", remedy: str = ""
+    ) -> None:
+        super().__init__(found)
+        self.found, self.rows, self.expected, self.remedy = found, rows, expected, remedy
+
+
+@dataclass(frozen=True)
+class Completed:
+    """Columns that replace those of the table, the step in which each row's value was printed, and notes.
+
+    Attributes
+    ----------
+    columns, steps : mapping
+        ``{header: array (rows,)}``; NaN where a value is unknown or of no use.
+    notes : tuple of str
+        What was worked out or left out, for a person.
+    """
+
+    columns: Columns
+    steps: Columns
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class TableRules:
+    """What a model does with the columns of a table before they are held against it.
+
+    Attributes
+    ----------
+    complete : callable
+        ``complete(columns, steps) -> Completed`` from the columns that a table has (in the units of their
+        headers) and the steps in which they are printed. Raises `TableFault`.
+    derivable : mapping
+        ``{header: headers that it follows from}`` of conditions that a table need not hold.
+    """
+
+    complete: Callable[[Columns, Mapping[str, float]], Completed]
+    derivable: Mapping[str, frozenset[str]] = field(default_factory=dict)
