@@ -95,7 +95,7 @@ def _conditions(operation: Operation) -> dict[str, Condition]:
         ),
         Condition(
             "indicated_output_torque", "N*m", "Torque that the output sensor indicates.",
-            "output_torque_Nm", "N*m", usual_setting=SettingError(relative=0.05),
+            "output_torque_Nm", "N*m", usual_setting=SettingError(relative=0.05), idles=True,
         ),
         Condition(
             "indicated_oil_temperature", "K", "Temperature that the sensor in the oil sump indicates.",

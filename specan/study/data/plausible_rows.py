@@ -10,18 +10,12 @@ from numpy.typing import NDArray
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
 from specan.study.observation import Array
-from specan.units import convert
+from specan.units import convert, often_mistaken_for
 
-# Units in which a column of a given unit is often recorded by mistake: what multiplies or converts them.
-MISTAKEN = {
-    "rpm": ("Hz", "rad/s"),
-    "N*m": ("mN*m", "kN*m"),
-    "degC": ("degF", "K"),
-}
 THOUSAND = 1000.0  # a point that parts thousands, read as a decimal point
 SCATTER = 3.0  # standard deviations of setting by which a limit may be passed
 OF_RANGE = 0.05  # and the share of the limits' range
-IDLE = 0.05  # share of the upper limit below which a torque counts as idle: no bench names that as its lower limit
+IDLE = 0.05  # share of the upper limit below which a condition that `idles` does so
 MOST_NAMED = 5  # lines in one message
 
 
@@ -107,7 +101,7 @@ def _outside(
 ) -> NDArray[np.bool_]:
     reach = SCATTER * np.asarray(setting.at(values)) + OF_RANGE * (high - low)
     bad = (values < low - reach) | (values > high + reach)
-    if condition.unit == "N*m":
+    if condition.idles:
         bad &= ~(np.abs(values) <= IDLE * high)
     return np.asarray(bad)
 
@@ -115,7 +109,7 @@ def _outside(
 def _likely_unit(values: Array, low: float, high: float, condition: Condition, setting: SettingError) -> str:
     """``rev/s?``: a unit in which all values lie within the limits; empty where none does."""
     shown = _shown(values, condition)
-    for unit in MISTAKEN.get(condition.column_unit, ()):
+    for unit in often_mistaken_for(condition.column_unit):
         meant = np.asarray(convert(_in(shown, unit), "rad/s" if unit == "Hz" else unit, condition.unit))
         if not np.any(_outside(meant, low, high, condition, setting)):
             return f"they are likely in {'rev/s' if unit == 'Hz' else unit}"

@@ -113,7 +113,7 @@ def candidates(problem: Problem) -> tuple[list[Candidate], dict[str, str]]:
 def _can_be_seen(problem: Problem, use: Use) -> bool:
     """Whether rows are kept of the element that a use acts at, where elements are the channels of the data.
 
-    The gain of a microphone that is held out changes no fitted value: no candidate, and nothing invisible either.
+    The gain of a channel that is held out changes no fitted value: no candidate, and nothing invisible either.
     """
     model = problem.assembly.model
     labels = [o.labels["channel"] for o in problem.observations if "channel" in o.labels]

@@ -117,7 +117,7 @@ def shown(found: tuple[Pull, ...]) -> tuple[Pull, ...]:
 def what_would_tell(refit: Refit) -> str:
     """Operating variables of the model that the data hold at one value: varying them determines more.
 
-    ``a second output torque, a second oil temperature``; empty where all vary.
+    ``a second load, a second viscosity``; empty where all vary.
     """
     problem = refit.problem
     constant = []
