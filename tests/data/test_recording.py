@@ -102,7 +102,7 @@ def _named(*names: str) -> Recording:
 
 
 @pytest.mark.parametrize(
-    ("given", "meant"),
+    ("said", "meant"),
     [
         ("mic 1", "Mic 1"),
         ("g/MIC 11", "Mic 11"),
@@ -110,7 +110,7 @@ def _named(*names: str) -> Recording:
         ("cdaq1mod2/AI1", "cDAQ1Mod2/ai1"),
     ],
 )
-def test_a_name_in_other_letters_or_its_end_is_enough(given: str, meant: str) -> None:
+def test_a_name_in_other_letters_or_its_end_is_enough(said: str, meant: str) -> None:
     names = ("Mic 1", "Mic 11", "cDAQ1Mod1/ai0", "cDAQ1Mod1/ai1", "cDAQ1Mod2/ai1")
     channels = tuple(Channel(n, "G", sampling_rate=8.0, n_samples=4) for n in names)
     recording = Recording("a.tdms", channels, ArraySource([np.zeros(4)] * len(names)))
