@@ -9,14 +9,16 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
+from specan_cli.output_file import OutputFile, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.frequency_response import FrequencyResponse
 
 
-@click.command("frf")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.command("frf", cls=RecordingVerb)
+@recording_argument()
 @click.option("--reference", metavar="CH", help="Channel of reference [default: the vibrometer].")
 @click.option(
     "--estimator",
@@ -39,7 +41,7 @@ if TYPE_CHECKING:
 @click.option("--at", "at_hz", type=float, multiple=True, metavar="HZ", help="Print this line; repeatable.")
 @plot_option()
 @click.option("--unwrap", is_flag=True, help="Draw the phase without jumps.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all lines as text.")
+@click.option("-o", "--output", type=OutputFile(), help="Write all lines as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
 @opening_options
 def command(
@@ -65,7 +67,7 @@ def command(
     calibration: Path | None,
     sampling_rate: float | None,
 ) -> int:
-    """Find the transfer functions of the microphones over the vibrometer, or over --reference.
+    """Find the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
 
     Phases are those of exp(+j w t), response over reference: a delayed response has a falling phase.
 
@@ -107,11 +109,9 @@ def command(
         write_text(found, output)
     if as_json:
         emit_json(content(found))
-    else:
+    elif not to_standard_output(output):
         show(found, at_hz)
-        for written in (plot, output):
-            if written is not None:
-                click.echo(f"Written to {written}.")
+        say_written(plot, output)
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return 0
 
