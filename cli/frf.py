@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
 from specan_cli.output_file import OutputFile, say_written, to_standard_output
@@ -230,6 +231,7 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
             )
         )
     header = [
+        f"specan {__version__} frf",
         f"transfer functions of {found.label}: {found.estimator} over {found.reference} ({found.reference_unit})",
         "magnitude in " + ", ".join(f"{u} ({n})" for n, u in zip(found.channels, found.units)),
         "phase in degrees: exp(+j w t), response over reference",

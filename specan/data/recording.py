@@ -181,8 +181,8 @@ def _meant(name: str, channels: Sequence[Channel]) -> tuple[Channel, ...]:
 
 
 def _ends_with(name: str, end: str) -> bool:
-    """Whether a name ends with a whole word or number: ``1`` is the end of ``Mic 1`` and not of ``Mic 11``."""
-    return name.endswith(end) and not name[: -len(end)][-1:].isalnum()
+    """Whether a name ends with whole words: ``ai0`` ends ``mod1/ai0``, not ``xai0``; a number alone does not do."""
+    return name.endswith(end) and not name[: -len(end)][-1:].isalnum() and not end.isnumeric()
 
 
 def matches(pattern: str, channel: Channel) -> bool:

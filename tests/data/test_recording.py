@@ -119,8 +119,8 @@ def test_a_name_in_other_letters_or_its_end_is_enough(said: str, meant: str) -> 
 
 
 def test_the_end_of_several_names_or_of_a_word_is_none() -> None:
-    recording = _named("A/ai1", "B/xai1", "B/Mic 11", "C/ai1")
-    for said in ("ai1", "1", "c 11", ""):
+    recording = _named("A/ai1", "B/xai1", "B/Mic 2", "B/Mic 11", "C/ai1")
+    for said in ("ai1", "1", "2", "c 11", ""):
         with pytest.raises(RequestError):
             recording.channel(said)
 
