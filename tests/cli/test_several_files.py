@@ -91,7 +91,6 @@ def test_many_options_stand_in_groups():
         for parameter in command.params:
             if parameter.param_type_name == "option" and not parameter.hidden:
                 assert max(parameter.opts, key=len) in text, parameter
-                )
 
 
 def test_accelerometers_are_responses(tmp_path):
