@@ -182,7 +182,9 @@ def _check_whole(model: Model, file: Path, as_json: bool) -> None:
         f"{1000 * found.seconds:.2g} ms."
     )
     if found.parameters:
-        click.echo(f"Some measurement within the limits determines each parameter: {', '.join(found.parameters)}.")
+        click.echo(
+            f"Some measurement within the limits determines each parameter: {', '.join(found.parameters)}."
+        )
     for name in found.effects:
         click.echo(f"{name} keeps the rules: neutral, commutes, finite, and found again when planted.")
     for name in found.hidden:

@@ -7,7 +7,10 @@ import io
 
 from specan.models.model import Model
 
-TEMPLATE = '''"""A centrifugal pump: change names, units and formulas into those of your own set-up."""
+TEMPLATE = '''"""A centrifugal pump.
+
+Change names, units and formulas into those of your own set-up.
+"""
 
 import numpy as np
 

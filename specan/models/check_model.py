@@ -176,7 +176,9 @@ def _check_identifiable(base: Assembly, names: Sequence[str], conditions: Condit
         sizes = np.pad(sizes, (0, len(names) - sizes.size))
         null = np.abs(rows[sizes <= ROUNDING * max(sizes[0], 1e-300)])
         members = {
-            name: tuple(n for n, share in zip(names, null[np.argmax(null[:, k])], strict=True) if share > SEEN)
+            name: tuple(
+                n for n, share in zip(names, null[np.argmax(null[:, k])], strict=True) if share > SEEN
+            )
             for k, name in enumerate(names)
             if null.size and np.max(null[:, k]) > SEEN
         }
@@ -184,12 +186,14 @@ def _check_identifiable(base: Assembly, names: Sequence[str], conditions: Condit
     for name, group in undetermined.items():
         owner = name.split(".")[0].split("@")[0]
         node = base.model.quantities.get(owner) or base.model.effects[owner]
-        others = [n for n in group if n != name]
+        others = ", ".join(n for n in group if n != name)
+        why = (
+            f"; only together with {others} does it change anything" if others else ", which changes nothing"
+        )
         raise RequestError(
-            f"{place_of(node.function)}: no measurement within the limits determines the parameter {name}"
-            + (f"; only together with {', '.join(others)} does it change anything" if others else ", which changes nothing"),
+            f"{place_of(node.function)}: no measurement within the limits determines the parameter {name}{why}",
             remedy="fix one of them (fixed=True or vary=False), or measure something more",
-        )  # fmt: skip
+        )
 
 
 def _indistinguishable(

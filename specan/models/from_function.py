@@ -14,6 +14,7 @@ from specan.models.observable import Observable
 from specan.models.parameter import Parameter
 from specan.models.quantity import Condition, Quantity, SettingError
 from specan.models.rig_statement import rig_statement
+from specan.models.user_code import PREFIX
 from specan.units import base_unit, convert
 
 _FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"
@@ -70,7 +71,9 @@ def fields_from_functions(
     rig = {
         "limits": {n: list(given[1:3]) for n, given in conditions.items() if _is_span(given)},
         "uncertainty": {
-            **{n: given[1] for n, given in observables.items() if isinstance(given, tuple) and len(given) > 1},
+            **{
+                n: given[1] for n, given in observables.items() if isinstance(given, tuple) and len(given) > 1
+            },
             **uncertainty,
         },
     }
@@ -85,9 +88,14 @@ def fields_from_functions(
 
 def as_declared(effect: Effect) -> Effect:
     """The effect with parameters that it receives in the units that they are declared in."""
-    return replace(
-        effect, parameters={n: replace(p, as_declared=True) for n, p in effect.parameters.items()}
-    )
+    return replace(effect, parameters={n: replace(p, as_declared=True) for n, p in effect.parameters.items()})
+
+
+def title_of(function: Callable[..., Any]) -> str:
+    """First line of what a user's file, or else the function, says of itself."""
+    file = getattr(function, "__globals__", {})
+    own = file.get("__doc__") if function.__module__.startswith(PREFIX) else None
+    return ((own or function.__doc__ or "").strip().split("\n")[0]).rstrip(".")
 
 
 def place_of(function: Any) -> str:
@@ -184,9 +192,7 @@ def _observable(name: str, given: Any, function: Callable[..., Any]) -> Observab
         return given
     unit = given[0] if isinstance(given, tuple) else given
     if not isinstance(unit, str):
-        raise RequestError(
-            f"the observable {name!r} is {given!r}", expected="a unit, or (unit, uncertainty)"
-        )
+        raise RequestError(f"the observable {name!r} is {given!r}", expected="a unit, or (unit, uncertainty)")
     _require_unit(unit, f"the observable {name!r}")
     doc = (inspect.getdoc(function) or name).split("\n")[0]
     return Observable(name, name, unit, doc, column=name, column_unit=unit)

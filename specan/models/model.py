@@ -9,7 +9,7 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
-from specan.models.from_function import as_declared, fields_from_functions
+from specan.models.from_function import as_declared, fields_from_functions, title_of
 from specan.models.graph import components
 from specan.models.observable import Observable
 from specan.models.quantity import Condition, Quantity
@@ -249,11 +249,17 @@ class Model:
         [90.0, 45.8]
         """
         fields = fields_from_functions(
-            (function, *parts), conditions, observables, parameters or {}, units or {}, effects, uncertainty or {}
+            (function, *parts),
+            conditions,
+            observables,
+            parameters or {},
+            units or {},
+            effects,
+            uncertainty or {},
         )
         first = next(iter(observables))
         name = name or function.__module__.removeprefix("specan_user_model_")
-        title = title or (function.__doc__ or first).strip().split("\n")[0].rstrip(".")
+        title = title or title_of(function) or first
         if law is None:
             positive = [n for n, (low, _) in fields["rig"].limits.items() if low >= 0]
             law = LawSpace(first, {n: n for n in positive}) if positive else None

@@ -8,7 +8,6 @@ import sys
 import threading
 import types
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,13 @@ from specan.units import convert
 LIMIT_S = 20.0  # of one evaluation: a diagnosis takes hundreds
 
 Conditions = Mapping[str, NDArray[np.float64]]
+
+
+def is_own(model: Model) -> bool:
+    """Whether a model is a user's: made of functions, or of a file."""
+    return model.declared_units or any(
+        str(getattr(q.function, "__module__", "")).startswith(PREFIX) for q in model.quantities.values()
+    )
 
 
 def try_model(model: Model, conditions: Conditions, limit_s: float | None = None) -> None:

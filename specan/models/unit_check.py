@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import CodeType
 from typing import Any
 
@@ -31,7 +31,10 @@ def check_units(model: Model, conditions: Mapping[str, NDArray[np.float64]]) -> 
     row = {name: np.asarray(values)[len(values) // 2] for name, values in conditions.items()}
     with np.errstate(all="ignore"):
         known = model.assemble().evaluate(row)
-    units = {**{n: q.unit for n, q in model.quantities.items()}, **{n: c.unit for n, c in model.conditions.items()}}
+    units = {
+        **{n: q.unit for n, q in model.quantities.items()},
+        **{n: c.unit for n, c in model.conditions.items()},
+    }
     unchecked: list[str] = []
 
     def read(names: Sequence[str]) -> list[Any]:
@@ -40,14 +43,12 @@ def check_units(model: Model, conditions: Mapping[str, NDArray[np.float64]]) -> 
     for name, node in model.quantities.items():
         if not node.reads or node.collection or node.opaque or node.axes:
             continue
-        _judge(name, node.function, lambda node=node: node.function(*read(node.reads), **_own(node.parameters)),
-               {name: node.unit}, [*node.parameters.values()], unchecked)  # fmt: skip
+        _judge(name, node.function, read(node.reads), node.parameters, {name: node.unit}, unchecked)
     for name, effect in model.effects.items():
         if effect.at or effect.joins or any(r not in known.values for r in effect.reads):
             continue
         wanted = {**{q: units[q] for q in effect.adds_to}, **dict.fromkeys(effect.scales, "1")}
-        _judge(name, effect.function, lambda effect=effect: effect.function(*read(effect.reads), **_own(effect.parameters)),
-               wanted, [*effect.parameters.values()], unchecked)  # fmt: skip
+        _judge(name, effect.function, read(effect.reads), effect.parameters, wanted, unchecked)
     if not unchecked:
         return ()
     return (f"units could not be checked in {', '.join(unchecked)}: bare numbers may hide a unit",)
@@ -63,15 +64,15 @@ def _own(parameters: Mapping[str, Parameter]) -> dict[str, Any]:
 def _judge(
     name: str,
     function: Any,
-    evaluate: Callable[[], Any],
+    arguments: Sequence[Any],
+    parameters: Mapping[str, Parameter],
     wanted: Mapping[str, str],
-    parameters: Sequence[Parameter],
     unchecked: list[str],
 ) -> None:
     """Refuse what contradicts its units; note what may hide one."""
     plain = getattr(function, "function", function)
     try:
-        given = evaluate()
+        given = function(*arguments, **_own(parameters))
         parts = given if isinstance(given, dict) else dict.fromkeys(wanted, given)
         wrong = [(q, same_dimension(parts[q], unit)) for q, unit in wanted.items()]
         found = next((f"{q!r} in {said}, declared is {wanted[q] or '1'}" for q, said in wrong if said), "")
@@ -82,7 +83,7 @@ def _judge(
         found = f"terms that do not fit each other ({fault})"
     if not found:
         return
-    if any(p.unit in ("1", "") for p in parameters) or _has_bare_numbers(plain):
+    if any(p.unit in ("1", "") for p in parameters.values()) or _has_bare_numbers(plain):
         unchecked.append(name)
         return
     raise RequestError(

@@ -106,7 +106,7 @@ def test_the_model_is_shown_and_checked(place):
 
 def test_the_template_keeps_the_rules_and_is_not_overwritten(place):
     run("model", "new", place / "pump.py")
-    assert "give keeps the rules" in run("model", "check", place / "pump.py")
+    assert "cavitation keeps the rules" in run("model", "check", place / "pump.py")
     assert run("model", "show", place / "pump.py").startswith("pump: ")
     assert "exists already" in refused("model", "new", place / "pump.py")
 
