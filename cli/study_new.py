@@ -19,7 +19,7 @@ FILE = click.Path(path_type=Path)
 @click.option("--measurement", "measurements", multiple=True, type=FILE, required=True, metavar="FILE",
               help="Measured data to fit; repeatable.")  # fmt: skip
 @click.option("--column", "columns", multiple=True, metavar="NAME=HEADER",
-              help="The header under which the table has a column of the model: \"speed_rpm=n [1/min]\"; repeatable. "
+              help="Header of a column of the model in the table, with its unit: \"speed_rpm=n [1/min]\"; repeatable. "
               "Unknown columns are passed over then.")  # fmt: skip
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
               help="Measured data that are only ever predicted; repeatable.")  # fmt: skip

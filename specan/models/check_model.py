@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 Conditions = Mapping[str, Array]
 
 MOST_ROWS = 400  # of the plan that stands for every measurement within the limits
-POINTS = 9  # of one condition over its limits
+MOST_POINTS = 100  # of one condition over its limits
+SMALLEST = 1e-3  # of the largest value of a condition: the smallest but zero
 DRAWS = 3  # places in the ranges of the parameters at which they are asked for
 STEP = 1e-4  # of a parameter's range: central differences are right to 1e-8 there
 # Share of a column below which nothing but rounding is left: differences are right to some 1e-8, see STEP.
@@ -80,8 +81,7 @@ def check_model(model: Model, progress: Callable[[str], None] | None = None) -> 
         `specan.models.check.check_effect`.
     """
     say = progress or (lambda text: None)
-    points = max(2, min(POINTS, int(MOST_ROWS ** (1 / max(len(model.rig.limits), 1)))))
-    conditions = conditions_over_limits(model, points)
+    conditions = _plan(model)
     lacking = [c.name for c in model.conditions.values() if c.default is None and c.name not in conditions]
     if lacking:
         raise RequestError(
@@ -115,6 +115,29 @@ def check_model(model: Model, progress: Callable[[str], None] | None = None) -> 
     return ModelReport(
         len(next(iter(conditions.values()))), seconds, free, tuple(passed), alike, hidden, notes
     )
+
+
+def _plan(model: Model) -> Conditions:
+    """Conditions all over the limits, denser where they are small: what acts at low speed only is met too."""
+    conditions = conditions_over_limits(model, 2)
+    each = max(2, min(MOST_POINTS, int(MOST_ROWS ** (1 / len(model.rig.limits)))))
+    axes = []
+    for low, high in model.rig.limits.values():
+        even = np.linspace(low, high, (each + 1) // 2)
+        sizes = max(abs(low), abs(high)) * np.geomspace(SMALLEST, 1.0, 4 * each)
+        small = np.concatenate([-sizes, sizes])
+        small = np.sort(small[(small > low) & (small < high)])
+        picked = (
+            small[np.linspace(0, small.size - 1, min(each // 2, small.size)).astype(int)]
+            if small.size
+            else small
+        )
+        axes.append(np.unique(np.concatenate([even, picked])))
+    rows = [a.ravel() for a in np.meshgrid(*axes, indexing="ij")]
+    order = np.random.default_rng(0).permutation(rows[0].size)
+    plan = {n: np.asarray(r[order], dtype=np.float64) for n, r in zip(model.rig.limits, rows, strict=True)}
+    others = [n for n in conditions if n not in plan]  # what the data may tell, one a quarter of an hour
+    return {**plan, **{n: np.asarray(900.0 * np.arange(order.size), dtype=np.float64) for n in others}}
 
 
 def _predict(assembly: Assembly, conditions: Conditions, values: Mapping[str, float]) -> Array:

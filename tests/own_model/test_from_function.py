@@ -19,7 +19,7 @@ def ua(flow, cp, transfer):
 HEAT = {
     "conditions": {"flow": ("kg/min", 1, 10), "inlet": ("degC", 20, 80)},
     "observables": {"outlet": ("degC", 0.1)},
-    "parameters": {"transfer": (2.0, 0.1, 10), "wall": dict(value=15.0, vary=False, unit="degC"), "cp": 4.18},
+    "parameters": {"transfer": (2.0, 0.1, 10), "wall": {"value": 15.0, "vary": False, "unit": "degC"}, "cp": 4.18},
 }  # fmt: skip
 
 

@@ -92,7 +92,12 @@ def test_chosen_columns_and_those_passed_over(tmp_path):
     assert found.conditions["worm_speed"] == pytest.approx(2 * np.pi * np.array([25.0, 100 / 3]))
     assert found.measured == pytest.approx([7.5, 3.9])
     assert "columns passed over: who" in found.notes
-    with pytest.raises(InputError, match="has no column 'm1 .*did you mean 'M1"):
+    path.write_text("n;M2_Nm;M1\n1500;40000;7,5\n2000;20000;3,9\n", encoding="utf-8")
+    named = {"speed_rpm": "n [1/min]", "output_torque_Nm": "M2_Nm [mN*m]", "input_torque_Nm": "M1"}
+    again = read_measurement(path, gear, columns=named)  # the unit is the user's word
+    assert again.conditions["worm_speed"] == pytest.approx(found.conditions["worm_speed"])
+    assert any("'M1' says no unit: taken to be in N*m" in note for note in again.notes)
+    with pytest.raises(InputError, match=r"has no column 'm1 .*did you mean 'M1"):
         read_measurement(path, gear, columns={**columns, "input_torque_Nm": "m1 [N m]"})
 
 

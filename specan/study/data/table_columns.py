@@ -41,6 +41,7 @@ class ColumnNames:
     chosen: Mapping[str, str] = field(default_factory=dict)
     lenient: bool = False
     units: dict[str, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     passed_over: list[str] = field(default_factory=list)
 
     def choose(self, headers: Iterable[str]) -> dict[str, str]:
@@ -84,6 +85,16 @@ class ColumnNames:
         """
         for name, cell_unit in table.cell_units.items():
             self.units.setdefault(name, cell_unit)
+        for name, header in self.chosen.items():
+            column = self._column_called(name)
+            if column not in self.units and column in self._targets:
+                target = self._targets[column]
+                unit = target.column_unit or target.unit
+                self.notes.append(
+                    f'{header!r} says no unit: taken to be in {unit} (else: --column "{name}={header} [UNIT]")'
+                )
+        if self.passed_over:
+            self.notes.append(f"columns passed over: {', '.join(self.passed_over)}")
         for name, unit in self.units.items():
             target = self._targets.get(name)
             wanted = (target.column_unit or target.unit) if target is not None else unit
@@ -116,12 +127,14 @@ class ColumnNames:
         found = {}
         for name, header in self.chosen.items():
             column = self._column_called(name)
+            said = _WITH_UNIT.match(header)
+            if header not in headers and said is not None and said["name"] in headers:
+                header = said["name"]  # the user says the unit that the table does not
             if header not in headers:
                 raise InputError(
                     f"{self.path} has no column {header!r}, which is to be {name!r}",
                     remedy=nearest(header, headers),
                 )
-            said = _WITH_UNIT.match(header)
             found[header] = (column, _unit(said) if said else "")
         return found
 

@@ -90,7 +90,7 @@ def read_measurement(
     _check_columns(table, known, measurable, model.table_rules)
     _add_constants(table, constants or {}, known)
     steps = {n: np.full(table.lines.size, s) for n, s in table.steps.items()}
-    notes = [f"columns passed over: {', '.join(names.passed_over)}"] if names.passed_over else []
+    notes = [*names.notes]
     if model.table_rules is not None:
         notes += _complete(table, model.table_rules, steps)
     chosen, measured, step = _choose(table, measurable, steps)
