@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from specan.analysis.batch.settings import BatchSettings
 
 
+SHOWN = 20  # failures named on the screen
+
+
 @click.command("batch")
 @click.argument("directories", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
 @click.option(
@@ -29,7 +32,9 @@ if TYPE_CHECKING:
     "--reference", metavar="CH", help="Channel of reference, such as 'Mic 1' [default: the vibrometer]."
 )
 @click.option(
-    "--excitation", type=click.Choice(["sine", "noise"]), help="Of all files [default: recognised]."
+    "--excitation",
+    type=click.Choice(["sine", "noise", "sweep"]),
+    help="Of all files [default: recognised].",
 )
 @click.option(
     "--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities of all files."
@@ -98,8 +103,10 @@ def command(
         say(f"{report.resumed} results of an earlier run hold and were kept.")
     page = _write_report(report, chosen, output) if with_report else None
     failed = report.of_kind("failed")
-    for result in failed:
+    for result in failed[:SHOWN]:
         say(f"Failed: {result.label}: {result.reason}")
+    if len(failed) > SHOWN:
+        say(f"Failed: {len(failed) - SHOWN} more; all of them are in skipped.txt.")
     done, aside = len(report.of_kind("done")), len(report.of_kind("aside"))
     if as_json:
         emit_json(
@@ -123,16 +130,12 @@ def command(
 
 
 def _write_report(report: BatchReport, settings: BatchSettings, output: Path) -> Path:
-    from specan.errors import RequestError
+    from specan.io.output_file import text_file
     from specan.report.batch_report import batch_report
 
     page = output / "report.html"
-    try:
-        page.write_text(batch_report(report, settings), encoding="utf-8", newline="\n")
-    except OSError as fault:
-        raise RequestError(
-            f"{page} cannot be written ({fault.strerror or fault})", remedy="choose another place"
-        ) from None
+    with text_file(page) as file:
+        file.write(batch_report(report, settings))
     return page
 
 

@@ -10,17 +10,18 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
+from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
 
 if TYPE_CHECKING:
     from specan.data.calibration import Calibration, ChannelCalibration
 
 
-@click.command("calibrate")
+@click.command("calibrate", cls=Verb)
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     default=Path("calibration.toml"),
     show_default=True,
     help="The calibration to write.",
@@ -119,12 +120,7 @@ def command(
     if not insertions:
         raise InputError("no file could be used for a calibration", remedy="see the reasons above")
     calibration = join_insertions(insertions, settings)
-    try:
-        write_calibration(calibration, output)
-    except OSError as fault:
-        raise RequestError(
-            f"{output} cannot be written ({fault.strerror})", remedy="choose another with -o"
-        ) from None
+    write_calibration(calibration, output)
     if plot is not None:
         from specan.report.figure_style import save_figure
         from specan.report.figures_calibration import figure_calibration
@@ -132,11 +128,11 @@ def command(
         save_figure(figure_calibration(calibration), plot)
     if as_json:
         emit_json({**_content(calibration), "failures": failures, "output": str(output)})
-    else:
+    elif not to_standard_output(output):
         _show(calibration)
         if budget:
             _show_budget(calibration)
-        click.echo(f"Written to {output}.")
+        say_written(output)
     failed = any(c.verdict == "failed" for c in calibration.channels)
     return 1 if failures or failed else 0
 

@@ -8,18 +8,19 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json
+from specan_cli.output_file import OutputFile, Verb, refuse_unsafe, say_written, to_standard_output
 from specan_cli.recording_input import opening_options, say_notes, section_options
 
 SUFFIXES = {"csv": ".csv", "uff": ".uff", "wav": ".wav", "parquet": ".parquet"}
 
 
-@click.command("export")
+@click.command("export", cls=Verb)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--to", "form", required=True, type=click.Choice(list(SUFFIXES)), help="The format.")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     help="The file to write [default: named after FILE, here].",
 )
 @click.option(
@@ -65,15 +66,14 @@ def command(
 
     if decimal != "." and form != "csv":
         raise RequestError(f"--decimal is for CSV, not for {form}", remedy="leave it out")
+    target = output or Path(file.stem + SUFFIXES[form])
+    refuse_unsafe(target)
     recording = open_recording(
         file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )
     chosen, notes = of_one_rate(recording, channels)
     start, stop = section(recording, chosen, start_s, stop_s)
     excerpt = Excerpt(recording, chosen, start, stop)
-    target = output or Path(file.stem + SUFFIXES[form])
-    if target.resolve() == file.resolve():
-        raise RequestError(f"{target} is the recording itself", remedy="choose another file with -o")
     if form == "csv":
         write_csv(excerpt, target, decimal)
     else:
@@ -101,9 +101,9 @@ def command(
                 ],
             }
         )
-    else:
+    elif not to_standard_output(target):
         click.echo(
             f"{len(chosen)} channels, {excerpt.n} samples at {excerpt.rate:g} Hz, in {together(chosen)}."
         )
-        click.echo(f"Written to {target}.")
+        say_written(target)
     return 0

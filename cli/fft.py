@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
+from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+
+PIECE = 1 << 15  # lines of a table at once
 
 if TYPE_CHECKING:
     from specan.data.recording import Recording
     from specan.data.spectrum import Spectrogram, Spectrum
 
 
-@click.command("fft")
+@click.command("fft", cls=Verb)
 @click.argument("file", type=click.Path(path_type=Path))
 @section_options
 @click.option(
@@ -46,7 +53,7 @@ if TYPE_CHECKING:
 @click.option("--spectrogram", is_flag=True, help="Spectra against time.")
 @click.option("--columns", type=int, help="Most columns of a spectrogram.  [default: 1000]")
 @plot_option()
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all lines as text.")
+@click.option("-o", "--output", type=OutputFile(), help="Write all lines as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
 @opening_options
 def command(
@@ -76,6 +83,9 @@ def command(
     recording = open_recording(
         file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )
+    single = options["whole"] or options["averaging"] == "none"
+    if single and not (spectrogram or as_json or plot is not None):
+        return _single(recording, options, peaks, output)
     found = _spectrogram(recording, columns, options) if spectrogram else _spectrum(recording, options)
     if plot is not None:
         _draw(found, plot)
@@ -83,12 +93,50 @@ def command(
         write_text(found, output)
     if as_json:
         emit_json(content(found))
-    else:
+    elif not to_standard_output(output):
         show(found, peaks)
-        for written in (plot, output):
-            if written is not None:
-                click.echo(f"Written to {written}.")
+        say_written(plot, output)
     say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
+    return 0
+
+
+def _single(recording: Recording, options: dict[str, Any], peaks: int, output: Path | None) -> int:
+    """A single block, which may be the whole recording: shown and written channel by channel."""
+    from specan.analysis.section import of_one_rate
+    from specan.analysis.spectrum import FourierSpectrum, phase_of_lines, single_blocks, with_phase
+    from specan.io.results_text import write_table
+    from specan.schema import parse
+
+    settings = parse(FourierSpectrum, given(**options), "fft")
+    reference = None if settings.reference is None else recording.channel(settings.reference)
+    channels, _ = of_one_rate(recording, settings.channels, like=reference)
+    parts = single_blocks(recording, settings)
+    sheet: list[list[str]] = []
+    about: list[Spectrum] = []  # without their lines
+
+    def texts(wanted: bool) -> Iterator[str]:
+        for part, lines in parts:
+            sheet.extend(
+                _rows(part, peaks, lambda _, k, lines=lines: float(phase_of_lines(lines[k : k + 1])[0]))
+            )
+            # What is said about the spectrum in the end; not its lines, nor a view that would keep them.
+            short = {"density": part.density[:, :1].copy(), "frequency_hz": part.frequency_hz[:1].copy()}
+            about.append(replace(part, has_mirror=part.has_mirror[:1].copy(), **short))
+            yield from _text(with_phase(part, lines)) if wanted else ()
+            del part, lines
+
+    if output is None:
+        list(texts(False))
+    else:
+        blocks = texts(True)
+        first = next(blocks)
+        named = [(c.name, c.target_unit) for c in channels]
+        write_table(output, _header(about[0], named), _columns(about[0]), chain([first], blocks))
+    if not to_standard_output(output):
+        table(_title(about[0]), _sheet_header(about[0]), sheet)
+        say_written(output)
+    flags = {name: words for part in about for name, words in zip(part.channels, part.flags)}
+    say_notes(about[0].notes, flags)
     return 0
 
 
@@ -179,35 +227,53 @@ def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
 
 def show(found: Spectrum | Spectrogram, peaks: int) -> None:
     """RMS and highest lines of every channel."""
-    import numpy as np
+    phase = getattr(found, "phase_deg", None)
+    rows = _rows(found, peaks, None if phase is None else lambda row, k: float(phase[row, k]))
+    table(_title(found), _sheet_header(found), rows)
 
+
+def _title(found: Spectrum | Spectrogram) -> str:
     from specan.data.spectrum import Spectrogram
 
     scale = found.scale
     title = f"{found.label}: {scale.scaling}, {scale.window}, lines {scale.line_spacing_hz:.6g} Hz apart, "
     title += f"noise bandwidth {scale.enbw_hz:.6g} Hz, "
     if isinstance(found, Spectrogram):
-        title += f"{len(found.time_s)} columns of {found.blocks_per_column} blocks"
-        values, levels, phase, rms = found.values.max(axis=1), found.level_db.max(axis=1), None, None
-    else:
-        title += f"{found.n_blocks} blocks, averaging {found.averaging}"
-        values, levels, phase, rms = found.values, found.level_db, found.phase_deg, found.rms
+        return title + f"{len(found.time_s)} columns of {found.blocks_per_column} blocks"
+    return title + f"{found.n_blocks} blocks, averaging {found.averaging}"
+
+
+def _sheet_header(found: Spectrum | Spectrogram) -> list[str]:
+    return ["channel", "RMS", "peak Hz", found.scale.scaling, "dB", "re", "phase deg"]
+
+
+def _rows(
+    found: Spectrum | Spectrogram, peaks: int, phase_at: Callable[[int, int], float] | None
+) -> list[list[str]]:
+    """Cells of the highest lines of every channel."""
+    import numpy as np
+
+    from specan.data.spectrum import Spectrogram
+
+    scale, over_time = found.scale, isinstance(found, Spectrogram)
+    values = found.values.max(axis=1) if over_time else found.values
+    density = found.density.max(axis=1) if over_time else found.density
     rows = []
     for row, (name, unit) in enumerate(zip(found.channels, found.units)):
         for rank, k in enumerate(highest(values[row], peaks)):
-            first = rank == 0
+            first, level = rank == 0, float(scale.level_db(density[row, k], unit))
             rows.append(
                 [
                     name if first else "",
-                    f"{rms[row]:.5g} {unit}" if first and rms is not None else "",
+                    f"{found.rms[row]:.5g} {unit}" if first and not isinstance(found, Spectrogram) else "",
                     f"{found.frequency_hz[k]:.6g}",
                     f"{values[row, k]:.5g} {scale.unit_of(unit)}",
-                    f"{levels[row, k]:.2f}" if np.isfinite(levels[row, k]) else "",
+                    f"{level:.2f}" if np.isfinite(level) else "",
                     scale.level_text(unit).removeprefix("dB re "),
-                    "" if phase is None else f"{phase[row, k]:.2f}",
+                    "" if phase_at is None else f"{phase_at(row, k):.2f}",
                 ]
             )
-    table(title, ["channel", "RMS", "peak Hz", scale.scaling, "dB", "re", "phase deg"], rows)
+    return rows
 
 
 def highest(values: Any, count: int) -> list[int]:
@@ -217,41 +283,67 @@ def highest(values: Any, count: int) -> list[int]:
     clean = np.nan_to_num(values, nan=-1.0)
     padded = np.concatenate([[-np.inf], clean, [-np.inf]])
     maxima = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:]))
+    if len(maxima) > count:  # a long spectrum has half a million
+        maxima = maxima[clean[maxima] >= np.partition(clean[maxima], -count)[-count]]
     ordered = maxima[np.argsort(-clean[maxima], kind="stable")]
     return [int(k) for k in ordered[:count]] or [0]
 
 
 def write_text(found: Spectrum | Spectrogram, path: Path) -> None:
     """All lines, tab-separated, the channels one after the other."""
-    from specan.data.spectrum import Spectrogram
-    from specan.io import results_text as text
+    from specan.io.results_text import write_table
 
-    scale, count = found.scale, len(found.frequency_hz)
-    frequencies = text.frequencies(found.frequency_hz)
-    values, levels = found.values, found.level_db
-    blocks, columns = [], ["channel", "frequency_hz", scale.scaling, "level_dB", "phase_deg"]
-    for row, name in enumerate(found.channels):
-        named = [text.word(name)] * count
-        if isinstance(found, Spectrogram):
-            for column, time in enumerate(text.fixed(found.time_s, 4)):
-                parts = [text.significant(values[row, column]), text.levels(levels[row, column])]
-                blocks.append(text.rows([named, [time] * count, frequencies, *parts]))
-            continue
-        phase = [""] * count if found.phase_deg is None else text.phases(found.phase_deg[row])
-        parts = [text.significant(values[row]), text.levels(levels[row]), phase]
-        blocks.append(text.rows([named, frequencies, *parts]))
-    if isinstance(found, Spectrogram):
-        columns = ["channel", "time_s", "frequency_hz", scale.scaling, "level_dB"]
-    units = ", ".join(
-        f"{name} in {scale.unit_of(unit)}, {scale.level_text(unit)}"
-        for name, unit in zip(found.channels, found.units)
-    )
-    header = [
+    header = _header(found, list(zip(found.channels, found.units)))
+    write_table(path, header, _columns(found), _text(found))
+
+
+def _columns(found: Spectrum | Spectrogram) -> list[str]:
+    from specan.data.spectrum import Spectrogram
+
+    time = ["time_s"] if isinstance(found, Spectrogram) else []
+    phase = [] if time else ["phase_deg"]
+    return ["channel", *time, "frequency_hz", found.scale.scaling, "level_dB", *phase]
+
+
+def _header(found: Spectrum | Spectrogram, named: list[tuple[str, str]]) -> list[str]:
+    """Lines above the table; `named` are the channels with their units."""
+    from specan.data.spectrum import Spectrogram
+
+    scale = found.scale
+    return [
+        f"specan {__version__} fft",
         f"{'spectrogram' if isinstance(found, Spectrogram) else 'spectra'} of {found.label}",
-        units,
+        ", ".join(f"{name} in {scale.unit_of(unit)}, {scale.level_text(unit)}" for name, unit in named),
         f"window {scale.window}: coherent gain {scale.coherent_gain:.6g} (allowed for), noise bandwidth "
         f"{scale.enbw_hz:.6g} Hz",
         f"settings: {found.settings}",
         *found.notes,
     ]
-    text.write_table(path, header, columns, blocks)
+
+
+def _text(found: Spectrum | Spectrogram) -> Iterator[str]:
+    """The table in pieces: a long spectrum as text is ten times as large as its numbers."""
+    from specan.data.spectrum import Spectrogram
+    from specan.io import results_text as text
+
+    scale, count = found.scale, len(found.frequency_hz)
+    for row, name in enumerate(found.channels):
+        if isinstance(found, Spectrogram):
+            frequencies, named = text.frequencies(found.frequency_hz), [text.word(name)] * count
+            for column, time in enumerate(text.fixed(found.time_s, 4)):
+                density = found.density[row, column]
+                values = scale.values(density, found.has_mirror)
+                parts = [text.significant(values), text.levels(scale.level_db(density, found.units[row]))]
+                yield text.rows([named, [time] * count, frequencies, *parts])
+            continue
+        for first in range(0, count, PIECE):
+            piece = slice(first, first + PIECE)
+            density = found.density[row, piece]
+            shown = text.frequencies(found.frequency_hz[piece])
+            phase = [""] * len(shown) if found.phase_deg is None else text.phases(found.phase_deg[row, piece])
+            parts = [
+                text.significant(scale.values(density, found.has_mirror[piece])),
+                text.levels(scale.level_db(density, found.units[row])),
+                phase,
+            ]
+            yield text.rows([[text.word(name)] * len(shown), shown, *parts])

@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from specan_cli.output_file import OutputFile
+
 
 def _checked(context: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
     """A name that cannot be written is told before the work is done."""
@@ -21,6 +23,4 @@ def _checked(context: click.Context, option: click.Parameter, path: Path | None)
 def plot_option(what: str = "") -> Callable[[Any], Any]:
     """The option ``--plot FILE``."""
     text = f"Draw {what} to a .png, .svg or .pdf." if what else "Draw to a .png, .svg or .pdf."
-    return click.option(
-        "--plot", type=click.Path(path_type=Path), callback=_checked, metavar="FILE", help=text
-    )
+    return click.option("--plot", type=OutputFile(), callback=_checked, metavar="FILE", help=text)

@@ -10,6 +10,7 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
+from specan_cli.output_file import Verb
 from specan_cli.recording_input import opening_options
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _MANY = 40  # channels; beyond them equal rows are joined
 _LINES = 30  # of properties; the others are told with --all
 
 
-@click.command("info")
+@click.command("info", cls=Verb)
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @opening_options
 @click.option("--levels", is_flag=True, help="Read all samples: RMS, peak, clipped, dead, NaN.")

@@ -127,10 +127,10 @@ def _require_bokeh() -> None:
 
 
 def _serve(fill: Callable[[Document], None], address: str, port: int, browser: bool) -> None:
-    from specan.inspect.server import open_browser, start_server, url_of
+    from specan.inspect.server import open_browser, start_server
 
     server = start_server(fill, address, port)
-    url = url_of(server)
+    url = server.url
     click.echo(url)
     if address not in ("127.0.0.1", "localhost", "::1"):
         say(f"Note: everybody who reaches {address} can look at this page.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from specan import __version__
-from specan.errors import SpecanError
+from specan.errors import SpecanError, unforeseen
 
 # verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
 VERBS: dict[str, tuple[str, str]] = {
@@ -20,6 +21,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "octave": ("octave", "Levels in octave bands, and overall levels; against time."),
     "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
+    "orders": ("orders", "Order spectra, lines and averages against a tacho or a known speed."),
     "rms": ("rms", "RMS, level, peak, crest factor, equivalent and percentile levels."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "Everything in a directory of recordings, as text tables."),
@@ -31,6 +33,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "completion": ("completion", "Tab completion for bash, zsh, fish and PowerShell."),
 }
 
+CLOSED_PIPE = 141  # as a shell reports it: 128 + SIGPIPE
 COMPLETE = "_SPECAN_COMPLETE"  # environment variable under which a shell asks for completions
 
 
@@ -49,6 +52,15 @@ class LazyGroup(click.Group):
             return None
         module = importlib.import_module(f"specan_cli.{self.verbs[cmd_name][0]}")
         return module.command
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the verb; who reads its output may stop early (``| head``), and that is no error message."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            # What is left in the buffer has nowhere to go; Python would complain about it at its end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise click.exceptions.Exit(CLOSED_PIPE) from None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the verbs without importing them."""
@@ -94,6 +106,9 @@ def main(ctx: click.Context, debug: bool) -> None:
 def run() -> None:
     """Run the suite and turn errors into messages and exit codes."""
     debug = "--debug" in sys.argv
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a name may hold what the terminal cannot show
+            stream.reconfigure(errors="backslashreplace")
     if os.environ.get(COMPLETE, "").startswith("powershell"):
         importlib.import_module("specan_cli.completion_powershell")
     try:
@@ -115,8 +130,7 @@ def run() -> None:
         if debug:
             raise
         click.echo(
-            f"Error: specan met something it does not know: {type(fault).__name__}: {fault}; "
-            "run again with --debug before the verb and report the traceback.",
+            f"Error: {unforeseen(fault)}; run again with --debug before the verb and report the traceback.",
             err=True,
         )
         sys.exit(4)

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
+from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ class _Averaging(click.ParamType):
             )
 
 
-@click.command("octave")
+@click.command("octave", cls=Verb)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--fraction", type=click.Choice(["1", "3", "6", "12", "24"]), help="1/N octave.  [default: 3]")
 @click.option(
@@ -71,7 +73,7 @@ class _Averaging(click.ParamType):
 )
 @plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all levels as text.")
+@click.option("-o", "--output", type=OutputFile(), help="Write all levels as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all levels as JSON.")
 @opening_options
 def command(
@@ -128,11 +130,9 @@ def command(
         write_text(found, output)
     if as_json:
         emit_json(content(found))
-    else:
+    elif not to_standard_output(output):
         show(found)
-        for written in (plot, output):
-            if written is not None:
-                click.echo(f"Written to {written}.")
+        say_written(plot, output)
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return 0
 
@@ -260,6 +260,7 @@ def write_text(found: BandLevels, path: Path) -> None:
         )
     units = zip(found.channels, found.units, found.references)
     header = [
+        f"specan {__version__} octave",
         f"1/{found.fraction} octave levels of {found.label}, {found.weighting} weighting, {found.averaging} averaging",
         "level_dB: " + ", ".join(f"{n} in dB re {r.text} ({u})" for n, u, r in units),
         "u_dB: standard deviation of stationary noise",

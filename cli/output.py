@@ -33,17 +33,26 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
     from rich.console import Console
     from rich.table import Table
 
+    class Sheet(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # rich would end the process itself
+
     sheet = Table(title=title or None, title_justify="left", box=None, pad_edge=False, header_style="bold")
     rows = [["" if cell is None else cell for cell in row] for row in rows]
     for index, name in enumerate(header):
         numeric = bool(rows) and all(isinstance(row[index], (int, float)) or row[index] == "" for row in rows)
-        sheet.add_column(name, justify="right" if numeric else "left", overflow="fold")
+        # Names of effects and parameters are copied into commands: they are never broken over two lines.
+        words = [word for row in rows for word in str(row[index]).split()] if index == 0 else []
+        least = max(map(len, words), default=1)
+        sheet.add_column(
+            name, justify="right" if numeric else "left", overflow="fold", min_width=min(least, 48)
+        )
     from rich.text import Text
 
     for row in rows:
         # Text, not markup: a channel may be called "[bold]".
         sheet.add_row(*(Text(str(cell)) for cell in row))
-    Console(soft_wrap=False).print(sheet)
+    Sheet(soft_wrap=False).print(sheet)
 
 
 def say(text: str) -> None:

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
+from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
 
 if TYPE_CHECKING:
     from specan.data.levels import SignalLevels
 
 
-@click.command("rms")
+@click.command("rms", cls=Verb)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--weighting",
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
     help="The cut at the ends of the section, in equivalent levels.  [default: left-out]",
 )
 @plot_option()
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write everything as text.")
+@click.option("-o", "--output", type=OutputFile(), help="Write everything as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @opening_options
 def command(
@@ -83,11 +85,9 @@ def command(
         write_text(found, output)
     if as_json:
         emit_json(content(found))
-    else:
+    elif not to_standard_output(output):
         show(found)
-        for written in (plot, output):
-            if written is not None:
-                click.echo(f"Written to {written}.")
+        say_written(plot, output)
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return 0
 
@@ -194,6 +194,7 @@ def write_text(found: SignalLevels, path: Path) -> None:
         ]
     )
     header = [
+        f"specan {__version__} rms",
         f"levels of {found.label}, {found.start_s:g} s to {found.start_s + found.duration_s:g} s, about the mean",
         f"max, min and L of the {found.averaging} level, {found.weighting} weighted for Pa",
         f"settling: {found.settling}",

@@ -7,14 +7,16 @@ from typing import Any
 
 import click
 
+from specan_cli.output_file import OutputFile, Verb
 
-@click.command("simulate")
+
+@click.command("simulate", cls=Verb)
 @click.argument("model_name", metavar="MODEL")
 @click.argument("rig", type=click.Path(path_type=Path), metavar="[RIG.toml]", required=False)
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     help="File to write: a table, a recording (.tdms), a figure.",
 )
 @click.option(
@@ -63,7 +65,7 @@ import click
     default=10.0,
     show_default=True,
     metavar="S",
-    help="Room: length of the recording.",
+    help="Length of the recording.",
 )
 @click.option(
     "--frequency", type=float, metavar="HZ", help="Room: a sine instead of noise; the frequency of --field."
@@ -79,10 +81,10 @@ import click
 @click.option(
     "--table",
     "lookup",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     help="Write a look-up table: speed, torque, temperature -> efficiency, loss.",
 )
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw the efficiency map into this file.")
+@click.option("--plot", type=OutputFile(), help="Draw the efficiency map into this file.")
 @click.option("--figure", "number", type=int, help="Draw the article's figure 4, 5, 6, 7 or 11 into -o.")
 @click.option(
     "--measurement",
@@ -97,6 +99,9 @@ def command(model_name: str, rig: Path | None, **options: Any) -> None:
     own needs no rig file.
 
     Worm gear: without --grid or --conditions the conditions run over the limits of the rig file.
+
+    Planetary gear: a recording of forces, torques, accelerations and tachos (-o run.tdms), or order lines
+    (-o lines.csv).
 
     Room: a recording of microphones, vibrometer and generator (-o recording.tdms), or with --field the sound field on a
     plane.

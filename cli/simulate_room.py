@@ -87,6 +87,7 @@ def _write_tdms(path: Path, made: SimulatedRecording, given: Mapping[str, Any]) 
     """As the laboratory's acquisition program would: volts of 24 bits, nominal sensitivities beside them."""
     import numpy as np
 
+    from specan.io.output_file import whole_file
     from specan.io.write_tdms import write_tdms
 
     count = len(made.names) - 2
@@ -101,19 +102,15 @@ def _write_tdms(path: Path, made: SimulatedRecording, given: Mapping[str, Any]) 
     group: dict[str, object] = {"Excitation": "gaussian noise", "SamplingRate": made.sampling_rate}
     if made.frequency_hz is not None:
         group |= {"Excitation": "sine", "ExcitationFrequency_Hz": made.frequency_hz}
-    try:
+    with whole_file(path) as half:
         write_tdms(
-            path,
+            half,
             made.names,
             made.quantities * gain[:, None],
             made.sampling_rate,
             channels=[*([microphone] * count), vibrometer, {"QuantityUnit": "V"}],
             group=group | {"Description": "simulated"},
         )
-    except OSError as fault:
-        raise RequestError(
-            f"the recording {path} cannot be written ({fault.strerror})", remedy="name another place"
-        ) from None
 
 
 # --- the field on a plane ----------------------------------------------------------------------------------
@@ -155,17 +152,13 @@ def _map(request: Request, options: Mapping[str, Any]) -> None:
 
 
 def _write_csv(path: Path, found: FieldMap) -> None:
+    from specan.io.output_file import text_file
     from specan.models.room.field_map import COLUMNS
 
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            sheet = csv.writer(file, lineterminator="\n")
-            sheet.writerow(COLUMNS)
-            sheet.writerows([f"{value:.9g}" for value in row] for row in found.rows())
-    except OSError as fault:
-        raise RequestError(
-            f"the table {path} cannot be written ({fault.strerror})", remedy="name another place"
-        ) from None
+    with text_file(path) as file:
+        sheet = csv.writer(file, lineterminator="\n")
+        sheet.writerow(COLUMNS)
+        sheet.writerows([f"{value:.9g}" for value in row] for row in found.rows())
 
 
 def _checked(path: Path, suffixes: tuple[str, ...]) -> Path:

@@ -46,6 +46,7 @@ def _look_up(request: Request, path: Path) -> None:
 
 
 def _draw(request: Request, options: Mapping[str, Any]) -> None:
+    from specan.report.figure_style import save_figure
     from specan.report.figures_worm_gear import figure
 
     if options["number"] is not None and not options["output"]:
@@ -60,11 +61,5 @@ def _draw(request: Request, options: Mapping[str, Any]) -> None:
         wanted.append((options["number"], options["output"]))
     for number, path in wanted:
         sheet = figure(number, request, measured)
-        try:
-            sheet.savefig(path, dpi=150)
-        except (OSError, ValueError) as fault:
-            raise RequestError(
-                f"the figure {path} cannot be written ({fault})",
-                expected="a .png, .svg or .pdf in a directory",
-            ) from None
+        save_figure(sheet, path)
         say(f"figure {number} written to {path}")

@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     from specan.models.model import Model
 
 # model -> module with `run(model, options)`
-SIMULATORS = {"worm-gear": "specan_cli.simulate_worm_gear", "room": "specan_cli.simulate_room"}
+SIMULATORS = {
+    "planetary-gear": "specan_cli.simulate_planetary_gear",
+    "room": "specan_cli.simulate_room",
+    "worm-gear": "specan_cli.simulate_worm_gear",
+}
 ENTRY_POINTS = "specan.simulators"  # of installed packages: name of the model = `run(model, options)`
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 import click
 
 from specan_cli.figure_output import plot_option
+from specan_cli.output_file import Verb
 from specan_cli.study_output import study_options
 
 
-@click.command("add")
+@click.command("add", cls=Verb)
 @study_options
 @click.argument("effect_name", metavar="EFFECT")
 @click.option("--because", default="", metavar="TEXT", help="Why, for the history.")

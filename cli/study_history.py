@@ -7,9 +7,10 @@ from pathlib import Path
 import click
 
 from specan_cli.figure_output import plot_option
+from specan_cli.output_file import Verb
 
 
-@click.command("history")
+@click.command("history", cls=Verb)
 @click.argument("directory", type=click.Path(path_type=Path), metavar="DIR")
 @plot_option("the staircase of errors")
 @click.option("--json", "as_json", is_flag=True, help="Print the steps as JSON.")

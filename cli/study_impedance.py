@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.output_file import OutputFile, Verb
 from specan_cli.study_output import study_options
 
 if TYPE_CHECKING:
@@ -15,12 +16,12 @@ if TYPE_CHECKING:
     from specan.impedance.surface_impedance import Impedance, Interval
 
 
-@click.command("impedance")
+@click.command("impedance", cls=Verb)
 @study_options
 @click.option("--wall", metavar="NAME", help="Show this wall only: x0, x1, y0 ...")
 @click.option("--accuracy", default=0.1, show_default=True, metavar="ALPHA",
               help="What counts as determined: half-width of the absorption coefficient's 95 % interval.")  # fmt: skip
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw impedance and absorption into this file.")
+@click.option("--plot", type=OutputFile(), help="Draw impedance and absorption into this file.")
 def command(
     directory: Path,
     effects: tuple[Path, ...],

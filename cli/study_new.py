@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 
 from specan_cli.figure_output import plot_option
+from specan_cli.output_file import Verb
 
 FILE = click.Path(path_type=Path)
 
 
-@click.command("new")
+@click.command("new", cls=Verb)
 @click.argument("directory", type=FILE, metavar="DIR")
 @click.option("--model", "model_name", required=True, metavar="NAME|FILE.py",
               help="A model (see specan model list), or a Python file with one of your own.")  # fmt: skip

@@ -9,10 +9,11 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say
+from specan_cli.output_file import Verb
 from specan_cli.study_output import open_study, study_options
 
 
-@click.command("next")
+@click.command("next", cls=Verb)
 @study_options
 @plot_option("what the rivals expect of each reading")
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None) -> None:

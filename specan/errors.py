@@ -58,6 +58,18 @@ class ComputationError(SpecanError):
     exit_code = 4
 
 
+def unforeseen(fault: BaseException) -> str:
+    """A reason for an error that nobody foresaw.
+
+    Examples
+    --------
+    >>> unforeseen(MemoryError())
+    'specan met something it does not know: MemoryError'
+    """
+    said = f"{type(fault).__name__}: {fault}" if str(fault) else type(fault).__name__
+    return f"specan met something it does not know: {said}"
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return "did you mean 'x'?" for the known name closest to `name`, or the known names.
 

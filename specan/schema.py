@@ -63,7 +63,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise RequestError(f"the file {path} does not exist", remedy="check the path") from None
     except (OSError, UnicodeDecodeError) as fault:
         raise RequestError(f"{path} cannot be read ({fault})", expected="a TOML file in UTF-8") from None
-    except tomllib.TOMLDecodeError as fault:
+    except (ValueError, RecursionError) as fault:  # also a date that is none, and brackets within brackets
         raise RequestError(f"{path} is not valid TOML ({fault})", remedy="correct that line") from None
 
 

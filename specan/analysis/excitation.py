@@ -1,25 +1,36 @@
-"""Sine or noise: recognised from the user, the file's properties, the generator or the vibrometer."""
+"""Sine, noise, sweep or steps: recognised from the user, the file's properties, the generator or the vibrometer."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.data.excitation import Excitation, ExcitationKind
 from specan.data.recording import Channel, Recording
-from specan.dsp.tonality import Appearance, appearance
+from specan.dsp.frequency_track import path, track
+from specan.dsp.randomness import narrow_band_is_noise, scatters_as_noise
+from specan.dsp.tonality import TONE_SHARE, Appearance, appearance, tonal_share
 from specan.errors import RequestError, nearest
 
-SECTION_S = 2.0  # of which three are looked at: beginning, middle and end
+# Five sections are looked at; in a recording of less than six seconds they are its fifths.
+SECTION_S, LEAST_SECTION_S = 1.2, 0.33
+# Their places in a longer one, from its beginning to its end: uneven, so that nothing periodic meets all of them alike.
+PLACES = (0.0, 0.17, 0.45, 0.71, 1.0)
 MIN_SAMPLES = 256
+# Relative standard deviation of the amplitude from section to section: that of one part in a hundred of the power.
+STEADY = 0.1
 # A channel this far below its full scale, or below 100 uV on a generator, carries the converter's own noise.
 SILENT_RE_FULL_SCALE, SILENT_GENERATOR_V = 1e-5, 1e-4
 
+SAYABLE: dict[str, ExcitationKind] = {"sine": "sine", "noise": "noise", "sweep": "sweep"}
+CALIBRATOR_WORDS = ("calibrator", "calibration", "pistonphone")
 _WORDS: tuple[tuple[ExcitationKind, tuple[str, ...]], ...] = (
-    ("calibrator", ("calibrator", "calibration", "pistonphone")),
-    ("unknown", ("sweep", "swept", "chirp", "stepped")),
+    ("calibrator", CALIBRATOR_WORDS),
+    ("stepped-sine", ("stepped",)),
+    ("sweep", ("sweep", "swept", "chirp")),
     ("noise", ("noise", "random", "gauss")),
     ("sine", ("sine", "sinus", "tone")),
 )
@@ -29,24 +40,26 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
     """Decide what drove a recording; the first that knows wins.
 
     The order is: the user, the properties ``Excitation`` and ``ExcitationFrequency_Hz`` of the file or
-    of a group, the generator channel, the vibrometer channel. At most three sections of 2 s of a channel
+    of a group, the generator channel, the vibrometer channel. At most five sections of 1.2 s of a channel
     are read. A property (or a user) that contradicts the signal wins, and `reason` says so.
 
     Parameters
     ----------
     recording : Recording
-    said : {"sine", "noise"}, optional
+    said : {"sine", "noise", "sweep"}, optional
         What the user says.
 
     Returns
     -------
     Excitation
-        A swept or stepped sine, a transient, an even mixture of tone and noise, and silence are "unknown".
+        "sine" is one steady tone, "noise" scatters as a Gaussian process does; a sweep and steps have their own
+        words. All else is "unknown": several tones, modulation, pulses, a transient, an even mixture of tone and
+        noise, silence.
 
     Raises
     ------
     RequestError
-        `said` is neither "sine" nor "noise".
+        `said` is none of the three.
 
     Examples
     --------
@@ -58,19 +71,21 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
     >>> found.kind, round(found.frequency_hz, 6)
     ('sine', 250.0)
     """
-    if said is not None and said not in ("sine", "noise"):
+    if said is not None and said not in SAYABLE:
         raise RequestError(
             f"the excitation {said!r} is unknown",
-            expected="sine or noise",
-            remedy=nearest(said, ["sine", "noise"]),
+            expected="sine or noise, or sweep",
+            remedy=nearest(said, list(SAYABLE)),
         )
-    seen = _from_channels(recording)
     stated = stated_excitation(recording)
+    claimed = said or (stated.kind if stated is not None else None)
+    # What is said to be noise is only contradicted by a tone, and one look shows whether there can be one.
+    seen = _NOT_LOOKED if claimed == "noise" and not _may_be_a_tone(recording) else _from_channels(recording)
     if said is not None:
         frequency = seen.frequency_hz if seen.kind == "sine" else None
         if stated is not None and stated.kind == "sine":
             frequency = _agreed(stated.frequency_hz, frequency)
-        kind: ExcitationKind = "sine" if said == "sine" else "noise"
+        kind = SAYABLE[said]
         claim = Excitation(kind, frequency if kind == "sine" else None, "said by the user")
         return _confronted(claim, [part for part in (stated, seen) if part is not None])
     if stated is not None:
@@ -94,12 +109,12 @@ def _confronted(claim: Excitation, others: list[Excitation]) -> Excitation:
     against = [
         other.reason
         for other in others
-        if other.kind in ("sine", "noise")
+        if other.kind in ("sine", "noise", "sweep", "stepped-sine")
         and claim.kind != "calibrator"
         and (other.kind != claim.kind or _differs(claim.frequency_hz, other.frequency_hz))
     ]
     reason = claim.reason + "".join(f"; contradicted: {text}" for text in against)
-    return Excitation(claim.kind, claim.frequency_hz, reason)
+    return Excitation(claim.kind, claim.frequency_hz, reason, stated=True)
 
 
 def _differs(a: float | None, b: float | None) -> bool:
@@ -147,22 +162,54 @@ def _from_channels(recording: Recording) -> Excitation:
         if channel.n_samples < MIN_SAMPLES or channel.sampling_rate <= 0:
             silent.append(f"{channel.name} is too short")
             continue
-        looks = _looks(recording, channel)
-        if looks:
-            return _verdict(channel, looks)
+        sections = _sections(recording, channel)
+        looks = [appearance(s, channel.sampling_rate) for s in sections]
+        sections, looks = _without_switching(sections, looks)
+        if any(look.look != "silence" for look in looks):
+            return _verdict(channel, sections, looks)
         silent.append(f"{channel.name} is silent")
     if silent:
         return Excitation("unknown", None, ", ".join(silent))
     return Excitation("unknown", None, "no property says it, and there is no generator or vibrometer channel")
 
 
-def _looks(recording: Recording, channel: Channel) -> list[Appearance]:
-    """Appearance of the sections in which the channel is not silent."""
-    total = channel.n_samples
-    size = max(MIN_SAMPLES, min(total // 3, int(SECTION_S * channel.sampling_rate)))
-    starts = sorted({0, (total - size) // 2, total - size}) if total >= 3 * size else [0]
-    if total < 3 * size:
-        size = total
+_NOT_LOOKED = Excitation("unknown", None, "not looked at")
+
+
+def _may_be_a_tone(recording: Recording) -> bool:
+    """Whether one line of the first section with a signal holds as much as a tone does."""
+    for channel in [*recording.by_role("generator"), *recording.by_role("vibrometer")]:
+        if channel.n_samples >= MIN_SAMPLES and channel.sampling_rate > 0:
+            size = min(channel.n_samples, int(LEAST_SECTION_S * channel.sampling_rate))
+            if tonal_share(recording.read([channel], 0, size)[0]) >= TONE_SHARE:
+                return True
+    return False
+
+
+def _without_switching(
+    sections: list[NDArray[np.float64]], looks: list[Appearance]
+) -> tuple[list[NDArray[np.float64]], list[Appearance]]:
+    """Without the first or the last section where a tone begins or ends in it."""
+    first = 1 if looks and looks[0].look == "transient" else 0
+    last = len(looks) - 1 if len(looks) > first and looks[-1].look == "transient" else len(looks)
+    if last - first >= 2 and {look.look for look in looks[first:last]} == {"tone"}:
+        return sections[first:last], looks[first:last]
+    return sections, looks
+
+
+def _sections(recording: Recording, channel: Channel) -> list[NDArray[np.float64]]:
+    """The sections in which the channel is not silent, in their order."""
+    total, rate = channel.n_samples, channel.sampling_rate
+    count = max(1, min(len(PLACES), int(total / max(LEAST_SECTION_S * rate, MIN_SAMPLES))))
+    size = min(total // count, int(SECTION_S * rate)) if count > 1 else total
+    if count == 1:
+        size = min(total, max(MIN_SAMPLES, int(SECTION_S * rate)))
+    # Contiguous in a short recording, spread over a long one.
+    rest = total - count * size
+    starts = [
+        number * size + int(rest * PLACES[number * (len(PLACES) - 1) // max(count - 1, 1)])
+        for number in range(count)
+    ]
     sections = [recording.read([channel], start, start + size)[0] for start in starts]
     sections = [s for s in sections if np.all(np.isfinite(s))]
     rms = [float(np.sqrt(np.mean((s - s.mean()) ** 2))) for s in sections]
@@ -171,26 +218,79 @@ def _looks(recording: Recording, channel: Channel) -> list[Appearance]:
         floor = max(floor, SILENT_RE_FULL_SCALE * channel.full_scale)
     if channel.role == "generator" and channel.unit == "V":
         floor = max(floor, SILENT_GENERATOR_V)
-    looks = [appearance(s, channel.sampling_rate) for s, level in zip(sections, rms) if level > floor]
-    return [look for look in looks if look.look != "silence"]
+    return [s for s, level in zip(sections, rms) if level > floor]
 
 
-def _verdict(channel: Channel, looks: list[Appearance]) -> Excitation:
+def _verdict(
+    channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance]
+) -> Excitation:
     where = f"{channel.role} channel {channel.name!r}"
     kinds = {look.look for look in looks}
     frequencies = [look.frequency_hz for look in looks]
+    low, high, middle = min(frequencies), max(frequencies), float(np.median(frequencies))
     share = 100 * min(look.share for look in looks)
-    if kinds == {"tone"}:
-        low, high = min(frequencies), max(frequencies)
-        if high - low > max(0.1 / SECTION_S, 2e-4 * high):
-            return Excitation("unknown", None, f"{where}: a tone that moves from {low:.6g} to {high:.6g} Hz")
-        middle = float(np.median(frequencies))
-        return Excitation(
-            "sine", middle, f"{where}: a tone at {middle:.6g} Hz holds {share:.0f} % of the power"
-        )
-    if kinds == {"noise"}:
-        return Excitation("noise", None, f"{where}: no steady tone, broad-band")
+    if kinds == {"tone"} and high - low <= max(0.1 / SECTION_S, 2e-4 * high):
+        amplitudes = np.array([look.amplitude for look in looks])
+        if np.std(amplitudes) > STEADY * np.mean(amplitudes):
+            return Excitation("unknown", None, f"{where}: a tone at {middle:.6g} Hz whose amplitude varies")
+        text = f"{where}: a tone at {middle:.6g} Hz holds {share:.0f} % of the power"
+        return Excitation("sine", middle, text)
     if kinds == {"mixed"}:
         tone = f"a tone at {frequencies[0]:.6g} Hz with {share:.0f} % of the power"
         return Excitation("unknown", None, f"{where}: {tone}, too much for noise and too little for a sine")
-    return Excitation("unknown", None, f"{where}: " + ", then ".join(look.look for look in looks))
+    # Among a few lines of a narrow band, two may stand out in a section, but not in most of them.
+    several = 2 * sum(look.look == "several tones" for look in looks) < len(looks)
+    unclear = {"broad", "narrow", "mixed", "transient", *(["several tones"] if several else [])}
+    if kinds <= unclear and kinds != {"transient"} and _is_noise(channel, sections, looks):
+        return Excitation("noise", None, f"{where}: no steady tone, broad-band")
+    moving = _moving(channel, sections, looks, where)
+    if moving is not None:
+        return moving
+    alone = len(sections) == 1 and channel.n_samples >= 3 * len(sections[0])  # all the rest is silent
+    if ("transient" in kinds or alone) and kinds <= {"broad", "narrow", "transient"}:
+        return Excitation("unknown", None, f"{where}: transient")
+    words = dict.fromkeys(_SAID.get(look.look, look.look) for look in looks)
+    return Excitation("unknown", None, f"{where}: " + ", then ".join(words))
+
+
+_SAID = {
+    "broad": "neither a tone nor noise (pulses, modulation)",
+    "narrow": "a narrow band that is neither a tone nor noise",
+    "square wave": "a square wave",
+    "slow": "hardly five periods in a second",
+}
+
+
+def _moving(
+    channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance], where: str
+) -> Excitation | None:
+    """A sweep, steps, or a tone that moves otherwise; None where there is no tone to follow."""
+    rate = channel.sampling_rate
+    tracks = [found for s in sections if (found := track(s, rate)) is not None]
+    several = sum(look.look == "several tones" for look in looks)
+    if len(tracks) < len(sections) or 2 * several > len(sections):
+        return None
+    size = len(sections[0]) / rate
+    every = np.concatenate([t.frequency_hz for t in tracks])
+    low, high = (float(x) for x in np.percentile(every, [2, 98]))
+    ways = f"from {low:.4g} to {high:.4g} Hz"
+    match path(tracks, [look.look == "tone" for look in looks], size, channel.n_samples / rate - size):
+        case "sweep":
+            return Excitation("sweep", None, f"{where}: a swept tone {ways}")
+        case "steps":
+            return Excitation("stepped-sine", None, f"{where}: a tone in steps {ways}")
+        case "moves":
+            return Excitation("unknown", None, f"{where}: a tone that moves {ways}")
+    return None
+
+
+def _is_noise(channel: Channel, sections: Sequence[NDArray[np.float64]], looks: Sequence[Appearance]) -> bool:
+    """Whether the sections scatter as noise does, and so does what surrounds the strongest line of any of them."""
+    broad = scatters_as_noise(sections)
+    narrow = any(look.look != "broad" for look in looks)
+    low, high = min(look.band_hz[0] for look in looks), max(look.band_hz[1] for look in looks)
+    if broad is False or (broad is None and not narrow):
+        return False
+    if not narrow and high - low > 0.25 * channel.sampling_rate:
+        return True
+    return narrow_band_is_noise(sections, low / channel.sampling_rate, high / channel.sampling_rate)

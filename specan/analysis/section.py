@@ -70,15 +70,16 @@ def of_one_rate(
         )
     rate = (like or usable[0]).sampling_rate
     kept = tuple(c for c in usable if c.sampling_rate == rate)
+    used, whole = {id(c) for c in kept}, {id(c) for c in usable}
     notes = tuple(
         f"{c.name} is left out: "
         + (
             f"it is sampled at {c.sampling_rate:g} Hz, not at {rate:g} Hz"
-            if c in usable
+            if id(c) in whole
             else "it has no samples"
         )
         for c in chosen
-        if c not in kept
+        if id(c) not in used
     )
     return kept, notes
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +13,7 @@ from pydantic import Field
 from specan.analysis.section import of_one_rate, section
 from specan.data.recording import Channel, Recording
 from specan.data.spectrum import Scaling, Spectrum, SpectrumScale
-from specan.dsp.fft import amplitude_spectrum, has_mirror
+from specan.dsp.fft import AmplitudeTransform, has_mirror
 from specan.dsp.transfer_function import phase_deg
 from specan.dsp.welch import CrossSpectra
 from specan.dsp.windows import WindowName, window_properties
@@ -170,8 +172,18 @@ class SpectrumAccumulator:
         )
 
 
-def _single_block(recording: Recording, settings: FourierSpectrum) -> Spectrum:
-    """One block, channel by channel: a whole recording is long."""
+def single_blocks(
+    recording: Recording, settings: FourierSpectrum
+) -> Iterator[tuple[Spectrum, NDArray[np.complex128]]]:
+    """One block, channel by channel: a whole recording is long, and one channel is held at a time.
+
+    Yields
+    ------
+    Spectrum
+        Of one channel, without its phase.
+    array (lines,)
+        Its complex lines, from which `with_phase` finds the phase of those that are wanted.
+    """
     reference = None if settings.reference is None else recording.channel(settings.reference)
     shown, notes = of_one_rate(recording, settings.channels, like=reference)
     channels = shown if reference is None or reference in shown else (*shown, reference)
@@ -179,31 +191,60 @@ def _single_block(recording: Recording, settings: FourierSpectrum) -> Spectrum:
     block = stop - start if settings.whole else block_of(recording, settings, stop - start)
     rate = channels[0].sampling_rate
     scale = scale_of(settings, block, rate)
+    transform = AmplitudeTransform(block, settings.window, detrend=settings.detrend)
+    f: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
+    kept = lines_between(f, settings)
+    mirror = has_mirror(len(f), block)
+    alone = np.flatnonzero(~mirror)
 
-    def spectrum(channel: Channel) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-        samples = recording.read([channel], start, start + block)[0]
-        f, found = amplitude_spectrum(samples, rate, settings.window, detrend=settings.detrend)
-        return f, found * channel.correction(f)
+    def spectrum(channel: Channel) -> NDArray[np.complex128]:
+        found = transform(recording.read([channel], start, start + block)[0])
+        if channel.delay_s or channel.phase is not None or channel.derivatives:
+            found *= channel.correction(f)
+        return found
 
-    turn = None if reference is None else spectrum(reference)[1]
-    density, phase = [], []
+    turn = None if reference is None else np.conj(spectrum(reference))
     for channel in shown:
-        f, found = spectrum(channel)
-        rms = np.abs(found) / np.where(has_mirror(len(f), block), np.sqrt(2.0), 1.0)
-        density.append(rms**2 / scale.enbw_hz)
-        angle = phase_deg(found if turn is None else found * np.conj(turn))
-        phase.append(np.where(found != 0, angle, np.nan))
-    return spectrum_of(
-        recording,
-        shown,
-        settings,
-        f,
-        np.stack(density),
-        block,
-        np.stack(phase),
-        n_blocks=1,
-        n_effective=1.0,
-        notes=notes,
+        found = spectrum(channel)
+        density = np.abs(found)
+        peaks = density[alone]
+        density /= np.sqrt(2.0)
+        density[alone] = peaks
+        density **= 2
+        density /= scale.enbw_hz
+        if turn is not None:
+            found *= turn
+        yield (
+            spectrum_of(
+                recording, (channel,), settings, f, density[None], block, None,
+                n_blocks=1, n_effective=1.0, notes=notes, kept=kept, phased=True,
+            ),
+            found if kept.all() else found[kept],
+        )  # fmt: skip
+        del found, density  # while the next channel is read
+
+
+def with_phase(found: Spectrum, lines: NDArray[np.complex128]) -> Spectrum:
+    """The spectrum of a single block with the phase of all its lines."""
+    return replace(found, phase_deg=phase_of_lines(lines)[None])
+
+
+def phase_of_lines(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Phase in degrees; none where there is nothing."""
+    return np.where(lines != 0, phase_deg(lines), np.nan)
+
+
+def _single_block(recording: Recording, settings: FourierSpectrum) -> Spectrum:
+    """All channels of `single_blocks` together."""
+    parts = [with_phase(*part) for part in single_blocks(recording, settings)]
+    return replace(
+        parts[0],
+        channels=tuple(name for part in parts for name in part.channels),
+        units=tuple(unit for part in parts for unit in part.units),
+        density=np.concatenate([part.density for part in parts]),
+        phase_deg=np.concatenate([part.phase_deg for part in parts if part.phase_deg is not None]),
+        rms=np.concatenate([part.rms for part in parts]),
+        flags=tuple(words for part in parts for words in part.flags),
     )
 
 
@@ -270,12 +311,14 @@ def spectrum_of(
     n_blocks: int,
     n_effective: float,
     notes: tuple[str, ...],
+    kept: NDArray[np.bool_] | None = None,
+    phased: bool = False,
 ) -> Spectrum:
-    """The lines that were asked for, with all that belongs to them."""
-    kept = lines_between(frequency_hz, settings)
+    """The lines that were asked for, with all that belongs to them; `phased` where the phase follows."""
+    kept = lines_between(frequency_hz, settings) if kept is None else kept
     rate = channels[0].sampling_rate
     density = density[:, kept]
-    if settings.averaging in ("linear", "exponential") and phase is None:
+    if settings.averaging in ("linear", "exponential") and phase is None and not phased:
         notes = (*notes, "no phase: an average has one only over a reference")
     return Spectrum(
         label=recording.label,

@@ -12,6 +12,47 @@ from specan.dsp.transfer_function import u_phase_deg
 from specan.errors import InputError
 
 _SAME_FREQUENCY = 1e-4  # relative: repeats of one step
+# A distorted drive is no step of a transfer function: the reference of a loudspeaker at work has a few percent.
+_DISTORTED_PERCENT = 10.0
+# The mains and twice its frequency, within the 1 % of EN 50160; hum stands 10 dB and more below what drives.
+_MAINS_HZ, _MAINS_WITHIN, _MAINS_BELOW = (50.0, 60.0, 100.0, 120.0), 0.01, 0.316
+
+
+def not_steps(tables: Sequence[ToneTable]) -> dict[str, str]:
+    """Recordings that were taken for a sine by their signal alone, and that are no step of their directory.
+
+    Parameters
+    ----------
+    tables : sequence of ToneTable
+        The sine recordings of one directory.
+
+    Returns
+    -------
+    dict
+        Label to the reason: a distorted tone (a square wave), hum. What is stated to be a sine is never among them.
+    """
+    found = {}
+    for table in tables:
+        if table.stated:
+            continue
+        driving = table.reference if table.reference in table.channels else table.leader
+        thd = float(table.thd_percent[table.channels.index(driving)]) if driving in table.channels else 0.0
+        others = [t.reference_rms for t in tables if t is not table and np.isfinite(t.reference_rms)]
+        generated = any(
+            role == "generator" and table.tone_rms[row] > table.noise_rms[row]
+            for row, role in enumerate(table.roles)
+        )
+        at_mains = any(abs(table.frequency_hz - f) <= _MAINS_WITHIN * f for f in _MAINS_HZ)
+        if thd > _DISTORTED_PERCENT:
+            found[table.label] = f"{driving} is distorted by {thd:.0f} %, more than {_DISTORTED_PERCENT:g} %"
+        elif (
+            at_mains
+            and not generated
+            and others
+            and table.reference_rms < _MAINS_BELOW * float(np.median(others))
+        ):
+            found[table.label] = f"a weak tone at {table.frequency_hz:.4g} Hz may be hum of the mains"
+    return found
 
 
 def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> FrequencyResponse:

@@ -218,7 +218,13 @@ class Recording:
         """Channels that match any of the shell-style patterns (``Mic *``); all for none."""
         if not patterns:
             return self.channels
-        chosen = tuple(c for c in self.channels if any(matches(p, c) for p in patterns))
+        names = set(patterns)  # a thousand channels may be named one by one
+        shapes = [p for p in patterns if any(mark in p for mark in "*?[")]
+        chosen = tuple(
+            c
+            for c in self.channels
+            if c.name in names or f"{c.group}/{c.name}" in names or any(matches(p, c) for p in shapes)
+        )
         if not chosen:
             self.channel(patterns[0])  # raises, with the nearest name
         return chosen

@@ -55,6 +55,11 @@ def is_known(text: str) -> bool:
     return si_unit(text)[0] in QUANTITY_UNITS
 
 
+# Squares of samples are summed: beyond this they could leave the range of floating-point numbers. Real gains lie far
+# inside: 1 nm per V of a vibrometer, 1e-7 V per step of a converter.
+SMALLEST_GAIN = 1e-30
+
+
 def gain_of(sensitivity: float, unit: str, raw_scale: float = 1.0) -> tuple[float, str]:
     """Gain from samples to the quantity in SI units, and that unit.
 
@@ -84,9 +89,10 @@ def gain_of(sensitivity: float, unit: str, raw_scale: float = 1.0) -> tuple[floa
     >>> gain_of(50.0, "(mm/s)/V")
     (0.05, 'm/s')
     """
-    if not 0.0 < abs(sensitivity) < float("inf"):
+    if not SMALLEST_GAIN <= abs(sensitivity) <= 1 / SMALLEST_GAIN:
         raise RequestError(
-            f"the sensitivity is {sensitivity} {unit}", expected="a finite number other than zero"
+            f"the sensitivity is {sensitivity} {unit}",
+            expected=f"a number other than zero, from {SMALLEST_GAIN:g} to {1 / SMALLEST_GAIN:g}",
         )
     plain = _plain(unit)
     per_quantity = re.fullmatch(r"([a-zA-Z]?V)/(.+)", plain)

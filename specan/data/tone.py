@@ -54,6 +54,8 @@ class ToneTable:
     mean : array
         Mean of the samples.
     flags : tuple of tuples of str
+    stated : bool
+        Whether somebody said that it is a sine recording; else it was found in the signal.
     """
 
     label: str
@@ -83,6 +85,7 @@ class ToneTable:
     n_blocks: int
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
+    stated: bool = True
 
     @property
     def level_db(self) -> Real:

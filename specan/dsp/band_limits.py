@@ -43,8 +43,8 @@ def class_1_limits(ratio: ArrayLike, fraction: int) -> tuple[NDArray[np.float64]
 
     Examples
     --------
-    >>> [limit.tolist() for limit in class_1_limits([1.0, 10.0], 1)]
-    [[-0.4, 63.33333333333334], [0.4, inf]]
+    >>> [limit.round(4).tolist() for limit in class_1_limits([1.0, 10.0], 1)]
+    [[-0.4, 63.3333], [0.4, inf]]
     """
     log_ratio = np.abs(np.log(np.asarray(ratio, dtype=np.float64)))
     edge = np.log(OCTAVE_RATIO) / (2 * fraction)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,14 @@ from specan.dsp.smooth_step import falling_step
 FACTOR = 8
 PASS, STOP = 0.40, 0.50
 """Edges of the low-pass filter over the new sampling rate: response 1 to 1e-17 below PASS, 0 above STOP."""
+
+
+@lru_cache(maxsize=4)
+def _response(low: int) -> NDArray[np.float64]:
+    response = falling_step(np.arange(low + 1) / (2.0 * low), PASS, STOP) / FACTOR
+    response[-1] = 0.0
+    response.flags.writeable = False
+    return response
 
 
 class Decimator:
@@ -29,10 +39,7 @@ class Decimator:
 
     def __init__(self, rows: int, length: int) -> None:
         self._low = length // FACTOR
-        lines = np.arange(self._low + 1)
-        response = falling_step(lines / (2.0 * self._low), PASS, STOP)
-        response[-1] = 0.0
-        self._response = response / FACTOR
+        self._response = _response(self._low)
         self._pending = np.zeros((rows, self._low))
 
     def add(self, spectrum: NDArray[np.complex128], half: int) -> NDArray[np.float64]:
@@ -41,10 +48,8 @@ class Decimator:
         `half` says in which half of the 2 L samples the block stands. The stream begins L / 16 of its
         samples before the first block: there the filter rings already.
         """
-        from scipy.fft import irfft
-
         low = self._low
-        filtered = irfft(spectrum[:, : low + 1] * self._response, 2 * low)
+        filtered = np.fft.irfft(spectrum[:, : low + 1] * self._response, 2 * low)
         # The block's own samples stand from half * low on; half a block of ringing on either side.
         filtered = np.roll(filtered, low // 2 - half * low, axis=1)
         complete = self._pending + filtered[:, :low]

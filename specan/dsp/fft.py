@@ -33,12 +33,33 @@ def amplitude_spectrum(
     (8.0, 3.0, 1.0)
     """
     n = samples.shape[-1]
-    if detrend:
-        samples = samples - np.add.reduce(samples, axis=-1, keepdims=True) / n
-    shape = window(window_name, n)
-    spectrum = np.fft.rfft(samples * shape, axis=-1) * (2 / np.sum(shape))
-    spectrum[..., ~has_mirror(spectrum.shape[-1], n)] /= 2
+    spectrum = AmplitudeTransform(n, window_name, detrend=detrend)(samples.copy())
     return np.arange(spectrum.shape[-1]) * (rate / n), spectrum
+
+
+class AmplitudeTransform:
+    """`amplitude_spectrum` of many blocks of one length: the window is made once.
+
+    Parameters
+    ----------
+    n : int
+        Samples of a block.
+    """
+
+    def __init__(self, n: int, window_name: WindowName = "hann", *, detrend: bool = True) -> None:
+        self._shape, self._detrend = window(window_name, n), detrend
+        self._scale = 2 / np.sum(self._shape)
+        self._single = np.flatnonzero(~has_mirror(n // 2 + 1, n))
+
+    def __call__(self, samples: Real) -> Complex:
+        """The spectrum of blocks (..., n), whose memory is used for the work."""
+        if self._detrend:
+            samples -= np.add.reduce(samples, axis=-1, keepdims=True) / samples.shape[-1]
+        samples *= self._shape
+        spectrum: Complex = np.fft.rfft(samples, axis=-1)
+        spectrum *= self._scale
+        spectrum[..., self._single] /= 2
+        return spectrum
 
 
 def has_mirror(lines: int, block: int) -> NDArray[np.bool_]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -113,22 +115,27 @@ class LagSpectrum:
         Rounding leaves some 1e-17 of the energy in every band; where there is nothing else a line may be
         negative.
         """
-        from scipy.fft import irfft, rfft
-
         if self._previous is not None:
             self._correlate(None)
             self._correlate_ends(None, None)
             self._previous = None
         more = self._faded_more if faded else None
-        fade = falling_step(np.arange(self.length + 1.0), 0.75 * self.length, self.length)
+        fade = _fade(self.length)
         energy = np.empty(self._cross.shape)
         for top in range(0, energy.shape[0], _ROWS):
             rows = slice(top, top + _ROWS)
             cross = self._cross[rows] if more is None else self._cross[rows] + more[rows]
-            lags = irfft(cross)[:, : self.length + 1] * fade
+            lags = np.fft.irfft(cross)[:, : self.length + 1] * fade
             symmetric = np.concatenate([lags, lags[:, -2:0:-1]], axis=1)
-            energy[rows] = rfft(symmetric).real
+            energy[rows] = np.fft.rfft(symmetric).real
         return energy
+
+
+@lru_cache(maxsize=4)
+def _fade(length: int) -> NDArray[np.float64]:
+    fade = falling_step(np.arange(length + 1.0), 0.75 * length, length)
+    fade.flags.writeable = False
+    return fade
 
 
 def total_energy(lines: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""What a short section of a signal looks like: a tone, noise, a sweep, a transient, silence."""
+"""What a short section of a signal looks like: a tone, several of them, a transient, silence, something else."""
 
 from __future__ import annotations
 
@@ -7,17 +7,33 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.sine_fit import fit_frequency, fit_sine
+from specan.dsp.sine_fit import fit_frequency, fit_sine, harmonics_below_nyquist, peak_frequency, tone_basis
 from specan.dsp.windows import window
 
-Look = Literal["tone", "noise", "swept tone", "transient", "silence", "mixed"]
+Look = Literal[
+    "tone", "broad", "narrow", "several tones", "square wave", "transient", "silence", "mixed", "slow"
+]
+Real = NDArray[np.float64]
 
 _LOBE = 5  # lines on either side that hold a tone under the Blackman-Harris window
 _HARMONICS = 10
-_FRAME_S, _MIN_FRAME, _MAX_FRAMES = 0.04, 64, 128
 
 # Shares of the power. Between the two a tone and noise are mixed too evenly to be called either.
 TONE_SHARE, NOISE_SHARE = 0.3, 0.1
+# A tone of which the amplitude varies by m has a mean square that is larger by m^2 / 2. One part in a hundred is
+# 0.04 dB, as much as levels of tones may be wrong.
+_MODULATED = 0.01
+# A second line this far below (10 dB): hum beside a tone.
+_SECOND = 0.1
+# The fundamental of what is a distorted sine, and not a train of pulses, holds this part of its harmonics and itself
+# (a square wave's 0.81, a rectangular one's with a duty of 0.4 0.73).
+_FUNDAMENTAL = 0.75
+# Mean fourth power over the squared mean square: 1 of a square wave, 1.5 of a sine, 3 of noise.
+_SQUARE = 1.25
+# The power of a line of noise is exponentially distributed: over the mean of its neighbours it exceeds this
+# with a probability of exp(-20), one in 10^4 among the 50 000 lines of a section.
+_SIGNIFICANT = 20.0
+_NEIGHBOURS = 25
 
 
 class Appearance(NamedTuple):
@@ -26,24 +42,38 @@ class Appearance(NamedTuple):
     Attributes
     ----------
     look : str
-        One of `Look`.
+        One of `Look`. "broad" and "narrow" may be noise or not, see `specan.dsp.randomness`.
     frequency_hz : float
         Of the strongest line.
     share : float
         Part of the power that this line and its harmonics hold.
+    amplitude : float
+        Of the tone, else 0.
+    band_hz : tuple of float
+        Where what surrounds the strongest line lies.
     """
 
     look: Look
     frequency_hz: float
     share: float
+    amplitude: float = 0.0
+    band_hz: tuple[float, float] = (0.0, 0.0)
 
 
-def appearance(samples: NDArray[np.float64], rate: float) -> Appearance:
+def appearance(samples: Real, rate: float) -> Appearance:
     """Classify one section (n,) of a second or so.
 
-    A *tone* is a line that holds, with its harmonics, at least `TONE_SHARE` of the power and that a steady
-    sine explains. A *swept tone* holds each short frame in one line that moves smoothly. *Noise* has
-    no line with more than `NOISE_SHARE`. A *transient* has most of its energy in a twentieth of the time.
+    A *tone* is a line that holds, with its harmonics, at least `TONE_SHARE` of the power; one steady sine
+    explains it, and there is no other line that is more than a hum beside it. *Broad* is what has no line
+    with `NOISE_SHARE`, *narrow* what has one that no steady sine explains. A tone and noise evenly are *mixed*.
+    A *transient* has most of its energy in a twentieth of the time. *Slow* is what has hardly five periods.
+
+    Examples
+    --------
+    >>> t = np.arange(8000) / 8000
+    >>> found = appearance(np.sin(2 * np.pi * 123.4 * t), 8000.0)
+    >>> found.look, round(found.frequency_hz, 3), round(found.share, 3)
+    ('tone', 123.4, 1.0)
     """
     x = samples - samples.mean()
     # What is left of a constant by rounding is silence.
@@ -52,47 +82,130 @@ def appearance(samples: NDArray[np.float64], rate: float) -> Appearance:
     transient = _is_transient(x)
     if not transient:
         x = _while_on(x)
-    power = np.abs(np.fft.rfft(x * window("blackman-harris", len(x)))) ** 2
+    power = _lines(x)
+    slow = power[:_LOBE].sum()
     power[:_LOBE] = 0.0  # drift
     total = power.sum()
+    if slow > 100 * total:
+        return Appearance("slow", 0.0, 0.0)
     peak = int(np.argmax(power))
-    lines_per_tone = [slice(max(m * peak - _LOBE, 0), m * peak + _LOBE + 1) for m in range(1, _HARMONICS + 1)]
-    share = float(sum(power[s].sum() for s in lines_per_tone if s.start < len(power)) / total)
+    share = float(power[_family(power)].sum() / total)
     frequency = peak * rate / len(x)
     if transient:
         return Appearance("transient", frequency, share)
-    if _is_sweep(x, rate):
-        return Appearance("swept tone", frequency, share)
-    if power[lines_per_tone[0]].sum() < NOISE_SHARE * total:
-        return Appearance("noise", frequency, share)
-    steady, frequency = _steady_line(x, rate, peak)
-    if share >= TONE_SHARE and steady:
-        return Appearance("tone", frequency, share)
-    # Narrow bands of noise peak too, but no steady sine is in them.
-    return Appearance("mixed" if steady else "noise", frequency, share)
+    band = _around(power, peak, rate / len(x))
+    if power[max(peak - _LOBE, 0) : peak + _LOBE + 1].sum() < NOISE_SHARE * total:
+        return Appearance("broad", frequency, share, 0.0, band)
+    return _with_a_line(x, rate, power, share, band)
 
 
-def _steady_line(x: NDArray[np.float64], rate: float, peak: int) -> tuple[bool, float]:
-    """Whether one sine removes nine tenths of the power around the peak, and its frequency."""
-    n = len(x)
-    fit = fit_frequency(x, rate, _interpolated(x, rate, peak))
-    time = np.arange(n) / rate
-    rest = x - np.real(fit.phasors[0] * np.exp(2j * np.pi * fit.frequency_hz * time)) - fit.mean
+def tonal_share(samples: Real) -> float:
+    """Part of the power of a section (n,) in its strongest line and the harmonics of that; 1 where it is silent.
+
+    Examples
+    --------
+    >>> round(tonal_share(np.sin(2 * np.pi * 50.3 * np.arange(1000) / 1000)), 3)
+    1.0
+    """
+    if not np.isfinite(samples).all():
+        return 1.0
+    power = _lines(samples - samples.mean())
+    power[:_LOBE] = 0.0
+    total = power.sum()
+    return float(power[_family(power)].sum() / total) if total > 0 else 1.0
+
+
+def _family(power: Real) -> NDArray[np.bool_]:
+    """Lines of the strongest one and its harmonics."""
+    peak, lines = int(np.argmax(power)), np.zeros(len(power), dtype=bool)
+    for m in range(1, _HARMONICS + 1):
+        lines[max(m * peak - _LOBE, 0) : m * peak + _LOBE + 1] = True
+    return lines
+
+
+def _with_a_line(x: Real, rate: float, power: Real, share: float, band: tuple[float, float]) -> Appearance:
+    """What holds a tenth of its power in one line: a steady sine, something else besides it, or a narrow band."""
+    n, peak = len(x), int(np.argmax(power))
+    line = rate / n
+    fit = fit_frequency(x, rate, peak_frequency(x, rate, (peak - 2) * line, (peak + 2) * line))
+    frequency, amplitude = fit.frequency_hz, float(abs(fit.phasors[0]))
+    if not _is_steady(x, rate, frequency, power, peak):
+        return Appearance("narrow", frequency, share, 0.0, band)
+    if share < TONE_SHARE:
+        return Appearance("mixed", frequency, share, amplitude, band)
+    order = harmonics_below_nyquist(rate, frequency, _HARMONICS)
+    whole = fit_sine(x, rate, frequency, order)
+    squares = np.abs(whole.phasors) ** 2
+    if squares[0] < _FUNDAMENTAL * squares.sum() or _has_other_lines(x, rate, whole.phasors, frequency):
+        return Appearance("several tones", frequency, share, amplitude, band)
+    if np.mean(x**4) < _SQUARE * np.mean(x**2) ** 2:
+        return Appearance("square wave", frequency, share, amplitude, band)
+    return Appearance("tone", frequency, share, amplitude, band)
+
+
+def _lines(x: Real) -> Real:
+    return np.asarray(np.abs(np.fft.rfft(x * window("blackman-harris", len(x)))) ** 2)
+
+
+def _around(power: Real, peak: int, line_hz: float) -> tuple[float, float]:
+    """The band around the strongest line in which lines are within 20 dB of it, gaps of a lobe allowed."""
+    strong = np.flatnonzero(power > 0.01 * power[peak])
+    place = int(np.searchsorted(strong, peak))
+    gaps = np.diff(strong) > 2 * _LOBE
+    before, after = np.flatnonzero(gaps[:place]), np.flatnonzero(gaps[place:])
+    low = strong[before[-1] + 1] if before.size else strong[0]
+    high = strong[place + after[0]] if after.size else strong[-1]
+    return (float(low) - 1) * line_hz, (float(high) + 1) * line_hz
+
+
+def _background(power: Real, peak: int) -> float:
+    """Mean power of a line of the noise around a line, from the median, which other lines do not move."""
+    sides = np.concatenate(
+        [
+            power[max(peak - _NEIGHBOURS, _LOBE) : max(peak - _LOBE, 0)],
+            power[peak + _LOBE + 1 : peak + _NEIGHBOURS + 1],
+        ]
+    )
+    return float(np.median(sides) / np.log(2)) if sides.size else 0.0
+
+
+def _is_steady(x: Real, rate: float, frequency: float, power: Real, peak: int) -> bool:
+    """Whether one sine explains the power around the peak, but for noise and one part in a hundred."""
+    basis = tone_basis(len(x), rate, frequency)
+    fit = fit_sine(x, rate, frequency)
+    phasor = fit.phasors[0]
+    rest = _lines(x - fit.mean - phasor.real * basis[0] + phasor.imag * basis[1])
     lobe = slice(max(peak - _LOBE, 0), peak + _LOBE + 1)
-    shape = window("blackman-harris", n)
-    before, after = (np.sum(np.abs(np.fft.rfft(y * shape)[lobe]) ** 2) for y in (x, rest))
-    return bool(after < 0.1 * before), fit.frequency_hz
+    noise = (2 * _LOBE + 1) * _background(rest, peak)
+    significant = power[peak] > _SIGNIFICANT * _background(power, peak)
+    return bool(significant and rest[lobe].sum() < _MODULATED * power[lobe].sum() + 3 * noise)
 
 
-def _interpolated(x: NDArray[np.float64], rate: float, peak: int) -> float:
-    """Best of a few guesses around a line: the one whose sine leaves least."""
-    step = rate / len(x)
-    guesses = [(peak + offset) * step for offset in (-0.4, -0.2, 0.0, 0.2, 0.4)]
-    guesses = [g for g in guesses if 0 < g < rate / 2]
-    return min(guesses, key=lambda f: float(fit_sine(x, rate, f).residual_rms))
+def _has_other_lines(x: Real, rate: float, phasors: NDArray[np.complex128], frequency: float) -> bool:
+    """Whether a line besides the tone and its harmonics is more than hum, or there is a pair around the tone."""
+    n = len(x)
+    basis = tone_basis(n, rate, frequency, len(phasors))
+    tone = np.sum(phasors.real[:, None] * basis[0:-1:2] - phasors.imag[:, None] * basis[1:-1:2], axis=0)
+    rest, whole = _lines(x - tone), _lines(tone)
+    rest[:_LOBE] = 0.0
+    peak = int(np.argmax(whole[: len(rest)]))
+    power = whole[max(peak - _LOBE, 0) : peak + _LOBE + 1].sum()
+    strongest = int(np.argmax(rest))
+    found = rest[max(strongest - _LOBE, 0) : strongest + _LOBE + 1].sum()
+    background = _background(rest, strongest)
+    if rest[strongest] < _SIGNIFICANT * background:
+        return False
+    found -= (2 * _LOBE + 1) * background
+    if found > _SECOND * power:
+        return True
+    mirrored = 2 * peak - strongest
+    if found < _MODULATED / 2 * power or not _LOBE < mirrored < len(rest) - _LOBE:
+        return False
+    pair = rest[mirrored - 2 : mirrored + 3].max()
+    return bool(pair > 0.25 * rest[strongest] and pair > _SIGNIFICANT * _background(rest, mirrored))
 
 
-def _while_on(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _while_on(x: Real) -> Real:
     """The longest stretch that is within 20 dB of the loudest fiftieth: a start or an end inside it is cut off."""
     parts = np.array_split(x, 50)
     power = np.array([np.mean(part**2) for part in parts])
@@ -104,24 +217,9 @@ def _while_on(x: NDArray[np.float64]) -> NDArray[np.float64]:
     # The parts at a cut hold the step itself.
     first, last = (first + 1 if first else 0), (last - 1 if last < len(parts) else last)
     kept = np.concatenate(parts[first:last]) if last - first >= 5 else x
-    return kept - kept.mean()
+    return np.asarray(kept - kept.mean())
 
 
-def _is_transient(x: NDArray[np.float64]) -> bool:
+def _is_transient(x: Real) -> bool:
     parts = np.array([np.mean(part**2) for part in np.array_split(x, 20)])
     return bool(parts.max() > 0.6 * parts.sum())
-
-
-def _is_sweep(x: NDArray[np.float64], rate: float) -> bool:
-    """One line in every short frame, moving in steps much smaller than its whole way."""
-    frame = max(_MIN_FRAME, int(_FRAME_S * rate), len(x) // _MAX_FRAMES)
-    count = len(x) // frame
-    if count < 8:
-        return False
-    frames = x[: count * frame].reshape(count, frame) * window("hann", frame)
-    power = np.abs(np.fft.rfft(frames, axis=-1)) ** 2
-    peak = np.argmax(power[:, 2:], axis=-1) + 2
-    held = np.array([p[max(k - 3, 0) : k + 4].sum() / max(p.sum(), 1e-300) for p, k in zip(power, peak)])
-    way = np.ptp(np.percentile(peak, [5, 95]))
-    step = np.median(np.abs(np.diff(peak)))
-    return bool(np.percentile(held, 25) > 0.5 and way > 4 and way > 8 * step)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -45,14 +46,28 @@ class WindowProperties(NamedTuple):
     half_lobe_lines: int
 
 
+_KEPT = 1 << 17  # windows up to this length are kept; longer ones are rarely asked for twice
+
+
 def window(name: WindowName, n: int) -> NDArray[np.float64]:
-    """Periodic (DFT-even) window of `n` samples.
+    """Periodic (DFT-even) window of `n` samples; not to be written to, where it is kept for all who ask.
 
     Examples
     --------
     >>> window("hann", 4)
     array([0. , 0.5, 1. , 0.5])
     """
+    return _kept(name, n) if n <= _KEPT else _made(name, n)
+
+
+@lru_cache(maxsize=16)
+def _kept(name: WindowName, n: int) -> NDArray[np.float64]:
+    shape = _made(name, n)
+    shape.flags.writeable = False
+    return shape
+
+
+def _made(name: WindowName, n: int) -> NDArray[np.float64]:
     turn = 2 * np.pi * np.arange(n) / n
     terms = (a * (-1) ** m * np.cos(m * turn) for m, a in enumerate(_COEFFICIENTS[name]))
     return np.asarray(sum(terms, np.zeros(n)))

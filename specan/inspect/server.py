@@ -13,13 +13,16 @@ from specan.errors import RequestError
 
 if TYPE_CHECKING:
     from bokeh.document import Document
-    from bokeh.server.server import Server
+
+    from specan.inspect.guarded_server import PageServer
 
 LOOPBACK = "127.0.0.1"
 
 
-def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port: int = 0) -> Server:
+def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port: int = 0) -> PageServer:
     """A running server of one page; nothing else is served but Bokeh's own scripts.
+
+    Its address, which holds a secret, is the only way to the page; see `specan.inspect.guarded_server`.
 
     Parameters
     ----------
@@ -35,30 +38,14 @@ def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port
     RequestError
         The port is in use, or the address is not one of this machine.
     """
-    from bokeh.application import Application
-    from bokeh.application.handlers.function import FunctionHandler
-    from bokeh.server.server import Server
+    from specan.inspect.guarded_server import PageServer
 
     # A widget that is taken off the page and put back is known to the browser already.
     warnings.filterwarnings("ignore", message="reference already known")
     port = _available(address, port)
-    # A page from elsewhere that talks to this port is refused: its origin is none of these.
-    own = [f"{name}:{port}" for name in dict.fromkeys([_in_url(address), LOOPBACK, "localhost"])]
-    server = Server(
-        {"/": Application(FunctionHandler(fill))},
-        address=address,
-        port=port,
-        allow_websocket_origin=own,
-        index=None,
-        redirect_root=False,
-    )
+    server = PageServer(fill, _in_url(address), address, port)
     server.start()
     return server
-
-
-def url_of(server: Server, query: str = "") -> str:
-    """Address of the page, with settings."""
-    return f"http://{_in_url(server.address or LOOPBACK)}:{server.port}/" + (f"?{query}" if query else "")
 
 
 def open_browser(url: str) -> bool:

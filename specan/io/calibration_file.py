@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from specan.data.calibration import Calibration, ChannelCalibration, Verdict
 from specan.data.recording import PhaseCalibration
+from specan.io.output_file import text_file
 from specan.schema import Settings, parse, read_toml
 
 _HEADER = """\
@@ -91,9 +92,8 @@ def write_calibration(calibration: Calibration, path: Path | str) -> None:
         content["notes"] = list(calibration.notes)
     content["channel"] = [_row(c) for c in calibration.channels]
     path = Path(path)
-    half = path.with_name(path.name + ".part")
-    half.write_text(_HEADER + tomlkit.dumps(content), encoding="utf-8", newline="\n")
-    half.replace(path)
+    with text_file(path) as file:
+        file.write(_HEADER + tomlkit.dumps(content))
 
 
 def _channel(row: _Row) -> ChannelCalibration:

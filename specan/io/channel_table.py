@@ -13,13 +13,16 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from specan.data.recording import Role
-from specan.data.sensor import gain_of, is_known, si_unit
+from specan.data.sensor import SMALLEST_GAIN, gain_of, is_known, si_unit
 from specan.errors import InputError, RequestError
 from specan.io.roles import Identity, derivatives_of
+from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ
 from specan.schema import Settings, parse, read_toml
 
 NAMES = ("channels.toml", "channels.csv")
 
+# Sound crosses 20 km in a minute; nothing in a laboratory is later.
+_Delay = Annotated[float, Field(ge=-60, le=60)]
 _NotNegative = Annotated[float, Field(ge=0)]
 _Positive = Annotated[float, Field(gt=0)]
 
@@ -48,12 +51,12 @@ class Row(Settings):
     unit: str | None = None
     sensitivity: float | None = None
     sensitivity_unit: str | None = None
-    u_sensitivity_percent: _NotNegative = 0.0
+    u_sensitivity_percent: Annotated[float, Field(ge=0, le=100)] = 0.0
     gain: float | None = None
-    delay_s: float = 0.0
-    u_delay_s: _NotNegative = 0.0
+    delay_s: _Delay = 0.0
+    u_delay_s: Annotated[float, Field(ge=0, le=60)] = 0.0
     full_scale: _Positive | None = None
-    sampling_rate_hz: _Positive | None = None
+    sampling_rate_hz: Annotated[float, Field(ge=SLOWEST_HZ, le=FASTEST_HZ)] | None = None
     sensor: str = ""
     note: str = ""
 
@@ -65,6 +68,8 @@ class Row(Settings):
             raise ValueError("either a sensitivity or a gain")
         if self.gain is not None and self.unit is None:
             raise ValueError("a unit with the gain")
+        if self.gain is not None and not SMALLEST_GAIN <= abs(self.gain) <= 1 / SMALLEST_GAIN:
+            raise ValueError(f"a gain other than zero, from {SMALLEST_GAIN:g} to {1 / SMALLEST_GAIN:g}")
         if self.sensitivity is not None and self.sensitivity_unit is not None:
             try:
                 unit = gain_of(self.sensitivity, self.sensitivity_unit)[1]

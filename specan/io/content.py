@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NoReturn
 
 from specan.errors import InputError
 
@@ -30,20 +32,37 @@ def format_of(path: Path) -> Format:
         The file is missing, cannot be read, is empty, or is something else; the message says what.
     """
     try:
+        if not stat.S_ISREG(mode := os.stat(path).st_mode):
+            _refuse(path, mode)
         with path.open("rb") as file:
             start = file.read(512)
     except FileNotFoundError:
         raise InputError(f"the file {path} does not exist", remedy="check the path") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a directory", expected="a recording") from None
     except OSError as fault:
-        raise InputError(f"{path} cannot be read ({fault.strerror})") from None
+        raise InputError(f"{path} cannot be read ({fault.strerror or fault})") from None
+    except ValueError as fault:  # a null character in the name
+        raise InputError(f"{str(path)!r} is no name of a file ({fault})") from None
     if start[:4] == b"TDSm":
         return "tdms"
     if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
         return "wav"
     what, remedy = _describe(start)
     raise InputError(f"{path.name} is {what}", expected="a TDMS or WAV recording", remedy=remedy)
+
+
+def _refuse(path: Path, mode: int) -> NoReturn:
+    """A pipe would be waited for, and a device has no end."""
+    if not stat.S_ISDIR(mode):
+        what = "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
+        raise InputError(f"{path} is {what}, not a file", expected="a recording")
+    try:
+        os.scandir(path).close()
+    except OSError as fault:
+        raise InputError(
+            f"{path} is a directory that cannot be read ({fault.strerror}); what it holds is not analysed",
+            remedy="allow it to be read",
+        ) from None
+    raise InputError(f"{path} is a directory", expected="a recording")
 
 
 def _describe(start: bytes) -> tuple[str, str]:

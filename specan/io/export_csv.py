@@ -6,7 +6,9 @@ import csv
 from pathlib import Path
 
 from specan.errors import RequestError
-from specan.io.export_file import Excerpt, whole_file
+from specan.io.export_file import Excerpt
+from specan.io.output_file import whole_file
+from specan.io.text_cell import harmless
 
 
 def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
@@ -18,6 +20,10 @@ def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
         With a comma, as Polish and German spreadsheets expect it, columns are separated by semicolons and
         the file begins with a byte order mark, by which these programs know UTF-8.
 
+    Notes
+    -----
+    A name that a spreadsheet would take for a formula has an apostrophe before it; see `specan.io.text_cell`.
+
     Raises
     ------
     RequestError
@@ -26,7 +32,10 @@ def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
     if decimal not in (".", ","):
         raise RequestError(f"the decimal sign is {decimal!r}", expected="a point or a comma")
     separator = "," if decimal == "." else ";"
-    header = ["time_s", *(f"{n} [{c.unit}]" for n, c in zip(excerpt.names(), excerpt.channels, strict=True))]
+    header = [
+        "time_s",
+        *(harmless(f"{n} [{c.unit}]") for n, c in zip(excerpt.names(), excerpt.channels, strict=True)),
+    ]
     row = separator.join(["%.9g"] * len(header)) + "\n"
     encoding = "utf-8" if decimal == "." else "utf-8-sig"
     with whole_file(path) as half, half.open("w", encoding=encoding, newline="") as file:

@@ -1,12 +1,10 @@
-"""What the export formats share: a file that appears as a whole, samples in blocks, a missing library."""
+"""What the export formats share: samples in blocks, a missing library."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,23 +46,6 @@ class Excerpt:
         for samples in self.recording.blocks(self.channels, BLOCK, self.start, self.stop):
             yield (first + np.arange(samples.shape[1])) / self.rate, samples
             first += samples.shape[1]
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A neighbour of `path` to write to, put in its place when all went well; its suffix is the same."""
-    half = path.with_name(f".part-{path.name}")
-    half.unlink(missing_ok=True)
-    try:
-        yield half
-        half.replace(path)
-    except OSError as fault:
-        raise RequestError(
-            f"{path} cannot be written ({fault.strerror or fault})",
-            expected="a place with room that may be written to",
-        ) from None
-    finally:
-        half.unlink(missing_ok=True)
 
 
 def library(name: str, extra: str) -> Any:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from specan.io.export_file import Excerpt, library, whole_file
+from specan import __version__
+from specan.io.export_file import Excerpt, library
+from specan.io.output_file import whole_file
+from specan.io.text_cell import escaped
 
 
 def write_parquet(excerpt: Excerpt, path: Path) -> None:
@@ -18,9 +21,13 @@ def write_parquet(excerpt: Excerpt, path: Path) -> None:
     pyarrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
     fields = [pyarrow.field("time_s", pyarrow.float64(), metadata={"unit": "s"})]
     for name, channel in zip(excerpt.names(), excerpt.channels, strict=True):
-        about = {"unit": channel.unit, "role": channel.role, "group": channel.group}
-        fields.append(pyarrow.field(name, pyarrow.float64(), metadata=about))
-    whole = {"recording": excerpt.recording.label, "sampling_rate_hz": repr(excerpt.rate)}
+        about = {"unit": channel.unit, "role": channel.role, "group": escaped(channel.group)}
+        fields.append(pyarrow.field(escaped(name), pyarrow.float64(), metadata=about))
+    whole = {
+        "writer": f"specan {__version__}",
+        "recording": escaped(excerpt.recording.label),
+        "sampling_rate_hz": repr(excerpt.rate),
+    }
     schema = pyarrow.schema(fields, metadata=whole)
     with whole_file(path) as half, parquet.ParquetWriter(half, schema) as writer:
         for time, samples in excerpt.blocks():

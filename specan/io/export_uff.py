@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from specan import __version__
 from specan.data.recording import Channel
 from specan.errors import RequestError
-from specan.io.export_file import Excerpt, library, whole_file
+from specan.io.export_file import Excerpt, library
+from specan.io.output_file import whole_file
 
 # Specific data types of data set 58, record 9, and what a general one is.
 _QUANTITIES = {"m": 8, "N": 9, "m/s": 11, "m/s^2": 12, "Pa": 15}
@@ -44,6 +46,7 @@ def _data_set(pyuff: Any, excerpt: Excerpt, number: int, name: str, channel: Cha
         id1=name[:80],
         id2=excerpt.recording.label[-80:],
         id3=f"role {channel.role}",
+        id4=f"specan {__version__}",
         func_type=1,  # time response
         ver_num=1,
         load_case_id=0,

@@ -6,7 +6,8 @@ import struct
 from pathlib import Path
 
 from specan.errors import RequestError
-from specan.io.export_file import Excerpt, whole_file
+from specan.io.export_file import Excerpt
+from specan.io.output_file import whole_file
 
 _LARGEST = 2**32 - 256  # bytes; sizes are 32-bit numbers
 _IEEE_FLOAT = 3

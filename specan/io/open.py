@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from specan.data.calibration import Calibration, apply
 from specan.data.recording import Recording
-from specan.errors import RequestError
+from specan.errors import InputError, RequestError, SpecanError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import ChannelTable, find_channel_table, read_channel_table
 from specan.io.content import format_of
+from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ, is_rate
 
 SUFFIXES = (".tdms", ".wav")
 
@@ -76,20 +78,30 @@ def open_recording(
     """
     path = Path(path)
     kind = format_of(path)
-    if sampling_rate is not None and not 0.0 < sampling_rate < float("inf"):
-        raise RequestError(f"the sampling rate is {sampling_rate}", expected="a number of hertz above zero")
+    if sampling_rate is not None and not is_rate(sampling_rate):
+        raise RequestError(
+            f"the sampling rate is {sampling_rate:g} Hz",
+            expected=f"a rate above zero, {SLOWEST_HZ:g} to {FASTEST_HZ:g} Hz",
+        )
     table = _table(channel_table, path, None if root is None else Path(root))
     name = label or path.name
     if label is None and root is not None and path.is_relative_to(root):
         name = path.relative_to(root).as_posix()
+    opener: Callable[..., Recording]
     if kind == "tdms":
-        from specan.io.tdms import open_tdms
-
-        recording = open_tdms(path, label=name, channel_table=table, sampling_rate=sampling_rate)
+        from specan.io.tdms import open_tdms as opener
     else:
-        from specan.io.wav import open_wav
-
-        recording = open_wav(path, label=name, channel_table=table, sampling_rate=sampling_rate)
+        from specan.io.wav import open_wav as opener
+    try:
+        recording = opener(path, label=name, channel_table=table, sampling_rate=sampling_rate)
+    except (SpecanError, OSError):
+        raise
+    except Exception as fault:  # a damaged number can end in any error of Python
+        raise InputError(
+            f"{name} cannot be opened ({type(fault).__name__}: {fault})",
+            expected="headers that are whole",
+            remedy="copy or record it again",
+        ) from fault
     if calibration is None:
         return recording
     if not isinstance(calibration, Calibration):
@@ -98,7 +110,7 @@ def open_recording(
 
 
 def find_recordings(directories: Sequence[Path | str]) -> list[Found]:
-    """Recordings in directories and below them, sorted by label.
+    """Recordings in directories and below them, and directories that cannot be read, sorted by label.
 
     ``*.tdms`` and ``*.wav`` in any case. Directories of one name get a number, so that labels differ.
 
@@ -113,12 +125,18 @@ def find_recordings(directories: Sequence[Path | str]) -> list[Found]:
         if not directory.is_dir():
             what = "is a file" if directory.exists() else "does not exist"
             raise RequestError(f"the directory {directory} {what}", remedy="name a directory of recordings")
-        found += [
-            Found(path, prefix + path.relative_to(directory).as_posix())
-            for path in directory.rglob("*")
-            if path.suffix.lower() in SUFFIXES and not path.is_dir()  # a broken link is an input that fails
-        ]
+        found += [Found(path, prefix + path.relative_to(directory).as_posix()) for path in _below(directory)]
     return sorted(found, key=lambda f: f.label)
+
+
+def _below(directory: Path) -> Iterator[Path]:
+    """Recordings, and directories that cannot be read: what they hold would be missed without a word."""
+    closed: list[Path] = []
+    for place, below, files in os.walk(directory, onerror=lambda fault: closed.append(Path(fault.filename))):
+        below.sort()
+        # A broken link and a pipe are inputs that fail.
+        yield from (Path(place, name) for name in files if Path(name).suffix.lower() in SUFFIXES)
+    yield from closed
 
 
 def _prefixes(directories: Sequence[Path]) -> list[str]:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from specan.errors import RequestError
+from specan.io.output_file import text_file
+from specan.io.text_cell import cells, escaped, plain, word
+
+__all__ = ["cells", "plain", "word"]
 
 COLUMNS = {
     "sine.txt": (
@@ -28,17 +28,6 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def word(text: object) -> str:
-    """A cell of text: whatever would break the table becomes a blank.
-
-    Examples
-    --------
-    >>> word("Mic\\t1\\n")
-    'Mic 1'
-    """
-    return " ".join(str(text).split())
-
-
 def fixed(values: ArrayLike, decimals: int) -> list[str]:
     """Numbers with a fixed number of decimals; empty where not finite, no negative zero.
 
@@ -48,7 +37,16 @@ def fixed(values: ArrayLike, decimals: int) -> list[str]:
     ['1.235', '0.000', '']
     """
     rounded = np.round(np.atleast_1d(np.asarray(values, dtype=float)), decimals) + 0.0
-    return [f"{x:.{decimals}f}" if np.isfinite(x) else "" for x in rounded.tolist()]
+    return _printed(rounded, f"%.{decimals}f")
+
+
+def _printed(values: NDArray[np.float64], form: str) -> list[str]:
+    """Each number in one form, all at once; empty where not finite."""
+    finite = np.isfinite(values)
+    if not values.size:
+        return []
+    texts = ("\t".join([form] * len(values)) % tuple(values.tolist())).split("\t")
+    return texts if finite.all() else [t if ok else "" for t, ok in zip(texts, finite.tolist())]
 
 
 def levels(values: ArrayLike) -> list[str]:
@@ -68,7 +66,7 @@ def phases(values: ArrayLike) -> list[str]:
     usable = np.isfinite(given)
     hundredths = np.rint(np.where(usable, given, 0.0) * 100.0) % 36000.0
     hundredths = np.where(hundredths > 18000.0, hundredths - 36000.0, hundredths)
-    return [f"{h / 100.0:.2f}" if ok else "" for h, ok in zip(hundredths.tolist(), usable.tolist())]
+    return _printed(np.where(usable, hundredths / 100.0, np.nan), "%.2f")
 
 
 def significant(values: ArrayLike, digits: int = 6) -> list[str]:
@@ -80,7 +78,7 @@ def significant(values: ArrayLike, digits: int = 6) -> list[str]:
     ['0.123457', '1e-09', '0', '0', '']
     """
     given = np.atleast_1d(np.asarray(values, dtype=float)) + 0.0
-    return [f"{x:.{digits}g}" if np.isfinite(x) else "" for x in given.tolist()]
+    return _printed(given, f"%.{digits}g")
 
 
 def frequencies(values: ArrayLike) -> list[str]:
@@ -113,30 +111,9 @@ def write_table(path: Path, header: Iterable[str], columns: Sequence[str], block
     blocks : iterable of str
         Lines of the table as `rows` makes them, in order; may come from a generator.
     """
-    with replacing(path) as file:
+    with text_file(path) as file:
         for line in header:
-            file.write(f"# {word(line)}\n")
+            file.write(f"# {escaped(' '.join(line.split()))}\n")
         file.write("\t".join(columns) + "\n")
         for block in blocks:
             file.write(block)
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[TextIO]:
-    """Open a neighbour of `path` for text, and put it in place of `path` when all went well."""
-    half = path.with_name(f".{path.name}.part")
-    try:
-        with half.open("w", encoding="utf-8", newline="\n") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        half.replace(path)
-    except OSError as fault:
-        half.unlink(missing_ok=True)
-        raise RequestError(
-            f"{path.name} cannot be written ({fault.strerror or fault})",
-            expected="a place with room that may be written to",
-        ) from None
-    except BaseException:
-        half.unlink(missing_ok=True)
-        raise

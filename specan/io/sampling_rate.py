@@ -35,6 +35,9 @@ _NOMINAL = sorted(
 )
 
 _SPECTRUM = re.compile(r"spectr|spektr|widmo|\bfft\b|\bpsd\b|\bfrf\b|coherence", re.IGNORECASE)
+# No instrument samples faster (the fastest oscilloscopes take 256e9 samples a second) or slower (one in eleven days).
+FASTEST_HZ, SLOWEST_HZ = 1e12, 1e-6
+
 _SAME = 1e-4  # two statements that differ by more contradict each other
 
 
@@ -44,6 +47,17 @@ class Rate:
 
     hz: float
     how: str
+
+
+def is_rate(hz: float) -> bool:
+    """Whether an instrument may have sampled so: a finite number between 1e-6 and 1e12 Hz.
+
+    Examples
+    --------
+    >>> is_rate(51200.0), is_rate(0.0), is_rate(float("inf"))
+    (True, False, False)
+    """
+    return SLOWEST_HZ <= hz <= FASTEST_HZ
 
 
 def from_increment(
@@ -93,7 +107,7 @@ def from_increment(
         tried.append(f"wf_increment is in {unit!r}, which is no time")
     elif step == 1.0:
         tried.append("wf_increment is 1.0, which stands for 'not set'")
-    elif step * scale > 1.0:
+    elif step * scale > 1.0 or step * scale < 1.0 / FASTEST_HZ:
         tried.append(f"wf_increment is {step * scale:g} s, which is no interval of sampling")
     else:
         hz, rounded = _snap(step * scale)
@@ -170,9 +184,12 @@ def _rate_of(key: str, value: Any) -> float | None:
         return None
     if name in _RATE_KEYS:
         scale = _FREQUENCY_UNITS.get(unit or "hz")
-        return None if scale is None else amount * scale
-    scale = TIME_UNITS.get(unit or "s")
-    return None if scale is None else _snap(amount * scale)[0]
+        hz = 0.0 if scale is None else amount * scale
+    else:
+        scale = TIME_UNITS.get(unit or "s")
+        possible = scale is not None and 1.0 / FASTEST_HZ <= amount * scale <= 1.0 / SLOWEST_HZ
+        hz = _snap(amount * scale)[0] if scale is not None and possible else 0.0
+    return hz if is_rate(hz) else None
 
 
 def _snap(step: float) -> tuple[float, bool]:

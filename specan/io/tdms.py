@@ -267,6 +267,7 @@ def _stray_index(path: Path) -> str:
         with index.open("rb") as file, path.open("rb") as data:
             ours, theirs = data.read(28), file.read(28)
             offset = int.from_bytes(ours[20:28], "big" if ours[4] & (1 << 6) else "little")
+            offset = min(offset, index.stat().st_size)  # it may be damaged
             same = theirs[:4] == b"TDSh" and ours[4:] == theirs[4:] and data.read(offset) == file.read(offset)
     except FileNotFoundError:
         return ""

@@ -71,35 +71,42 @@ def read_headers(path: Path) -> Headers:
         try:
             reader = TdmsReader(file)
             reader.read_metadata()
+            # The list of segments is the one thing that npTDMS keeps to itself and that reading in
+            # blocks cannot do without.
+            segments = reader._segments
+            properties, groups, channels = _objects(reader.object_metadata)
+            layout = layout_of(segments, size)
+        except InputError as fault:
+            raise InputError(
+                f"{path.name}: {fault.found}", expected=fault.expected, remedy=fault.remedy
+            ) from None
         except Exception as fault:  # a damaged length field can end in any error of Python
             raise InputError(
                 f"the TDMS headers of {path.name} are damaged ({type(fault).__name__}: {fault})",
                 expected="a file as LabVIEW or DAQmx writes it",
                 remedy="copy or record it again",
             ) from None
-        # The list of segments is the one thing that npTDMS keeps to itself and that reading in
-        # blocks cannot do without.
-        segments = reader._segments
-        properties: dict[str, Any] = {}
-        groups: dict[str, dict[str, Any]] = {}
-        channels: list[TdmsObject] = []
-        for text, found in reader.object_metadata.items():
-            place = ObjectPath.from_string(text)
-            values = {str(k): _plain(v) for k, v in found.properties.items()}
-            if place.is_root:
-                properties = values
-            elif place.is_group:
-                groups[place.group] = values
-            else:
-                groups.setdefault(place.group, {})
-                channels.append(_channel(text, place, found, values))
-    try:
-        layout = layout_of(segments, size)
-    except InputError as fault:
-        raise InputError(
-            f"{path.name}: {fault.found}", expected=fault.expected, remedy=fault.remedy
-        ) from None
     return Headers(path, properties, groups, tuple(channels), layout, size, len(segments))
+
+
+def _objects(
+    found: Mapping[str, Any],
+) -> tuple[dict[str, Any], dict[str, dict[str, Any]], list[TdmsObject]]:
+    """Properties of the file and of its groups, and the channels."""
+    properties: dict[str, Any] = {}
+    groups: dict[str, dict[str, Any]] = {}
+    channels: list[TdmsObject] = []
+    for text, about in found.items():
+        place = ObjectPath.from_string(text)
+        values = {str(k): _plain(v) for k, v in about.properties.items()}
+        if place.is_root:
+            properties = values
+        elif place.is_group:
+            groups[place.group] = values
+        else:
+            groups.setdefault(place.group, {})
+            channels.append(_channel(text, place, about, values))
+    return properties, groups, channels
 
 
 def _channel(text: str, place: Any, found: Any, properties: dict[str, Any]) -> TdmsObject:

@@ -88,7 +88,8 @@ class TdmsSource:
             n = raw.shape[1] * raw.shape[2]
             target = out[rows, piece.first : piece.first + n].reshape(raw.shape)
             if all(f.line for f in feeds[rows]):
-                target[...] = raw
+                with np.errstate(invalid="ignore"):  # a signalling NaN of a damaged file
+                    target[...] = raw
                 _scale(target, slopes[rows], intercepts[rows])
                 return
             for into, values, feed in zip(target, raw, feeds[rows], strict=True):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.io.sampling_rate import TIME_UNITS, Rate
+from specan.io.sampling_rate import TIME_UNITS, Rate, is_rate
 
 # "T" is a temperature or a torque, "t" is the time.
 _TIME_NAME = re.compile(
@@ -76,6 +76,8 @@ def axis_of(
     step = (seconds[-1] - seconds[0]) / (n_samples - 1)
     if not step > 0.0:
         return Axis(name, n_samples, None, f"the time channel {name!r} does not increase")
+    if not is_rate(1.0 / step):
+        return Axis(name, n_samples, None, f"the time channel {name!r} has steps of {step:g} s")
     scatter = float(np.max(np.abs(seconds - places * step))) / step
     if scatter > _SCATTER:
         steps = np.diff(seconds)[np.diff(places) == 1]

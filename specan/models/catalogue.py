@@ -16,7 +16,11 @@ from specan.models.effect import Effect
 from specan.models.model import Model
 
 # name -> package that holds `build(rig) -> Model` and `EXAMPLE_RIG`
-MODELS = {"room": "specan.models.room", "worm-gear": "specan.models.worm_gear"}
+MODELS = {
+    "planetary-gear": "specan.models.planetary_gear",
+    "room": "specan.models.room",
+    "worm-gear": "specan.models.worm_gear",
+}
 
 ENTRY_POINTS = "specan.effects"
 MODEL_ENTRY_POINTS = "specan.models"  # name = module with `build(rig) -> Model`, and perhaps `EXAMPLE_RIG`

@@ -13,6 +13,7 @@ import numpy as np
 from specan import __version__
 from specan.analysis.batch.run import BatchReport
 from specan.analysis.batch.settings import BatchSettings
+from specan.io.text_cell import cells, plain
 from specan.report.figure_style import line_styles, octave_axis
 from specan.report.html_page import bullets, page, picture, table
 
@@ -59,10 +60,10 @@ def batch_report(report: BatchReport, settings: BatchSettings) -> str:
 def _rows(path: Path) -> Iterator[Row]:
     """Lines of a result table, read one after the other: a table may be long."""
     with path.open(encoding="utf-8", newline="\n") as file:
-        lines = (line.rstrip("\n").split("\t") for line in file if not line.startswith("#"))
+        lines = ([plain(cell) for cell in cells(line)] for line in file if not line.startswith("#"))
         header = next(lines, [])
-        for cells in lines:
-            yield dict(zip(header, cells))
+        for row in lines:
+            yield dict(zip(header, row))
 
 
 def _listing(path: Path, title: str, columns: Sequence[str]) -> list[str]:

@@ -110,13 +110,19 @@ def save_figure(figure: Figure, path: Path) -> None:
         The suffix is unknown, or the file cannot be written.
     """
     import matplotlib
+    from matplotlib.text import Text
+
+    from specan import __version__
+    from specan.io.output_file import whole_file
 
     kind = figure_format(path)
-    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    try:
-        with matplotlib.rc_context({"svg.hashsalt": "specan"}):
-            figure.savefig(path, format=kind, dpi=150, metadata=undated.get(kind))
-    except OSError as fault:
-        raise RequestError(
-            f"{path} cannot be written ({fault.strerror or fault})", remedy="choose another place"
-        ) from None
+    maker = f"specan {__version__}"
+    about = {
+        "png": {"Software": maker},
+        "svg": {"Creator": maker, "Date": None},
+        "pdf": {"Creator": maker, "CreationDate": None},
+    }
+    for text in figure.findobj(Text):
+        text.set_text(text.get_text().encode("utf-8", "backslashreplace").decode("utf-8"))
+    with whole_file(path) as half, matplotlib.rc_context({"svg.hashsalt": "specan"}):
+        figure.savefig(half, format=kind, dpi=150, metadata=about[kind])

@@ -64,16 +64,37 @@ def test_noise(samples):
 @pytest.mark.parametrize(
     ("samples", "word"),
     [
-        (signal.chirp(T, 20, DURATION, 3000, "log"), "swept"),
         (signal.chirp(T, 500, DURATION, 501), "moves"),
-        (np.sin(2 * np.pi * np.where(T < 4, 200, 400) * T), "tone"),
         (np.zeros_like(T), "silent"),
         (np.full_like(T, 3.3), "silent"),
         (NOISE * np.where(T > 4, np.exp((4 - T) / 0.02), 1e-5), "transient"),
         (0.55 * TONE + NOISE, "too much for noise"),
         (TONE[:200], "too short"),
+        (TONE + np.sin(2 * np.pi * 251.3 * T), "narrow band"),
+        (TONE + np.sin(2 * np.pi * 300.3 * T), "several tones"),
+        ((1 + np.sin(2 * np.pi * 7 * T)) * TONE, "several tones"),
+        (np.sin(2 * np.pi * 250 * T + 5 * np.sin(2 * np.pi * 3 * T)), "moves"),
+        (np.sign(TONE), "square"),
+        (1.0 * (T % 0.5 < 0.01), "channel"),
+        (1.0 * (T % 0.02 < 0.002), "several tones"),
+        (np.sin(2 * np.pi * 2 * T), "channel"),
     ],
-    ids=["sweep", "slow sweep", "two steps", "zeros", "constant", "impulse", "mixture", "short"],
+    ids=[
+        "slow sweep",
+        "zeros",
+        "constant",
+        "impulse",
+        "mixture",
+        "short",
+        "beat",
+        "two tones",
+        "AM",
+        "FM",
+        "square wave",
+        "slow pulses",
+        "fast pulses",
+        "a few periods",
+    ],
 )
 def test_neither(samples, word):
     found = recognise(recording(samples))
@@ -120,8 +141,44 @@ def test_calibrator_by_property():
     assert (found.kind, found.frequency_hz) == ("calibrator", 1000.0)
 
 
-def test_swept_sine_by_property_is_neither():
-    assert recognise(recording(NOISE, properties={"Excitation": "Swept sine"})).kind == "unknown"
+@pytest.mark.parametrize(("text", "kind"), [("Swept sine", "sweep"), ("stepped sine", "stepped-sine")])
+def test_sweep_and_steps_by_property(text, kind):
+    found = recognise(recording(NOISE, properties={"Excitation": text}))
+    assert (found.kind, found.stated) == (kind, True)
+    assert "contradicted" in found.reason
+
+
+@pytest.mark.parametrize(
+    "frequency",
+    [
+        20 * 150 ** (T / DURATION),
+        np.linspace(20, 60, len(T)),
+        np.linspace(3000, 50, len(T)),
+    ],
+    ids=["logarithmic", "slow", "falling"],
+)
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_sweep(frequency, noise):
+    found = recognise(recording(np.sin(2 * np.pi * np.cumsum(frequency) / RATE) + noise * NOISE))
+    assert (found.kind, found.frequency_hz, found.stated) == ("sweep", None, False)
+
+
+@pytest.mark.parametrize("dwell", [0.3, 1.0, 4.0])
+def test_steps(dwell):
+    frequency = 200 * 1.2 ** (T // dwell)
+    found = recognise(recording(np.sin(2 * np.pi * np.cumsum(np.minimum(frequency, 3000)) / RATE)))
+    assert (found.kind, found.frequency_hz) == ("stepped-sine", None)
+
+
+@pytest.mark.parametrize("seconds", [2.0, 5.0, 5.9, 6.1, 8.0])
+def test_the_length_does_not_decide(seconds):
+    n = int(seconds * RATE)
+    for samples, kind in (
+        (TONE, "sine"),
+        (NOISE, "noise"),
+        (TONE + np.sin(2 * np.pi * 300.3 * T), "unknown"),
+    ):
+        assert recognise(recording(samples[:n])).kind == kind
 
 
 def test_user_before_property():

@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from specan.analysis.stepped_sine import join_stepped_sine
+from specan.analysis.stepped_sine import join_stepped_sine, not_steps
 from specan.analysis.tone import Tone
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError
@@ -71,3 +73,24 @@ def test_recordings_without_reference_are_noted():
 def test_references_have_to_agree():
     with pytest.raises(InputError, match="different references: Vib, Vib 2"):
         join_stepped_sine([step(100.0), step(200.0, reference="Vib 2")])
+
+
+def found_in_the_signal(f, vib, label, scale=1.0):
+    common = {"sampling_rate": RATE, "n_samples": N}
+    channels = (
+        Channel("Vib", role="vibrometer", unit="m/s", **common),
+        Channel("Mic 1", role="microphone", unit="Pa", **common),
+    )
+    table = Tone(frequency_hz=f)(Recording(label, channels, ArraySource([scale * vib, scale * vib])))
+    return replace(table, stated=False)
+
+
+def test_what_is_no_step():
+    square = found_in_the_signal(200.0, np.sign(np.cos(2 * np.pi * 200.3 * T)), "square")
+    hum = found_in_the_signal(50.0, np.cos(2 * np.pi * 50.02 * T), "hum", 0.05)
+    sines = [found_in_the_signal(f, np.cos(2 * np.pi * f * T), f"{f}") for f in (50.0, 110.0, 250.0)]
+    left_out = not_steps([square, hum, *sines])
+    assert set(left_out) == {"square", "hum"}
+    assert "distorted" in left_out["square"]
+    assert "mains" in left_out["hum"]
+    assert not not_steps([replace(t, stated=True) for t in (square, hum, *sines)])

@@ -69,7 +69,7 @@ def test_uff_holds_every_channel(recording, samples, tmp_path) -> None:
 
     target = tmp_path / "a.uff"
     target.write_text("something that was there before")
-    assert run(recording, "--to", "uff", "-o", target, "--start", "1", "--stop", "2")[0] == 0
+    assert run(recording, "--to", "uff", "-o", target, "--force", "--start", "1", "--stop", "2")[0] == 0
     sets = pyuff.UFF(str(target)).read_sets()
     assert [s["id1"].strip() for s in sets] == ["Mic 1", "Vibrometer", "Generator"]
     for found, true in zip(sets, samples, strict=True):

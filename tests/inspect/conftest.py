@@ -20,7 +20,8 @@ OPTIONS = (
 
 
 @pytest.fixture(scope="session")
-def browser(tmp_path_factory) -> Iterator:
+def new_browser(tmp_path_factory) -> Iterator[Callable]:
+    """Start a browser with options of its own."""
     webdriver = pytest.importorskip("selenium.webdriver", reason="left out: selenium is not installed")
     if CHROMIUM is None or DRIVER is None:
         pytest.skip(
@@ -28,17 +29,29 @@ def browser(tmp_path_factory) -> Iterator:
         )
     from selenium.webdriver.chrome.service import Service
 
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for option in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
-        options.add_argument(option)
-    downloads = tmp_path_factory.mktemp("downloads")
-    options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    driver.downloads = downloads
-    yield driver
-    driver.quit()
+    running = []
+
+    def start(*more: str):
+        options = webdriver.ChromeOptions()
+        options.binary_location = CHROMIUM
+        for option in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}", *more):
+            options.add_argument(option)
+        downloads = tmp_path_factory.mktemp("downloads")
+        options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+        driver.downloads = downloads
+        running.append(driver)
+        return driver
+
+    yield start
+    for driver in running:
+        driver.quit()
+
+
+@pytest.fixture(scope="session")
+def browser(new_browser):
+    return new_browser()
 
 
 @pytest.fixture
@@ -154,3 +167,9 @@ class Page:
 def open_page(browser) -> Callable[[str], Page]:
     """Open an address in the browser."""
     return lambda url: Page(browser, url)
+
+
+@pytest.fixture
+def open_page_in() -> Callable[..., Page]:
+    """Open an address in a given browser."""
+    return Page

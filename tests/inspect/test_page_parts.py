@@ -24,7 +24,7 @@ from specan.inspect.kept_bands import KeptBands
 from specan.inspect.level_history import LevelCurves
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import plain
-from specan.inspect.server import start_server, url_of
+from specan.inspect.server import start_server
 from specan.inspect.sheets import notice, sheet
 from specan.inspect.superseded import Superseded
 from specan.inspect.tabs.tab import text_of
@@ -222,6 +222,7 @@ def test_the_page_is_served_to_this_machine_alone_and_holds_no_outside_address()
     import asyncio
     import re
     import urllib.error
+    import urllib.parse
     import urllib.request
 
     found = {}
@@ -230,7 +231,7 @@ def test_the_page_is_served_to_this_machine_alone_and_holds_no_outside_address()
     def serve() -> None:
         asyncio.set_event_loop(asyncio.new_event_loop())
         server = start_server(lambda document: None)
-        found["url"], found["sockets"] = url_of(server), server._http._sockets.values()
+        found["url"], found["sockets"] = server.url, server._http._sockets.values()
         found["names"] = [s.getsockname()[0] for s in found["sockets"]]
         ready.set()
 
@@ -252,7 +253,8 @@ def test_the_page_is_served_to_this_machine_alone_and_holds_no_outside_address()
         text = urllib.request.urlopen(found["url"], timeout=10).read().decode()
         sources = re.findall(r'(?:src|href)="([^"]+)"', text)
         assert sources
-        assert all(s.startswith(("static/", "/static/", found["url"])) for s in sources), sources
+        own = urllib.parse.urlsplit(found["url"]).path
+        assert all(s.startswith(f"{own}static/") for s in sources), sources
         for path in ("etc/passwd", "static/../../../etc/passwd", "a.tdms"):
             with pytest.raises(urllib.error.HTTPError):
                 urllib.request.urlopen(found["url"] + path, timeout=10)

@@ -38,7 +38,7 @@ def test_nothing_to_say_is_empty() -> None:
 
 
 def test_a_name_cannot_break_the_table() -> None:
-    assert rows([[word("Mic\t1")], [word("a\nb")]]) == "Mic 1\ta b\n"
+    assert rows([[word("Mic\t1")], [word("a\nb")]]) == "Mic\\t1\ta\\nb\n"
 
 
 def test_table_has_header_columns_and_line_feeds(tmp_path) -> None:

@@ -11,11 +11,12 @@ from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult
 from specan.analysis.calibration import join_insertions
 from specan.analysis.calibrator_tone import CalibrationSettings
-from specan.analysis.excitation import stated_excitation
+from specan.analysis.excitation import CALIBRATOR_WORDS, stated_excitation
 from specan.analysis.insertion import Insertion, evaluate_insertion
 from specan.data.recording import Recording
-from specan.errors import SpecanError
+from specan.errors import SpecanError, unforeseen
 from specan.io.calibration_file import read_calibration, write_calibration
+from specan.io.tdms_metadata import metadata_of
 
 FILE_NAME = "calibration.toml"
 _USED = "calibrator recording: used for the calibration, not analysed"
@@ -50,14 +51,15 @@ def assign_calibrations(
     Raises
     ------
     RequestError
-        A calibration file is missing or not valid.
+        The calibration that was given is missing or not valid; one in a directory fails its recordings.
     """
     calibrators: list[Input] = []
     others: list[Input] = []
     for entry in inputs:
         try:
-            stated = None if known(entry) else stated_excitation(open_headers(entry))
-        except (SpecanError, OSError):
+            closed = known(entry) or not _may_be_calibrator(entry.path)
+            stated = None if closed else stated_excitation(open_headers(entry))
+        except Exception:
             stated = None  # it will be opened again for its own sake, and then this is its reason
         (calibrators if stated is not None and stated.kind == "calibrator" else others).append(entry)
     if given is not None:
@@ -80,16 +82,39 @@ def assign_calibrations(
                 f"calibration: {target.name} ({fingerprint(target)}), from {len(mine)} calibrator recordings"
             ] = None
             header |= dict.fromkeys(f"calibration: {note}" for note in notes)
-    assigned = []
+    assigned: list[Input] = []
+    faults: dict[Path, str | None] = {}
     for entry in others:
         beside = _nearest(entry)
         if beside is not None:
-            read_calibration(beside)
+            if (fault := _fault_of(beside, faults)) is not None:
+                results.append(FileResult(entry.label, "failed", entry.neutral(fault)))
+                continue
             place = beside.relative_to(entry.root).as_posix()
             header[f"calibration: {place} ({fingerprint(beside)}), from the directory"] = None
         chosen = beside or made.get(entry.root)
         assigned.append(replace(entry, calibration="" if chosen is None else str(chosen)))
     return Assigned(assigned, results, list(header) or ["calibration: none"])
+
+
+def _fault_of(calibration: Path, known: dict[Path, str | None]) -> str | None:
+    """What is wrong with a calibration that lies in a directory: it costs the recordings there, no others."""
+    if calibration not in known:
+        try:
+            read_calibration(calibration)
+            known[calibration] = None
+        except SpecanError as fault:
+            known[calibration] = str(fault)
+        except Exception as fault:
+            known[calibration] = f"{calibration.name}: {unforeseen(fault)}"
+    return known[calibration]
+
+
+def _may_be_calibrator(path: str) -> bool:
+    """Whether one of the words that name a calibrator stands in the metadata: much faster than parsing it."""
+    if not path.lower().endswith(".tdms") or not Path(path).is_file():  # a pipe would be waited for: it is refused later
+        return True
+    return any(word.encode() in part.lower() for part in metadata_of(Path(path)) for word in CALIBRATOR_WORDS)
 
 
 def _nearest(entry: Input) -> Path | None:
@@ -117,9 +142,15 @@ def _calibrate(
             results.append(FileResult(entry.label, "aside", _USED))
         except SpecanError as fault:
             results.append(FileResult(entry.label, "failed", entry.neutral(str(fault))))
+        except Exception as fault:
+            results.append(FileResult(entry.label, "failed", entry.neutral(unforeseen(fault))))
     if not insertions:
         return results, None
-    calibration = join_insertions(insertions, settings)
+    try:
+        calibration = join_insertions(insertions, settings)
+    except Exception as fault:
+        said = str(fault) if isinstance(fault, SpecanError) else unforeseen(fault)
+        return [FileResult(entry.label, "failed", said) for entry in entries], None
     write_calibration(calibration, target)
     bad = [
         f"{c.channel} {c.verdict}: {', '.join(c.reasons)}"

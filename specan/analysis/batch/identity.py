@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -56,6 +58,8 @@ def identify(path: str, *, whole: bool = False) -> Identity:
         It cannot be read.
     """
     now = os.stat(path)
+    if not stat.S_ISREG(now.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", path)  # a pipe would be waited for
     return Identity(
         now.st_size, now.st_mtime_ns, _spread_digest(path, now.st_size), _whole(path) if whole else ""
     )

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from specan.errors import InputError, RequestError
+from specan.io.file_lock import is_the_file, try_lock
 from specan.io.open import find_recordings
+from specan.io.output_file import check_output
 
 
 @dataclass(frozen=True)
@@ -19,11 +22,11 @@ class Input:
     Attributes
     ----------
     path : str
-        Where it lies.
+        Where it lies, absolute.
     label : str
         Path relative to the directory that was named, with forward slashes.
     root : str
-        That directory.
+        That directory, absolute.
     size : int
         Bytes.
     calibration : str
@@ -44,7 +47,11 @@ class Input:
 
     def neutral(self, reason: str) -> str:
         """A message as it goes into results: without the place of the file on this machine."""
-        return reason.replace(self.path, self.label).replace(self.root, "").removeprefix(f"{self.label}: ")
+        reason = reason.replace(self.path, self.label)
+        if len(Path(self.root).parts) > 1:  # the root of a disk stands in every path
+            reason = reason.replace(os.path.join(self.root, ""), "")
+            reason = re.sub(re.escape(self.root) + r"""(?=[\s'",;:)]|$)""", ".", reason)
+        return reason.removeprefix(f"{self.label}: ")
 
 
 def find_inputs(directories: Sequence[Path]) -> list[Input]:
@@ -60,9 +67,10 @@ def find_inputs(directories: Sequence[Path]) -> list[Input]:
     found = []
     for recording in find_recordings(directories):
         below = recording.label if len(directories) == 1 else recording.label.split("/", 1)[1]
-        root = recording.path.parents[below.count("/")]
-        path = str(recording.path)
-        found.append(Input(path, recording.label, str(root), _size(path)))
+        above = recording.path.parents[below.count("/")]
+        # Absolute: in a message such a path is found again, where "in" or "." would be parts of words.
+        path, root = os.path.abspath(recording.path), os.path.abspath(above)
+        found.append(Input(path, recording.label, root, _size(path)))
     if not found:
         listed = ", ".join(str(directory) for directory in directories)
         raise InputError(
@@ -85,7 +93,8 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
     Raises
     ------
     RequestError
-        The place is a file, cannot be written to, or is in use.
+        The place is a file, cannot be written to, is in use, or holds a file of such a name that specan did not
+        write.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -93,6 +102,7 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
         for name in tables:
             if (out / name).exists():
                 (out / name).open("a").close()  # a spreadsheet may hold it, or it may be a directory
+                check_output(out / name)
     except OSError as fault:
         raise RequestError(
             f"the output directory {out} cannot be written to ({fault.strerror or fault})",
@@ -100,7 +110,7 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
             remedy="choose another with -o",
         ) from None
     with lock:
-        if not _locked(lock.fileno()) or not _still_there(lock.fileno(), lock.name):
+        if not try_lock(lock.fileno()) or not is_the_file(lock.fileno(), lock.name):
             raise RequestError(
                 f"another batch is writing to {out}", remedy="wait for it, or choose another place with -o"
             )
@@ -109,27 +119,3 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
         finally:
             with contextlib.suppress(OSError):  # Windows keeps an open file; the next batch takes it over
                 os.unlink(lock.name)
-
-
-def _still_there(handle: int, name: str) -> bool:
-    """Whether the locked file is the one that a third batch would find under its name."""
-    try:
-        return os.path.samestat(os.fstat(handle), os.stat(name))
-    except OSError:
-        return False
-
-
-def _locked(handle: int) -> bool:
-    """Take the lock, which the system frees when the process ends in whatever way."""
-    try:
-        if os.name == "nt":
-            import msvcrt
-
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-        else:
-            import fcntl
-
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True

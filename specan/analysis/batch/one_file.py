@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
@@ -25,10 +25,13 @@ from specan.data.calibration import Calibration, apply
 from specan.data.excitation import Excitation
 from specan.data.levels import Quality
 from specan.data.recording import Channel, Recording
-from specan.errors import NoSignalError, SpecanError
+from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.open import open_recording
 
 Made = TypeVar("Made")
+# Channels whose bands are found together. A channel takes up to 8 MB for its lags and transforms at every stage of
+# decimation; the bands of one do not depend on the others.
+AT_ONCE = 32
 
 
 class QualityPass:
@@ -61,8 +64,7 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
     except OSError as fault:
         return FileResult(entry.label, "failed", f"it cannot be read ({fault.strerror or fault})")
     except Exception as fault:
-        reason = f"specan met something it does not know: {type(fault).__name__}: {fault}"
-        return FileResult(entry.label, "failed", entry.neutral(reason))
+        return FileResult(entry.label, "failed", entry.neutral(unforeseen(fault)))
 
 
 def open_headers(entry: Input) -> Recording:
@@ -90,6 +92,8 @@ def _analyse(recording: Recording, settings: BatchSettings) -> FileResult:
         return _sine(recording, settings, excitation, found)
     if excitation.kind == "noise":
         return _noise(recording, settings, found)
+    if excitation.kind == "sweep":
+        return _noise(recording, settings, found, swept=True)
     return _other(recording, settings, found)
 
 
@@ -108,16 +112,19 @@ def _sine(
         tone = tone.model_copy(update={"frequency_hz": excitation.frequency_hz})
     accumulator = ToneAccumulator(recording, tone)
     quality = _read(recording, [accumulator])
-    table = accumulator.result()
+    table = replace(accumulator.result(), stated=excitation.stated)
     shown = [c for c in accumulator.channels if c.name in table.channels]
     table = with_flags(table, [quality[id(c)].flags for c in shown])
     found = replace(
         found, blocks={"sine.txt": tone_lines(table)}, tone=table, about=(*found.about, *table.notes)
     )
-    return _with_rest(found, recording, (), [accumulator])
+    return _with_rest(found, recording, (), [accumulator.channels])
 
 
-def _noise(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
+def _noise(
+    recording: Recording, settings: BatchSettings, found: FileResult, *, swept: bool = False
+) -> FileResult:
+    """Transfer functions and band levels; those of a sweep say how fast it was, and stand with the others."""
     faults: list[str] = []
     make = partial(TransferFunctionAccumulator, recording, settings.transfer_function)
     transfer = _attempt("transfer function", make, recording.label, faults)
@@ -125,43 +132,74 @@ def _noise(recording: Recording, settings: BatchSettings, found: FileResult) -> 
     used: list[Accumulator] = [*([] if transfer is None else [transfer]), *bands]
     if not used:
         return replace(found, kind="failed", reason="; ".join(faults))
-    quality = _read(recording, used)
-    blocks: dict[str, str] = {}
+    taken = [analysis.channels for analysis in used]
+    blocks: dict[str, list[str]] = defaultdict(list)
     notes: list[str] = []
-    if transfer is not None:
-        response = transfer.result()
-        blocks["noise.txt"] = noise_lines(response, [quality[id(c)].flags for c in transfer.responses])
-        notes.append(
-            f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
-            f"{response.n_effective:.1f} independent"
-        )
-        notes += response.notes
-    if bands:
-        lines = [band_lines(b.result([quality[id(c)] for c in b.channels])) for b in bands]
-        blocks["bands.txt"] = "".join(lines)
-    found = replace(found, blocks=blocks, about=(*found.about, *notes))
-    return _with_rest(found, recording, faults, used)
+
+    def write(analysis: Accumulator, quality: Mapping[int, Quality]) -> None:
+        if isinstance(analysis, TransferFunctionAccumulator):
+            response = analysis.result()
+            also = ("sweep",) if swept else ()
+            words = [(*quality[id(c)].flags, *also) for c in analysis.responses]
+            blocks["noise.txt"].append(noise_lines(response, words))
+            notes.append(
+                f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
+                f"{response.n_effective:.1f} independent"
+            )
+            notes.extend(response.notes)
+        elif isinstance(analysis, OctaveAccumulator):
+            levels = analysis.result([quality[id(c)] for c in analysis.channels])
+            if swept:
+                blocks["other.txt"].append(other_lines(levels, tuple(c.role for c in analysis.channels)))
+            else:
+                blocks["bands.txt"].append(band_lines(levels))
+
+    del transfer, bands
+    _few_at_once(recording, used, write)
+    texts = {table: "".join(lines) for table, lines in blocks.items()}
+    return _with_rest(replace(found, blocks=texts, about=(*found.about, *notes)), recording, faults, taken)
 
 
 def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
     faults: list[str] = []
-    passes = [
+    passes: list[Accumulator] = [
         (RmsPass(channels) if bands is None else bands)
         for channels, bands in _band_passes(recording, settings.octave, faults)
     ]
     if not passes:
         return replace(found, kind="failed", reason="none of its channels was chosen")
-    quality = _read(recording, passes)
-    lines = []
-    for done in passes:
-        own = [quality[id(c)] for c in done.channels]
-        if isinstance(done, RmsPass):
+    taken = [analysis.channels for analysis in passes]
+    lines: list[str] = []
+
+    def write(analysis: Accumulator, quality: Mapping[int, Quality]) -> None:
+        own = [quality[id(c)] for c in analysis.channels]
+        if isinstance(analysis, RmsPass):
             words = [(*q.flags, *recording.flags) for q in own]
-            lines.append(rms_lines(recording.label, done.channels, done.result(), words))
-        else:
-            lines.append(other_lines(done.result(own), tuple(c.role for c in done.channels)))
+            lines.append(rms_lines(recording.label, analysis.channels, analysis.result(), words))
+        elif isinstance(analysis, OctaveAccumulator):
+            lines.append(other_lines(analysis.result(own), tuple(c.role for c in analysis.channels)))
+
+    _few_at_once(recording, passes, write)
     found = replace(found, blocks={"other.txt": "".join(lines)})
-    return _with_rest(found, recording, faults, passes)
+    return _with_rest(found, recording, faults, taken)
+
+
+def _few_at_once(
+    recording: Recording,
+    analyses: list[Accumulator],
+    write: Callable[[Accumulator, Mapping[int, Quality]], None],
+) -> None:
+    """Feed and write down the analyses: in one pass where they have few channels, else one after the other.
+
+    Each is let go of when it is written (`analyses` is empty in the end): memory is bounded in channels too.
+    """
+    few = len({id(c) for analysis in analyses for c in analysis.channels}) <= AT_ONCE
+    while analyses:
+        together = [analyses.pop(0) for _ in range(len(analyses) if few else 1)]
+        quality = _read(recording, together)
+        for analysis in together:
+            write(analysis, quality)
+        del analysis, together
 
 
 def _read(recording: Recording, passes: Sequence[Accumulator]) -> dict[int, Quality]:
@@ -177,24 +215,25 @@ def _read(recording: Recording, passes: Sequence[Accumulator]) -> dict[int, Qual
 
 
 def _with_rest(
-    found: FileResult, recording: Recording, faults: Sequence[str], used: Sequence[Accumulator]
+    found: FileResult, recording: Recording, faults: Sequence[str], taken: Sequence[Sequence[Channel]]
 ) -> FileResult:
     """The result with what could not be done and with the channels that no analysis took."""
     missing = tuple(("", fault) for fault in dict.fromkeys(faults))
-    return replace(found, set_aside=(*found.set_aside, *missing, *_left_out(recording, used)))
+    return replace(found, set_aside=(*found.set_aside, *missing, *_left_out(recording, taken)))
 
 
 def _band_passes(
     recording: Recording, settings: Octave, faults: list[str]
 ) -> list[tuple[tuple[Channel, ...], OctaveAccumulator | None]]:
-    """Channels of one sampling rate and length together, and their band analysis if there can be one."""
+    """Channels of one sampling rate and length, at most `AT_ONCE` together, and their band analysis if there is one."""
     together: dict[tuple[float, int], list[Channel]] = defaultdict(list)
     for channel in recording.select(settings.channels):
         weightable = settings.weighting == "Z" or channel.target_unit == "Pa"
         if channel.sampling_rate > 0 and channel.n_samples > 0 and weightable:
             together[channel.sampling_rate, channel.n_samples].append(channel)
     passes = []
-    for channels in together.values():
+    few = (every[k : k + AT_ONCE] for every in together.values() for k in range(0, len(every), AT_ONCE))
+    for channels in few:
         names = tuple(f"{c.group}/{c.name}" for c in channels)
         mine = settings.model_copy(update={"channels": names})
         make = partial(OctaveAccumulator, recording, mine)
@@ -211,10 +250,10 @@ def _attempt(what: str, make: Callable[[], Made], label: str, faults: list[str])
         return None
 
 
-def _left_out(recording: Recording, used: Sequence[Accumulator]) -> list[tuple[str, str]]:
+def _left_out(recording: Recording, taken: Sequence[Sequence[Channel]]) -> list[tuple[str, str]]:
     """Channels that no analysis took, and what of them speaks against it."""
-    taken = {id(c) for accumulator in used for c in accumulator.channels}
-    rate = used[0].channels[0].sampling_rate
+    ours = {id(c) for channels in taken for c in channels}
+    rate = taken[0][0].sampling_rate
     return [
         (
             f"{c.group}/{c.name}",
@@ -225,5 +264,5 @@ def _left_out(recording: Recording, used: Sequence[Accumulator]) -> list[tuple[s
             else "not among the chosen channels",
         )
         for c in recording.channels
-        if id(c) not in taken
+        if id(c) not in ours
     ]

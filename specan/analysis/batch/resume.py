@@ -32,7 +32,7 @@ def unchanged(entry: Input, store: Store, *, verify: bool) -> Kept | None:
         return None
     try:
         now = identify(entry.path, whole=verify)
-    except OSError:
+    except Exception:  # the analysis says why
         return None
     before = kept.identity
     if (now.size, now.digest) != (before.size, before.digest) or (verify and now.whole != before.whole):
@@ -65,6 +65,6 @@ def context_of(settings: BatchSettings) -> Context:
             parts += [hashlib.sha256(index.read_bytes()).hexdigest() if index.is_file() else "none"]
         except (SpecanError, OSError) as fault:
             parts.append(str(fault))  # the analysis fails on it as well, and a failure is not kept
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+        return hashlib.sha256("\n".join(parts).encode("utf-8", "surrogatepass")).hexdigest()
 
     return context

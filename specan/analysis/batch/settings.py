@@ -23,7 +23,7 @@ class BatchSettings(Settings):
     ----------
     reference : str or None
         Channel over which phases and transfer functions stand; the vibrometer by default.
-    excitation : {"sine", "noise"} or None
+    excitation : {"sine", "noise", "sweep"} or None
         What drove all recordings; recognised file by file by default.
     sampling_rate : float or None
         In hertz, of all channels, in place of what the files say.
@@ -38,7 +38,7 @@ class BatchSettings(Settings):
     """
 
     reference: str | None = None
-    excitation: Literal["sine", "noise"] | None = None
+    excitation: Literal["sine", "noise", "sweep"] | None = None
     sampling_rate: Annotated[float, Field(gt=0)] | None = None
     tone: Tone = Tone()
     transfer_function: TransferFunction = TransferFunction(lines=DEFAULT_LINES)

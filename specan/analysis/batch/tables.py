@@ -10,10 +10,10 @@ from specan import __version__
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.store import Kept
 from specan.analysis.batch.tone_lines import joined_lines
-from specan.analysis.stepped_sine import join_stepped_sine
+from specan.analysis.stepped_sine import join_stepped_sine, not_steps
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.tone import ToneTable
-from specan.errors import InputError
+from specan.errors import InputError, unforeseen
 from specan.io import results_text as text
 from specan.units import LEVEL_REFERENCES
 
@@ -81,6 +81,9 @@ def _skipped(results: Sequence[FileResult]) -> Iterator[str]:
             rows.append((result.label, "", result.kind, result.reason))
         rows += [(result.label, channel, "aside", reason) for channel, reason in result.set_aside]
     for label, tables in _directories(results).items():
+        for one, reason in not_steps(tables).items():
+            say = "; state Excitation = 'sine' in its properties if it is one"
+            rows.append((one, "", "aside", f"not in the stepped-sine characteristic: {reason}{say}"))
         joined = _join(label, tables)
         if isinstance(joined, InputError):
             rows.append((label, "", "aside", f"no stepped-sine characteristic: {joined}"))
@@ -97,12 +100,18 @@ def _directories(results: Sequence[FileResult]) -> dict[str, list[ToneTable]]:
     return {label: tables for label, tables in together.items() if len(tables) > 1}
 
 
-def _join(label: str, tables: Sequence[ToneTable]) -> FrequencyResponse | InputError:
-    """The stepped-sine characteristic of a directory, or why there is none."""
+def _join(label: str, tables: Sequence[ToneTable]) -> FrequencyResponse | InputError | None:
+    """The stepped-sine characteristic of a directory, or why there is none; None where one step is left."""
+    left_out = not_steps(tables)
+    steps = [table for table in tables if table.label not in left_out]
+    if len(steps) < 2:
+        return None
     try:
-        return join_stepped_sine(tables, label)
+        return join_stepped_sine(steps, label)
     except InputError as fault:
         return fault
+    except Exception as fault:
+        return InputError(unforeseen(fault))
 
 
 def _sine_lines(results: Sequence[FileResult], blocks: Iterator[tuple[str, str]]) -> Iterator[str]:
@@ -110,7 +119,7 @@ def _sine_lines(results: Sequence[FileResult], blocks: Iterator[tuple[str, str]]
     lines = list(blocks)
     for label, tables in _directories(results).items():
         joined = _join(label, tables)
-        if not isinstance(joined, InputError):
+        if isinstance(joined, FrequencyResponse):
             roles: dict[str, str] = {}
             units: dict[str, str] = {}
             for tone in tables:

@@ -33,7 +33,7 @@ def analyse_unchanged(
     """
     try:
         before = identify(entry.path, whole=whole)
-    except OSError:
+    except Exception:
         before = None  # the analysis says why
     result = analyse_file(entry, settings, calibration)
     if before is None:

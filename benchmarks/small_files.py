@@ -1,0 +1,88 @@
+"""Many short files: `specan batch` beside a plain loop of npTDMS and scipy, CPU seconds of whole processes.
+
+``python benchmarks/small_files.py [--files 40] [--channels 4]``
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+RATE, SECONDS = 51200, 1
+PLAIN = """
+import sys
+from pathlib import Path
+import numpy as np
+from nptdms import TdmsFile
+from scipy import signal
+bands = 1000.0 * 10.0 ** (0.1 * np.arange(-17, 14))
+filters = [signal.butter(4, [f * 10**-0.05, f * 10**0.05], "bandpass", fs=51200, output="sos") for f in bands]
+for path in sorted(Path(sys.argv[1]).glob("*.tdms")):
+    channels = [c[:] for c in TdmsFile.read(path)["Measurement"].channels()]
+    reference = channels[-1]
+    _, xx = signal.welch(reference, 51200, nperseg=8192)
+    for x in channels:
+        _, yy = signal.welch(x, 51200, nperseg=8192)
+        _, xy = signal.csd(reference, x, 51200, nperseg=8192)
+        xy / xx, np.abs(xy) ** 2 / xx / yy
+        [10 * np.log10(np.mean(signal.sosfilt(sos, x) ** 2)) for sos in filters]
+"""
+
+
+def write(path: Path, channels: int, seed: int) -> None:
+    """One recording of noise, raw int32 with a linear scale."""
+    from nptdms import ChannelObject, GroupObject, TdmsWriter
+
+    rng = np.random.default_rng(seed)
+    common = rng.standard_normal(RATE * SECONDS)
+    objects = [GroupObject("Measurement", {"Excitation": "gaussian noise"})]
+    for number in range(channels):
+        name = f"Mic {number + 1}" if number < channels - 1 else "Vibrometer"
+        samples = 0.5 * np.roll(common, 3 * number) + 0.2 * rng.standard_normal(common.size)
+        unit = "Pa" if number < channels - 1 else "m/s"
+        properties = {"wf_increment": 1 / RATE, "NI_ChannelName": name, "unit_string": unit}
+        objects.append(ChannelObject("Measurement", name, samples, properties))
+    with TdmsWriter(str(path)) as writer:
+        writer.write_segment(objects)
+
+
+def cpu(command: list[str]) -> float:
+    """CPU seconds of a process."""
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, check=True, capture_output=True, env=environment)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--files", type=int, default=40)
+    parser.add_argument("--channels", type=int, default=4)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as place:
+        data = Path(place, "data")
+        data.mkdir()
+        for number in range(asked.files):
+            write(data / f"f{number:03d}.tdms", asked.channels, number)
+        ours, plain = [], []
+        specan = str(Path(sys.executable).with_name("specan"))
+        for run in range(2):
+            ours.append(cpu([specan, "batch", str(data), "-o", f"{place}/{run}", "--jobs", "1"]))
+            plain.append(cpu([sys.executable, "-c", PLAIN, str(data)]))
+    print(
+        f"| what, {asked.files} files of {asked.channels} channels | CPU s | of the plain loop |\n|---|---|---|"
+    )
+    for name, runs in (("specan batch", ours), ("plain npTDMS and scipy", plain)):
+        print(f"| {name} | {min(runs):.2f} | {min(runs) / min(plain):.2f} |")
+
+
+if __name__ == "__main__":
+    main()

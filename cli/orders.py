@@ -1,0 +1,303 @@
+"""``specan orders``: spectra, lines and averages per turn of a shaft."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from specan_cli.figure_output import plot_option
+from specan_cli.output import emit_json, say, table
+from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+
+if TYPE_CHECKING:
+    from specan.data.orders import OrderSpectrum
+    from specan.data.recording import Recording
+
+
+@click.command("orders")
+@click.argument("file", type=click.Path(path_type=Path))
+@section_options
+@click.option("--tacho", metavar="CH", help="The tacho.  [default: the recording's only one]")
+@click.option(
+    "--pulses", "pulses_per_turn", type=float, metavar="N",
+    help="Pulses a turn of the tacho's shaft.  [default: property PulsesPerRevolution]",
+)  # fmt: skip
+@click.option(
+    "--ratio", type=float, metavar="R",
+    help="Turns of the tacho's shaft per turn of the shaft whose orders are wanted.  [default: 1]",
+)  # fmt: skip
+@click.option(
+    "--speed", "speed_hz", type=float, metavar="HZ", help="Known constant speed, instead of a tacho."
+)
+@click.option("--max-order", type=float, metavar="O", help="Highest order.  [default: what the rate holds]")
+@click.option("--turns", type=int, metavar="N", help="Turns of a block: lines lie 1/N apart.  [default: 8]")
+@click.option(
+    "--average-turns", type=int, metavar="N", help="Turns of the synchronous average.  [default: 1]"
+)
+@click.option("--order", "orders", type=float, multiple=True, help="Amplitude of this order; repeatable.")
+@click.option(
+    "--mesh", type=float, metavar="O", help="Order of tooth meshing; its harmonics join the orders."
+)
+@click.option("--harmonics", type=int, help="Harmonics of the mesh.  [default: 3]")
+@click.option("--sidebands", type=int, help="Orders to either side of each harmonic.  [default: 0]")
+@click.option(
+    "--quantity",
+    type=click.Choice(["displacement", "velocity", "acceleration"]),
+    help="Convert vibration to this.",
+)
+@click.option("--envelope", metavar="LOW:HIGH", help="Analyse the envelope of this band, Hz.")
+@click.option("--kurtosis", is_flag=True, help="Kurtosis in octave bands, beside the rest.")
+@click.option(
+    "--peaks", type=click.IntRange(min=1), default=3, show_default=True, help="Highest lines printed."
+)
+@click.option("--map", "as_map", is_flag=True, help="Orders against speed: in --plot, -o and --json.")
+@plot_option()
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all lines as text.")
+@click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
+@opening_options
+def command(
+    file: Path,
+    envelope: str | None,
+    kurtosis: bool,
+    peaks: int,
+    as_map: bool,
+    plot: Path | None,
+    output: Path | None,
+    as_json: bool,
+    channel_table: Path | None,
+    calibration: Path | None,
+    sampling_rate: float | None,
+    **options: Any,
+) -> int:
+    """Find order spectra, complex amplitudes of given orders, and synchronous averages.
+
+    Angles are those of a tacho, whose missing and double pulses are repaired and whose jitter is smoothed, or of a
+    known constant speed.
+
+    \b
+    specan orders run.tdms --tacho "Tacho carrier" --mesh 66 --sidebands 3
+    specan orders run.tdms --tacho "Tacho sun" --ratio 3.75 --max-order 200 --map --plot map.png
+    """
+    from specan.analysis.orders import Orders
+    from specan.io.open import open_recording
+    from specan.schema import parse
+
+    wanted = given(envelope_hz=_band(envelope), **options)
+    settings = parse(Orders, wanted, "orders")
+    recording = open_recording(
+        file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
+    )
+    if settings.envelope_hz is None:
+        accumulator = settings.accumulator(recording)
+        feed(accumulator, recording)
+        found = accumulator.result()
+    else:
+        found = settings(recording)
+    if plot is not None:
+        _draw(found, plot, as_map)
+    if output is not None:
+        write_text(found, output, as_map)
+    impulsive = _kurtosis(recording, found, settings) if kurtosis else None
+    if as_json:
+        emit_json({**content(found, as_map), **({"kurtosis": impulsive} if impulsive else {})})
+    else:
+        show(found, peaks, impulsive)
+        for written in (plot, output):
+            if written is not None:
+                click.echo(f"Written to {written}.")
+    say_notes(found.notes, {})
+    return 0
+
+
+def _band(text: str | None) -> tuple[float, float] | None:
+    from specan.errors import RequestError
+
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise RequestError(f"--envelope {text!r} cannot be read", expected="LOW:HIGH in Hz") from None
+    return low, high
+
+
+def _draw(found: OrderSpectrum, path: Path, as_map: bool) -> None:
+    from specan.report.figure_style import save_figure
+    from specan.report.figures_orders import figure_order_map, figure_orders
+
+    save_figure(figure_order_map(found) if as_map else figure_orders(found), path)
+
+
+def _kurtosis(recording: Recording, found: OrderSpectrum, settings: Any) -> dict[str, Any]:
+    """Kurtosis of every channel in octaves, over the same section."""
+    from specan.analysis.section import section
+    from specan.dsp.envelope import band_kurtosis, octaves_below
+
+    channels = [recording.channel(name) for name in found.channels]
+    start, stop = section(recording, channels, settings.start_s, settings.stop_s)
+    bands = octaves_below(channels[0].sampling_rate)
+    rows = [
+        band_kurtosis(recording.read([c], start, stop)[0], c.sampling_rate, bands).tolist() for c in channels
+    ]
+    return {"bands_hz": bands, "channels": dict(zip(found.channels, rows))}
+
+
+def content(found: OrderSpectrum, as_map: bool = False) -> dict[str, Any]:
+    """All there is, for JSON."""
+    import numpy as np
+
+    tacho = found.tacho
+    channels = []
+    for row, (name, unit) in enumerate(zip(found.channels, found.units)):
+        one: dict[str, Any] = {
+            "channel": name,
+            "unit": unit,
+            "rms": found.rms[row],
+            "synchronous_rms": found.synchronous_rms[row],
+            "amplitude": found.amplitude[row],
+            "average": found.average[row],
+        }
+        if found.lines is not None:
+            lines = found.lines
+            one["lines"] = [
+                {
+                    "order": order,
+                    "amplitude": abs(lines.amplitude[row, k]),
+                    "phase_deg": lines.phase_deg[row, k],
+                    "u": lines.u[row, k],
+                    "u_scatter": lines.u_scatter[row, k],
+                }
+                for k, order in enumerate(lines.order)
+            ]
+        if as_map:
+            one["map"] = found.map[:, row]
+        channels.append(one)
+    return {
+        "file": found.label,
+        "tacho": {
+            "channel": tacho.channel,
+            "pulses": tacho.pulses,
+            "missing": tacho.missing,
+            "double": tacho.double,
+            "jitter_s": tacho.jitter_s,
+        },
+        "speed_hz": dict(zip(("least", "mean", "greatest"), tacho.speed_hz)),
+        "turns": found.turns,
+        "block_turns": found.block_turns,
+        "n_blocks": found.n_blocks,
+        "average_turns": found.average_turns,
+        "line_turns": None if found.lines is None else found.lines.turns,
+        "order": found.order,
+        "columns": {"time_s": found.time_s, "speed_hz": found.speed_hz} if as_map else None,
+        "channels": channels,
+        "notes": found.notes,
+        "settings": {k: list(v) if isinstance(v, np.ndarray) else v for k, v in found.settings.items()},
+    }
+
+
+def show(found: OrderSpectrum, peaks: int, impulsive: dict[str, Any] | None) -> None:
+    """RMS, synchronous part and highest lines of every channel; the lines that were asked for."""
+    from specan_cli.fft import highest
+
+    tacho = found.tacho
+    low, mean, high = tacho.speed_hz
+    source = (
+        "stated"
+        if tacho.channel is None
+        else f"{tacho.channel}, {tacho.pulses} pulses, {tacho.missing} missing, {tacho.double} double, "
+        f"jitter {1e6 * tacho.jitter_s:.3g} us"
+    )
+    click.echo(f"{found.label}: {found.turns} turns, speed {mean:.6g} Hz ({low:.6g} to {high:.6g}; {source})")
+    rows = []
+    for row, (name, unit) in enumerate(zip(found.channels, found.units)):
+        for rank, k in enumerate(highest(found.amplitude[row, 1:], peaks)):
+            first = rank == 0
+            rows.append(
+                [
+                    name if first else "",
+                    f"{found.rms[row]:.5g} {unit}" if first else "",
+                    f"{found.synchronous_rms[row]:.5g}" if first else "",
+                    f"{found.order[k + 1]:.6g}",
+                    f"{found.amplitude[row, k + 1]:.5g} {unit}",
+                    f"{found.level_db[row, k + 1]:.2f}",
+                ]
+            )
+    table("", ["channel", "RMS", "synchronous", "order", "amplitude", "dB"], rows)
+    if found.lines is not None:
+        _show_lines(found)
+    if impulsive is not None:
+        header = ["kurtosis", *(f"{low:.0f}-{high:.0f} Hz" for low, high in impulsive["bands_hz"])]
+        table("", header, [[name, *(f"{k:.2f}" for k in ks)] for name, ks in impulsive["channels"].items()])
+
+
+def _show_lines(found: OrderSpectrum) -> None:
+    lines = found.lines
+    assert lines is not None
+    rows = []
+    for row, (name, unit) in enumerate(zip(found.channels, found.units)):
+        for k, order in enumerate(lines.order):
+            rows.append(
+                [
+                    name if k == 0 else "",
+                    f"{order:.6g}",
+                    f"{abs(lines.amplitude[row, k]):.5g} {unit}",
+                    f"{lines.u[row, k]:.2g}",
+                    f"{lines.u_scatter[row, k]:.2g}"
+                    if lines.u_scatter[row, k] == lines.u_scatter[row, k]
+                    else "",
+                    f"{lines.phase_deg[row, k]:.2f}",
+                ]
+            )
+    table(
+        f"Lines over {lines.turns} turns; u: one component, from the noise about the line, from blocks",
+        ["channel", "order", "amplitude", "u", "u blocks", "phase deg"],
+        rows,
+    )
+
+
+def write_text(found: OrderSpectrum, path: Path, as_map: bool = False) -> None:
+    """The lines that were asked for, or the spectrum, or the map, tab-separated."""
+    from specan.io import results_text as text
+
+    header = [
+        f"{'map of orders' if as_map else 'orders'} of {found.label}",
+        ", ".join(f"{name} in {unit}" for name, unit in zip(found.channels, found.units)),
+        f"speed {found.tacho.speed_hz[1]:.6g} Hz, {found.turns} turns, blocks of {found.block_turns}",
+        f"settings: {found.settings}",
+        *found.notes,
+    ]
+    blocks = []
+    if as_map:
+        for row, name in enumerate(found.channels):
+            for column, speed in enumerate(text.fixed(found.speed_hz, 4)):
+                count = len(found.order)
+                parts = [text.frequencies(found.order), text.significant(found.map[column, row])]
+                blocks.append(text.rows([[text.word(name)] * count, [speed] * count, *parts]))
+        text.write_table(path, header, ["channel", "speed_hz", "order", "amplitude"], blocks)
+        return
+    for row, name in enumerate(found.channels):
+        if found.lines is not None:
+            lines = found.lines
+            parts = [
+                text.frequencies(lines.order),
+                text.significant(abs(lines.amplitude[row])),
+                text.phases(lines.phase_deg[row]),
+                text.significant(lines.u[row], 3),
+                text.significant(lines.u_scatter[row], 3),
+            ]
+            blocks.append(text.rows([[text.word(name)] * len(lines.order), *parts]))
+        else:
+            count = len(found.order)
+            parts = [
+                text.frequencies(found.order),
+                text.significant(found.amplitude[row]),
+                [""] * count,
+                [""] * count,
+                [""] * count,
+            ]
+            blocks.append(text.rows([[text.word(name)] * count, *parts]))
+    text.write_table(path, header, ["channel", "order", "amplitude", "phase_deg", "u", "u_blocks"], blocks)
+    if found.lines is not None:
+        say("The table holds the lines that were asked for; leave them out for the whole spectrum.")

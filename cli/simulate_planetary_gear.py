@@ -1,0 +1,151 @@
+"""What ``specan simulate planetary-gear`` does: a recording of a simulated run, or a table of order lines."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from specan.errors import RequestError
+from specan_cli.output import emit_json, say, table
+
+if TYPE_CHECKING:
+    from specan.models.model import Model
+
+RATE = 51200.0
+_PATIENCE_S = 5.0  # from which on the time that a run takes is told before it starts
+
+
+def run(model: Model, options: Mapping[str, Any]) -> None:
+    """Carry out the request."""
+    path = options["output"]
+    if path is None:
+        raise RequestError(
+            "a simulated run has nowhere to go",
+            remedy="name a file with -o: run.tdms, or lines.csv for order lines",
+        )
+    if path.suffix.lower() == ".csv":
+        _lines(model, path, options)
+    elif path.suffix.lower() == ".tdms":
+        _record(model, path, options)
+    else:
+        raise RequestError(
+            f"{path.name} cannot be written here", expected="a name that ends in .tdms or .csv"
+        )
+
+
+def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
+    import numpy as np
+
+    from specan.io.write_tdms import write_tdms
+    from specan.models.planetary_gear.compiled import HAS_NUMBA
+    from specan.models.planetary_gear.dynamics import check_duration, estimate_s, simulate, step_error
+    from specan.models.planetary_gear.simulated_recording import recorded_channels
+
+    if options["effects"] or options["without"]:
+        raise RequestError(
+            "effects belong to the order-domain model, not to the run in time",
+            remedy="write order lines: -o lines.csv",
+        )
+    if not path.absolute().parent.is_dir():
+        raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+    rig, duration = model.settings["parsed_rig"], options["duration"]
+    check_duration(duration)
+    needed = estimate_s(rig, duration)
+    if needed > _PATIENCE_S or not HAS_NUMBA:
+        slow = "" if HAS_NUMBA else "; install specan[fast] (numba) to have it some hundred times faster"
+        say(f"The run takes about {needed:.0f} s{slow}.")
+    motion = simulate(rig, duration, sampling_rate=RATE)
+    error = step_error(rig) if HAS_NUMBA else None
+    channels = recorded_channels(motion, RATE)
+    noise = _noise(options, motion.time.size)
+    written = []
+    for channel in channels:
+        samples = channel.volts + (noise() if channel.unit != "V" else 0.0)
+        own = {"unit_string": "V", "QuantityUnit": channel.unit, **channel.properties}
+        if channel.unit != "V":
+            own |= {"Sensitivity": channel.sensitivity, "SensitivityUnit": channel.sensitivity_unit}
+        written.append((channel.name, samples, own))
+    names, volts, described = zip(*written, strict=True)
+    write_tdms(
+        path, names, np.stack(volts), RATE, channels=described, group=_described(rig), samples="float32"
+    )
+    balance = f"energy balanced to {motion.energy_error:.1e}"
+    halved = "" if error is None else f", forces change by {error:.1e} when the step is halved"
+    say(f"{len(channels)} channels of {duration:g} s at {RATE:g} samples a second written to {path}")
+    say(f"step {1e6 * motion.step_s:.3g} us: {balance}{halved}")
+    rows = [
+        {"channel": c.name, "unit": c.unit, "mean": float(c.samples.mean()), "rms": float(c.samples.std())}
+        for c in channels
+    ]
+    if options["as_json"]:
+        emit_json(
+            {
+                "step_s": motion.step_s,
+                "energy_error": motion.energy_error,
+                "step_error": error,
+                "channels": rows,
+            }
+        )
+    else:
+        cells = [[r["channel"], f"{r['mean']:.4g}", f"{r['rms']:.4g}", str(r["unit"])] for r in rows]
+        table("", ["channel", "mean", "rms about it", "unit"], cells)
+
+
+def _noise(options: Mapping[str, Any], count: int):  # type: ignore[no-untyped-def]
+    """Volts that each channel adds."""
+    import numpy as np
+
+    if options["noise"] < 0:
+        raise RequestError(f"--noise is {options['noise']}", expected="a standard deviation, not below zero")
+    random = np.random.default_rng(options["seed"])
+    return lambda: options["noise"] * random.standard_normal(count)
+
+
+def _described(rig: Any) -> dict[str, object]:
+    if rig.gear is None:
+        return {
+            "SamplingRate": RATE, "DriverSpeed_Hz": rig.pair.driver_speed_hz, "Torque_Nm": rig.pair.driver_torque_Nm,
+            "Description": "simulated",
+        }  # fmt: skip
+    return {
+        "SamplingRate": RATE, "SunSpeed_Hz": rig.operation.sun_speed_hz,
+        "Torque_Nm": rig.operation.carrier_torque_Nm, "Description": "simulated",
+    }  # fmt: skip
+
+
+def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
+    """Order lines of the order-domain model at the rig's operating point."""
+    import numpy as np
+
+    from specan.models.planetary_gear.lines import line_conditions
+    from specan.models.request import read_request
+
+    request = read_request(model, options["effects"], options["without"])
+    conditions = line_conditions(model)
+    values = {**request.assembly.defaults(), **request.values}
+    found = request.assembly.evaluate(conditions, values, wanted=["order_lines"])["order_lines"]
+    rows = [
+        [name, f"{order:.6f}", f"{abs(value):.6g}", f"{np.degrees(np.angle(value)):.3f}"]
+        for name, line in zip(model.axes["sensor"], found)
+        for order, value in zip(conditions["order"], line)
+    ]
+    header = ["channel", "order", "amplitude_m_per_s2", "phase_deg"]
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            sheet = csv.writer(file, lineterminator="\n")
+            sheet.writerow(header)
+            sheet.writerows(rows)
+    except OSError as fault:
+        raise RequestError(
+            f"the table {path} cannot be written ({fault.strerror})", remedy="name another place"
+        ) from None
+    say(f"{len(rows)} order lines written to {path}")
+    if options["as_json"]:
+        emit_json(
+            {
+                "effects": [str(u) for u in request.assembly.uses],
+                "lines": [dict(zip(header, r)) for r in rows],
+            }
+        )

@@ -1,0 +1,127 @@
+"""Vibration against the angle of a shaft: order spectra, lines, synchronous averages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.units import level_reference
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TachoReport:
+    """What a tacho gave.
+
+    Attributes
+    ----------
+    channel : str or None
+        None where the speed was stated.
+    pulses, missing, double : int
+        Pulses used; pulses that were missing; pulses taken away.
+    jitter_s : float
+        Standard deviation of what smoothing took off the pulses' instants.
+    speed_hz : tuple
+        Least, mean and greatest speed of the reference shaft.
+    """
+
+    channel: str | None
+    pulses: int
+    missing: int
+    double: int
+    jitter_s: float
+    speed_hz: tuple[float, float, float]
+
+    @property
+    def drift_percent(self) -> float:
+        """Range of the speed over its mean."""
+        low, mean, high = self.speed_hz
+        return 100.0 * (high - low) / mean
+
+
+@dataclass(frozen=True)
+class OrderLines:
+    """Complex amplitudes of given orders, ``x(u) = sum Re(A exp(2j pi o u))`` with u in turns of the shaft.
+
+    Attributes
+    ----------
+    order : array (lines,)
+    amplitude : complex array (channels, lines)
+        Peak amplitudes; phases are those at the first pulse of the tacho.
+    u, u_scatter : arrays (channels, lines)
+        Standard uncertainty of one component: from the noise about the line, and from the scatter of blocks.
+    turns : int
+        Turns of the record that was used.
+    """
+
+    order: Real
+    amplitude: NDArray[np.complex128]
+    u: Real
+    u_scatter: Real
+    turns: int
+
+    @property
+    def phase_deg(self) -> Real:
+        """Phase in (-180, 180]."""
+        return np.degrees(np.angle(self.amplitude))
+
+
+@dataclass(frozen=True)
+class OrderSpectrum:
+    """What a recording holds per turn of a shaft.
+
+    Attributes
+    ----------
+    order : array (lines,)
+    amplitude : array (channels, lines)
+        Peak amplitude of a sine there (energy mean over the blocks).
+    speed_hz, time_s : arrays (columns,)
+        Mean speed and middle of the blocks of each column.
+    map : array (columns, channels, lines)
+        Amplitudes against speed; NaN above 1/2.56 of the sampling rate.
+    average : array (channels, samples)
+        Synchronous average over `average_turns` turns, from turn zero on.
+    synchronous_rms, rms : arrays (channels,)
+        RMS of the average and of all that was resampled, both without the mean.
+    lines : OrderLines or None
+    """
+
+    label: str
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    order: Real
+    amplitude: Real
+    speed_hz: Real
+    time_s: Real
+    map: Real
+    average: Real
+    average_turns: int
+    synchronous_rms: Real
+    rms: Real
+    tacho: TachoReport
+    turns: int
+    block_turns: int
+    n_blocks: int
+    lines: OrderLines | None = None
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def level_db(self) -> Real:
+        """RMS levels of the lines."""
+        return self._level(self.amplitude)
+
+    @property
+    def map_level_db(self) -> Real:
+        """RMS levels of the map, (columns, channels, lines)."""
+        return self._level(self.map)
+
+    def _level(self, amplitude: Real) -> Real:
+        reference = np.array([level_reference(unit).value for unit in self.units])[:, None]
+        with np.errstate(divide="ignore"):
+            return 20 * np.log10(amplitude / np.sqrt(2) / reference)

@@ -1,0 +1,212 @@
+"""The one way in which a file is written: as a whole or not at all, and never over what cannot be made again.
+
+A recording is never replaced. Other files that specan did not write are replaced only when the user says so:
+a slip of tab completion must not cost a measurement. See docs/decisions/0044.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TextIO
+
+from specan.errors import RequestError
+
+STANDARD_OUTPUT = Path("-")
+_PART = ".part"
+# First bytes of recordings: TDMS and its index; WAV in its four kinds; Sony Wave64; FLAC, AIFF and HDF5 are not
+# read by specan, but they hold measurements as well.
+_RECORDINGS = (
+    b"TDSm",
+    b"TDSh",
+    b"RIFF",
+    b"RIFX",
+    b"RF64",
+    b"BW64",
+    b"riff",
+    b"fLaC",
+    b"FORM",
+    b"\x89HDF\r\n\x1a\n",
+)
+_MARK = re.compile(rb"specan \d+\.\d")
+# Where a program may name itself, and what a file of that format begins with.
+_MARKED_FORMATS = (b"\x89PNG", b"%PDF", b"<?xml", b"<!DOCTYPE html>", b"PAR1", b"    -1")
+_TABLE = re.compile(rb"# specan \d+\.\d")
+_CALIBRATION = b"# Sensitivities and phases of channels, as `specan calibrate`"
+# An export: the first column is the time, every other one ends with its unit in brackets.
+_SAMPLES = re.compile(rb'(\xef\xbb\xbf)?time_s([,;]("([^"]|"")* \[[^"\]]*\]"|[^",;\n]* \[[^",;\n\]]*\]))+\n')
+_HEAD, _TAIL = 1 << 16, 1 << 20
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file begins like a recording; False where there is none."""
+    return _bytes(path, 0, 16).startswith(_RECORDINGS)
+
+
+def written_by_specan(path: Path) -> bool:
+    """Whether a file is a result of specan, as its header says; an empty file holds nothing to lose."""
+    head = _bytes(path, 0, _HEAD)
+    if not head and _size(path) == 0:
+        return True
+    if head.startswith(_CALIBRATION) or _TABLE.match(head) or _SAMPLES.match(head):
+        return True
+    if not head.startswith(_MARKED_FORMATS):
+        return False
+    return bool(_MARK.search(head) or _MARK.search(_bytes(path, -_TAIL, _TAIL)))
+
+
+def check_output(path: Path, inputs: Iterable[Path] = (), *, force: bool = False) -> None:
+    """Refuse a place whose content must not be replaced.
+
+    Parameters
+    ----------
+    path : Path
+        Where a result is to go; ``-`` is standard output.
+    inputs : iterable of Path
+        What the result is made from.
+    force : bool
+        The user said that a file which specan did not write may be replaced.
+
+    Raises
+    ------
+    RequestError
+        `path` is one of the inputs (under whatever name), a recording, or without `force` a file that specan
+        did not write.
+    """
+    if path == STANDARD_OUTPUT or not _is_file(path):
+        return
+    for given in inputs:
+        with suppress(OSError):
+            if path.samefile(given):
+                what = "is the recording itself" if is_recording(path) else "is what the result is made from"
+                raise RequestError(f"{path} {what}", remedy="choose another file with -o")
+    if is_recording(path):
+        raise RequestError(
+            f"{path} is a recording, and a recording is never replaced",
+            remedy="choose another file, or remove this one yourself",
+        )
+    if not force and not written_by_specan(path):
+        raise RequestError(
+            f"{path} exists and was not written by specan",
+            remedy="choose another file, or replace it with --force",
+        )
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A neighbour of `path` to write to, put in its place when all went well.
+
+    For ``-`` and for devices the finished file is copied there.
+
+    Raises
+    ------
+    RequestError
+        The place is a recording, or cannot be written to.
+    """
+    if path == STANDARD_OUTPUT or _is_stream(path):
+        yield from _copied(path)
+        return
+    if is_recording(path):
+        check_output(path, force=True)  # it was not there when the work began
+    path = path.resolve() if path.is_symlink() else path
+    half = path.with_name(f".{path.name}{_PART}")
+    try:
+        half.unlink(missing_ok=True)
+        yield half
+        half.replace(path)
+    except BrokenPipeError:
+        raise
+    except OSError as fault:
+        raise RequestError(
+            f"{path} cannot be written ({fault.strerror or fault})",
+            expected="a place with room that may be written to",
+            remedy="choose another place",
+        ) from None
+    finally:
+        with suppress(OSError):
+            half.unlink(missing_ok=True)
+
+
+@contextmanager
+def text_file(path: Path, *, durable: bool = True) -> Iterator[TextIO]:
+    """Open `path` for text with ``\\n`` line ends; a reader sees the old file or the whole new one.
+
+    Names that are not UTF-8 are written as ``\\udcff``-like escapes; see `specan.io.results_text.word`. `durable` waits
+    until the bytes are on the disk, which what can be made again does not need.
+    """
+    with (
+        whole_file(path) as half,
+        half.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file,
+    ):
+        yield file
+        file.flush()
+        if durable:
+            os.fsync(file.fileno())
+
+
+def remove_parts(directory: Path) -> None:
+    """Remove what an interrupted write has left."""
+    for half in directory.glob(f".*{_PART}"):
+        half.unlink()
+
+
+def _copied(path: Path) -> Iterator[Path]:
+    import shutil
+
+    with tempfile.TemporaryDirectory() as place:
+        half = Path(place) / "output"
+        yield half
+        with half.open("rb") as made:
+            if path == STANDARD_OUTPUT:
+                sys.stdout.flush()
+                if hasattr(sys.stdout, "buffer"):
+                    shutil.copyfileobj(made, sys.stdout.buffer)
+                else:  # a program that runs specan has put text in its place
+                    sys.stdout.write(made.read().decode("utf-8"))
+                sys.stdout.flush()
+            else:
+                with path.open("wb") as device:
+                    shutil.copyfileobj(made, device)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False  # a name too long, for instance: writing will say so
+
+
+def _is_stream(path: Path) -> bool:
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return False
+    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+
+
+def _size(path: Path) -> int:
+    try:
+        return os.stat(path).st_size
+    except (OSError, ValueError):
+        return -1
+
+
+def _bytes(path: Path, start: int, count: int) -> bytes:
+    """Bytes of a regular file from `start`, or from the end for a negative one; none where it cannot be read."""
+    if not _is_file(path):
+        return b""
+    try:
+        with path.open("rb") as file:
+            if start < 0:
+                file.seek(max(0, file.seek(0, 2) + start))
+            else:
+                file.seek(start)
+            return file.read(count)
+    except OSError:
+        return b""

@@ -1,0 +1,6 @@
+"""A planetary gear with a fixed ring: meshing forces in time, order lines of the ring's acceleration."""
+
+from specan.models.planetary_gear.build import build
+from specan.models.planetary_gear.example import EXAMPLE_RIG
+
+__all__ = ["EXAMPLE_RIG", "build"]

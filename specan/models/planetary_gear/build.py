@@ -1,0 +1,158 @@
+"""From a rig file to the model of a planetary gear, or of a gear pair."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from specan.errors import RequestError
+from specan.models.catalogue import effects_in
+from specan.models.model import Model, Nuisance
+from specan.models.observable import Observable
+from specan.models.planetary_gear import excitation, load, response
+from specan.models.planetary_gear.geometry import check_assembly, mesh_phases, planet_angles, set_meshes
+from specan.models.planetary_gear.kinematics import (
+    carrier_speed_ratio,
+    kind_of_phasing,
+    planet_order,
+    repeat_turns,
+    sun_order,
+)
+from specan.models.planetary_gear.rig import Gear, Rig, read_rig
+from specan.models.quantity import Condition, Quantity, constant
+
+HARMONICS = 4  # of the mesh; three are compared
+MOST_SAMPLES = 400_000
+GAIN_SD = 1.0  # of the unknown gain between mesh and sensor, one a harmonic: nothing rests on absolute levels
+
+
+def build(rig: Mapping[str, Any]) -> Model:
+    """Build the order-domain model of a planetary set.
+
+    Raises
+    ------
+    RequestError
+        The rig file has an unknown key, lacks one, or its teeth do not assemble.
+    """
+    settings = read_rig(rig)
+    if settings.gear is None:
+        return _pair(settings)
+    gear = settings.gear
+    check_assembly(gear)
+    quantities = [*_constants(settings, gear), *load.QUANTITIES, *excitation.QUANTITIES, *response.QUANTITIES]
+    return Model(
+        name="planetary-gear",
+        title=f"Order lines of a planetary gear {gear.z_sun}/{gear.z_ring}/{gear.z_planet}, "
+        f"{gear.planets} planets, {kind_of_phasing(gear)}",
+        conditions={
+            "order": Condition("order", "1", "Order of each line, per turn of the carrier.", "order", "1"),
+            "sun_speed": Condition("sun_speed", "Hz", "Speed of the sun's shaft.", "sun_speed_hz", "Hz"),
+            "carrier_torque": Condition(
+                "carrier_torque", "N*m", "Torque on the carrier.", "carrier_torque_Nm", "N*m"
+            ),
+        },
+        quantities={q.name: q for q in quantities},
+        effects=effects_in("specan.models.planetary_gear.effects"),
+        observables={
+            "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.")
+        },
+        nuisances=tuple(
+            Nuisance(f"harmonic-gain@H{h}", part, GAIN_SD, "nothing is known of the path's gain")
+            for h in range(1, HARMONICS + 1)
+            for part in ("real", "imaginary")
+        ),
+        axes={
+            "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
+            "sensor": tuple(f"Acc {k}" for k in range(1, len(settings.sensors.acc_angle_deg) + 1)),
+            "harmonic": tuple(f"H{h}" for h in range(1, HARMONICS + 1)),
+        },
+        settings={
+            "rig": settings.model_dump(), "parsed_rig": settings, "uncertainty": settings.uncertainty.model_dump(),
+        },
+        notes=(f"all teeth meet again after {repeat_turns(gear)} turns of the carrier",),
+    )  # fmt: skip
+
+
+def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
+    from specan.models.planetary_gear.rotors import rotors
+
+    sun, ring = set_meshes(gear)
+    module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
+    turns = repeat_turns(gear)
+    per_turn = 2 * (HARMONICS * gear.z_ring + max(16, gear.z_ring // 2))
+    if turns * per_turn > MOST_SAMPLES:
+        raise RequestError(
+            f"the teeth meet again only after {turns} turns of the carrier",
+            expected=f"at most {MOST_SAMPLES // per_turn}",
+        )
+    samples = turns * per_turn
+    law = rig.contact
+    si = np.array([law.K_N_mm_e * 1e3**law.exponent, law.exponent, 1e3 * law.C_Ns_mm, 1e-3 * law.depth_mm])
+    phases, places = np.stack(mesh_phases(gear)), planet_angles(gear)
+    made = rotors(gear)
+    listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
+        ("sun_teeth", gear.z_sun, "1", "Teeth of the sun.", ()),
+        ("ring_teeth", gear.z_ring, "1", "Teeth of the ring.", ()),
+        ("planet_count", gear.planets, "1", "Number of planets.", ()),
+        ("harmonic_count", HARMONICS, "1", "Harmonics of the mesh that are followed.", ()),
+        ("repeat_turns", turns, "1", "Turns of the carrier after which everything repeats.", ()),
+        ("carrier_turn", np.arange(samples) * (turns / samples), "1", "Turns of the carrier.", ()),
+        ("sun_order", float(sun_order(gear)), "1", "Turns of the sun against the carrier.", ()),
+        ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
+        ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
+        ("base_radii", module * cos / 2 * np.array([gear.z_sun, gear.z_planet, gear.z_ring]), "m", "Base radii.", ()),
+        ("inertias", np.array([made.carrier_inertia, made.planet_inertia]), "kg*m^2", "Carrier, planet.", ()),
+        ("centre_distance", made.centre_distance, "m", "From the carrier's axis to a planet's.", ()),
+        ("pressure_cosine", cos, "1", "Cosine of the pressure angle.", ()),
+        ("pressure_angle", math.acos(cos), "rad", "Pressure angle.", ()),
+        ("planet_angle", places, "rad", "Places of the planets on the carrier.", ("planet",)),
+        ("nominal_phase", phases, "1", "Phases of sun and ring meshes as drawn, in pitches.", ("planet",)),
+        ("sensor_angle", np.radians(rig.sensors.acc_angle_deg), "rad", "Places of the sensors.", ("sensor",)),
+        ("contact_law", si, "1", "K (N/m^e), e, C (N s/m), depth (m) of the contact law.", ()),
+        ("mesh_geometry", np.array([[m.base_pitch, m.contact_ratio, m.gap_before, m.gap_after] for m in (sun, ring)]),
+         "1", "Base pitch, contact ratio, gaps of the sun and the ring mesh.", ()),
+        ("load_share", np.ones(gear.planets), "1", "Share of each planet, before errors of place.", ("planet",)),
+        ("planet_position", np.zeros(gear.planets), "m", "By how much each pin lies ahead.", ("planet",)),
+        ("sun_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the sun meshes.", ("planet",)),
+        ("ring_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the ring meshes.", ("planet",)),
+        ("tip_relief", 0.0, "m", "Relief of the tips.", ()),
+        ("stiffness_change", np.zeros(2), "1", "Relative change of the stiffness of sun and ring meshes.", ()),
+        ("damping_scale", 1.0, "1", "Damping of the meshes over that of the contact law.", ()),
+        ("torque_ripple", np.zeros(samples), "1", "Relative change of the torque over the turn.", ()),
+        ("friction_share", np.zeros((gear.planets, samples)), "1", "Force of friction over that of a ring mesh.",
+         ("planet",)),
+    ]  # fmt: skip
+    stiff = replace(
+        constant(
+            "shaft_receptance",
+            lambda omega: np.zeros(np.shape(omega), complex),
+            "rad/(N*m)",
+            "Twist of the sun's shaft.",
+        ),
+        opaque=True,
+    )
+    return [stiff, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
+
+
+def _pair(settings: Rig) -> Model:
+    """A gear pair: the run in time has its equations; here stands what is static."""
+    pair = settings.pair
+    assert pair is not None
+    rb = 1e-3 * pair.module_mm * pair.z_driver * math.cos(math.radians(pair.pressure_angle_deg)) / 2
+    quantities = [
+        constant("mesh_order", pair.z_driver, "1", "Order of the mesh, per turn of the driver."),
+        constant("mean_force", pair.driver_torque_Nm / rb, "N", "Mean force along the line of action."),
+    ]
+    return Model(
+        name="planetary-gear",
+        title=f"Gear pair {pair.z_driver}/{pair.z_driven}",
+        conditions={},
+        quantities={q.name: q for q in quantities},
+        effects={},
+        observables={"force": Observable("force", "mean_force", "N", "Mean force of the mesh.")},
+        settings={"rig": settings.model_dump(), "parsed_rig": settings, "uncertainty": {}},
+    )

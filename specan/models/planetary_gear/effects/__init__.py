@@ -1,0 +1,1 @@
+"""Effects that a planetary gear may be missing, one a file."""

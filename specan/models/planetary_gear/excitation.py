@@ -1,0 +1,118 @@
+"""What the meshes do of themselves: deflection that changes with the pairs in contact, errors of the teeth."""
+
+import numpy as np
+
+from specan.models.quantity import quantity
+
+PHASES = 256  # places within a pitch at which the deflection is solved
+_ROUNDS = 30
+
+
+def _pairs(phase, meshes, relief):
+    """Gap of each pair of teeth at phases of a pitch, m, (meshes, pairs, phases)."""
+    place = phase[None, :] + np.arange(-1, 4)[:, None]
+    gaps = []
+    for pitch, ratio, before, after in meshes:
+        early, late = np.clip(-place, 0, None) * pitch, np.clip(place - ratio, 0, None) * pitch
+        # Relief takes material off the tips, linearly over the parts where two pairs share the load.
+        double = max(ratio - 1.0, 0.2)
+        near = np.clip(1 - place / double, 0, 1) + np.clip(1 - (ratio - place) / double, 0, 1)
+        gaps.append(before * early**2 + after * late**2 + relief * np.clip(near, 0, 1))
+    return np.stack(gaps)
+
+
+@quantity(unit="m", axes=("planet",), reference="quasi-static equilibrium of the article's contact law")
+def mesh_deflection(planet_load, contact_law, mesh_geometry, tip_relief):
+    """Approach of the flanks that carries the load, over a pitch, (points, 2, planets, phases)."""
+    stiffness, exponent = contact_law[0], contact_law[1]
+    gap = _pairs(np.arange(PHASES) / PHASES, mesh_geometry, tip_relief)[:, None]  # mesh, 1, pair, phase
+    load = planet_load[:, None, :, None]
+    low = np.zeros((*planet_load.shape[:1], 2, planet_load.shape[1], PHASES))
+    high = low + (load / stiffness) ** (1 / exponent) + gap.min(axis=2)
+    for _ in range(_ROUNDS):  # bisection: the force rises with the approach
+        middle = 0.5 * (low + high)
+        force = stiffness * np.sum(np.clip(middle[..., None, :] - gap, 0, None) ** exponent, axis=-2)
+        below = force < load
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return 0.5 * (low + high)
+
+
+@quantity(unit="N/m", axes=("planet",))
+def mesh_stiffness(planet_load, mesh_deflection, contact_law, mesh_geometry, tip_relief, stiffness_change):
+    """Mean stiffness of each mesh about its load, (points, 2, planets)."""
+    stiffness, exponent = contact_law[0], contact_law[1]
+    gap = _pairs(np.arange(PHASES) / PHASES, mesh_geometry, tip_relief)[:, None]
+    pressed = np.clip(mesh_deflection[..., None, :] - gap, 0, None)
+    slope = exponent * stiffness * np.sum(pressed ** (exponent - 1.0) * (pressed > 0), axis=-2)
+    return slope.mean(axis=-1) * (1.0 + stiffness_change[None, :, None])
+
+
+@quantity(unit="N*s/m", axes=("planet",))
+def mesh_damping(mesh_deflection, contact_law, damping_scale):
+    """Mean damping of each mesh by the cubic step of the contact law, (points, 2, planets)."""
+    depth = np.clip(mesh_deflection / contact_law[3], 0, 1)
+    return contact_law[2] * ((3 - 2 * depth) * depth**2).mean(axis=-1) * damping_scale
+
+
+@quantity(unit="m/N", axes=("planet",))
+def mesh_compliance(mesh_deflection, contact_law, mesh_geometry, tip_relief, stiffness_change):
+    """Change of the approach with the load, over a pitch, (points, 2, planets, phases)."""
+    stiffness, exponent = contact_law[0], contact_law[1]
+    gap = _pairs(np.arange(PHASES) / PHASES, mesh_geometry, tip_relief)[:, None]
+    pressed = np.clip(mesh_deflection[..., None, :] - gap, 0, None)
+    slope = exponent * stiffness * np.sum(pressed ** (exponent - 1.0) * (pressed > 0), axis=-2)
+    return 1.0 / (slope * (1.0 + stiffness_change[None, :, None, None]))
+
+
+@quantity(
+    unit="N",
+    axes=("planet",),
+    reference="quasi-static balance of moments, two meshes in series on each planet",
+)
+def load_variation(sun_error, ring_error, torque_ripple, planet_load, mesh_stiffness):
+    """How each planet's load changes over the turn, (points, planets, angle).
+
+    A planet whose teeth hold more material is pressed more, the others less; a torque that varies presses all.
+    """
+    excess = sun_error + ring_error
+    excess = excess - excess.mean(axis=0)
+    series = mesh_stiffness[:, 0] * mesh_stiffness[:, 1] / mesh_stiffness.sum(axis=1)
+    return series[..., None] * excess[None] + planet_load[..., None] * torque_ripple
+
+
+@quantity(unit="m", axes=("planet",))
+def transmission_error(mesh_deflection, mesh_compliance, load_variation, planet_phase, sun_error, ring_error,
+                       torque_ripple, planet_load, mesh_stiffness, carrier_turn, ring_teeth,
+                       harmonic_count):  # fmt: skip
+    """Change of each mesh's approach under its load, (points, 2, planets, angle).
+
+    Harmonics of the deflection at the mesh's phase; what errors of the teeth ask for, and a torque that varies; and,
+    as the deflection goes with the load, the mesh's harmonics modulated by the load's variation.
+    """
+    harmonic = np.arange(1, harmonic_count + 1)
+    per_harmonic = np.exp(2j * np.pi * ring_teeth * np.outer(harmonic, carrier_turn))
+    phase = np.exp(2j * np.pi * harmonic * planet_phase[None, :, :, None])
+    found = _synthesis(mesh_deflection, harmonic, phase, per_harmonic)
+    found -= np.stack([sun_error, ring_error])[None]
+    ripple = planet_load[:, None, :] / mesh_stiffness
+    found += ripple[..., None] * torque_ripple
+    if np.any(load_variation):
+        found += _synthesis(mesh_compliance, harmonic, phase, per_harmonic) * load_variation[:, None]
+    return found
+
+
+def _synthesis(table, harmonic, phase, per_harmonic):
+    """Harmonics of a function of the place in the pitch, without its mean, over the angle."""
+    coefficient = np.fft.rfft(table, axis=-1)[..., harmonic] * (2.0 / PHASES)
+    turned = coefficient * phase
+    return turned.real @ per_harmonic.real - turned.imag @ per_harmonic.imag
+
+
+QUANTITIES = (
+    mesh_deflection,
+    mesh_stiffness,
+    mesh_compliance,
+    mesh_damping,
+    load_variation,
+    transmission_error,
+)

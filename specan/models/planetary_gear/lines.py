@@ -1,0 +1,49 @@
+"""Which order lines a set can show, and the conditions under which the model gives them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models.model import Model
+from specan.models.planetary_gear.kinematics import planet_order, sun_order
+from specan.models.planetary_gear.rig import Gear
+
+
+def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDArray[np.float64]:
+    """Orders about each mesh harmonic at which teeth, runouts and passing planets can show.
+
+    Each harmonic with whole orders to either side, the half order below it, and the turns of sun and planet. A sun that
+    is uneven presses the planets one after the other: to a sensor on the ring it turns as often as its shaft, less or
+    more whole passages of the planets. A planet that is uneven is heard once a turn more and less.
+
+    Examples
+    --------
+    >>> article = Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0)
+    >>> found = kinematic_orders(article, harmonics=1, sidebands=1)
+    >>> found[found >= 66].round(3).tolist()
+    [66.0, 66.75, 67.0, 68.143, 68.75, 69.143, 69.75, 70.143, 70.5, 73.5]
+    """
+    drive, planet = float(sun_order(gear)) + 1.0, float(planet_order(gear))
+    families = [float(sun_order(gear)), planet - 1.0, planet, planet + 1.0]
+    families += [offset for m in (1, 2) for offset in (m * drive, abs(m * drive - gear.planets))]
+    found = set()
+    for h in range(1, harmonics + 1):
+        middle = h * gear.z_ring
+        found |= {float(middle + k) for k in range(-sidebands, sidebands + 1)}
+        found |= {round(middle + sign * family, 9) for family in families for sign in (-1, 1)}
+        found.add(middle - gear.z_ring / 2)
+    return np.array(sorted(found))
+
+
+def line_conditions(model: Model, **settings: Any) -> dict[str, NDArray[np.float64]]:
+    """Conditions of all kinematic orders at the rig's speed and torque."""
+    rig = model.settings["parsed_rig"]
+    orders = kinematic_orders(rig.gear, **settings)
+    return {
+        "order": orders,
+        "sun_speed": np.full(orders.size, rig.operation.sun_speed_hz),
+        "carrier_torque": np.full(orders.size, rig.operation.carrier_torque_Nm),
+    }

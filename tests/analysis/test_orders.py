@@ -1,0 +1,238 @@
+"""Order analysis: signals that are known by angle, tachos with faults, requests that cannot be."""
+
+import numpy as np
+import pytest
+
+from specan.analysis.orders import Orders
+from specan.data.recording import ArraySource, Channel, Recording
+from specan.errors import InputError, RequestError
+
+RATE = 25600.0
+LINES = {
+    1.0: (0.3, 20.0),
+    63.0: (0.5, -100.0),
+    66.0: (2.0, 45.0),
+    66 + 66 / 21: (0.2, 170.0),
+    198.0: (1.0, -30.0),
+}
+
+
+def turns(t: np.ndarray, speed: float, ramp: float, flutter: float = 0.0) -> np.ndarray:
+    """Turns of a shaft whose speed rises and flutters twice a second."""
+    return speed * t + 0.5 * ramp * t**2 + flutter * np.sin(2 * np.pi * 2 * t) / (4 * np.pi)
+
+
+def crossing_times(speed: float, ramp: float, flutter: float, per_turn: int, duration: float) -> np.ndarray:
+    """Instants of the pulses, by inverting the angle to the last digits."""
+    fine = np.linspace(0, duration, 400_001)
+    angle = turns(fine, speed, ramp, flutter)
+    wanted = np.arange(1, int(angle[-1] * per_turn)) / per_turn
+    t = np.interp(wanted, angle, fine)
+    for _ in range(4):
+        rate = speed + ramp * t + 0.5 * flutter * np.cos(4 * np.pi * t) * 2
+        t = t - (turns(t, speed, ramp, flutter) - wanted) / rate
+    return t
+
+
+def tacho_signal(times: np.ndarray, n: int, width: float) -> np.ndarray:
+    """A pulse of 5 V with edges of two samples at each instant, as an anti-aliased converter sees it."""
+    at = np.arange(n) / RATE
+    x = np.zeros(n)
+    edge = 2.0 / RATE
+    for time in times:
+        first = max(0, int((time - 2 * edge) * RATE))
+        last = min(n, int((time + width + 2 * edge) * RATE) + 2)
+        t = at[first:last]
+        x[first:last] += 5 * (
+            np.clip((t - time) / edge + 0.5, 0, 1) - np.clip((t - time - width) / edge + 0.5, 0, 1)
+        )
+    return x
+
+
+def recording(
+    *,
+    speed=8.0,
+    ramp=0.0,
+    flutter=0.0,
+    per_turn=32,
+    duration=20.0,
+    jitter=0.0,
+    faults=False,
+    noise=0.0,
+    seed=0,
+) -> Recording:
+    rng = np.random.default_rng(seed)
+    n = int(duration * RATE)
+    t = np.arange(n) / RATE
+    pulses = crossing_times(speed, ramp, flutter, per_turn, duration)
+    first = pulses[0]
+    u = turns(t, speed, ramp, flutter) - turns(np.array([first]), speed, ramp, flutter)
+    x = sum(a * np.cos(2 * np.pi * o * u + np.radians(p)) for o, (a, p) in LINES.items())
+    x = x + noise * rng.standard_normal(n)
+    pulses = pulses + jitter * rng.standard_normal(pulses.size)
+    if faults:  # in every thousand one missing and one double
+        gone = np.arange(300, pulses.size - 10, 1000)
+        twice = np.arange(700, pulses.size - 10, 1000)
+        extra = pulses[twice] + 0.35 * np.diff(pulses)[twice]
+        pulses = np.sort(np.concatenate([np.delete(pulses, gone), extra]))
+    width = 0.2 * np.median(np.diff(pulses))
+    channels = (
+        Channel("Acc 1", unit="m/s^2", role="accelerometer", sampling_rate=RATE, n_samples=n),
+        Channel(
+            "Tacho carrier", role="tacho", sampling_rate=RATE, n_samples=n,
+            properties={"PulsesPerRevolution": per_turn},
+        ),
+    )  # fmt: skip
+    return Recording("run.tdms", channels, ArraySource([x, tacho_signal(pulses, n, width)]))
+
+
+def errors(found) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of amplitude (dB) and phase (degrees) against the truth."""
+    truth = np.array([a * np.exp(1j * np.radians(p)) for a, p in LINES.values()])
+    ratio = found.lines.amplitude[0] / truth
+    return 20 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        {},
+        {"ramp": 0.2},
+        {"flutter": 0.08},
+        {"per_turn": 1},
+        {"per_turn": 32, "jitter": 2e-5, "faults": True},
+        {"per_turn": 60, "jitter": 1e-5, "faults": True, "ramp": 0.1},
+        {"per_turn": 32, "jitter": 1e-5, "faults": True, "flutter": 0.04, "noise": 0.01},
+    ],
+    ids=str,
+)
+def test_amplitudes_are_those_given_by_angle(case):
+    """Within 0.05 dB and 0.5 degrees, with jitter and with one pulse missing and one double in a thousand."""
+    found = Orders(orders=tuple(LINES))(recording(**case))
+    level, phase = errors(found)
+    assert np.abs(level).max() < 0.05
+    # The phase of turn zero is that of the first pulse: what its jitter moves is common to all, in proportion to order.
+    assert np.abs(phase).max() < 0.5
+    if case.get("faults"):
+        count = found.tacho.pulses
+        assert found.tacho.missing == pytest.approx(count / 1000, abs=1)
+        assert found.tacho.double == pytest.approx(count / 1000, abs=1)
+        assert any("repaired" in note for note in found.notes)
+
+
+def test_a_geared_tacho_gives_the_slower_shaft():
+    made = recording(per_turn=30)  # 8 pulses a turn of a shaft that turns 3.75 times
+    found = Orders(orders=tuple(LINES), pulses_per_turn=8.0, ratio=3.75)(made)
+    level, phase = errors(found)
+    assert np.abs(level).max() < 0.05
+    assert np.abs(phase).max() < 0.5
+
+
+def test_a_known_speed_needs_no_tacho():
+    made = recording()
+    found = Orders(orders=tuple(LINES), speed_hz=8.0)(made)
+    assert np.abs(errors(found)[0]).max() < 0.01
+    assert not any("not constant" in note for note in found.notes)
+
+
+def test_a_stated_speed_that_drifts_is_told():
+    found = Orders(speed_hz=8.0)(recording(ramp=0.02, duration=20.0))
+    assert any("the speed is not constant as stated" in note for note in found.notes)
+
+
+def test_a_drifting_speed_is_told_and_followed():
+    found = Orders(max_order=80.0)(recording(ramp=0.2))
+    assert any("the speed drifts between" in note for note in found.notes)
+    assert found.speed_hz[-1] > found.speed_hz[0] + 2
+    assert found.order[np.argmax(found.amplitude[0])] == 66.0
+    each = found.map[:, 0, np.flatnonzero(found.order == 66.0)[0]]
+    assert np.abs(20 * np.log10(each / 2.0)).max() < 0.05
+
+
+def test_uncertainty_is_the_scatter_of_repetitions():
+    """Monte Carlo: the stated standard uncertainty is that of repeated noise."""
+    truth = np.array([a * np.exp(1j * np.radians(p)) for a, p in LINES.values()])
+    base = recording(duration=6.0, per_turn=8)
+    x, pulses = base.source.samples
+    found = []
+    for seed in range(40):
+        noisy = x + 0.5 * np.random.default_rng(seed).standard_normal(x.size)
+        made = Recording("run.tdms", base.channels, ArraySource([noisy, pulses]))
+        found.append(Orders(orders=tuple(LINES))(made).lines)
+    gap = np.stack([(one.amplitude[0] - truth) for one in found])
+    real = np.sqrt(np.mean(np.abs(gap) ** 2, axis=0) / 2)
+    stated = np.sqrt(np.mean([one.u[0] ** 2 for one in found], axis=0))
+    assert np.all(np.abs(stated / real - 1) < 0.25)  # 40 complex repetitions tell 8 %, five lines
+
+
+def test_the_synchronous_average_holds_what_repeats():
+    found = Orders(max_order=210.0, average_turns=7)(recording(noise=0.5, duration=30.0))
+    # all lines repeat after 7 turns
+    power = sum(a**2 / 2 for a, _ in LINES.values())
+    assert found.synchronous_rms[0] == pytest.approx(np.sqrt(power), rel=0.02)
+    u = np.arange(found.average.shape[1]) / (found.average.shape[1] / 7)
+    truth = sum(a * np.cos(2 * np.pi * o * u + np.radians(p)) for o, (a, p) in LINES.items())
+    assert np.sqrt(np.mean((found.average[0] - truth) ** 2)) < 0.35
+
+
+def test_orders_are_converted_between_quantities():
+    found = Orders(orders=(66.0,), quantity="displacement")(recording())
+    omega = 2 * np.pi * 66 * 8
+    assert np.abs(found.lines.amplitude[0, 0]) == pytest.approx(2.0 / omega**2, rel=1e-3)
+    assert abs((found.lines.phase_deg[0, 0] - (45.0 - 180.0) + 180) % 360 - 180) < 0.5
+    line = int(np.flatnonzero(found.order == 66.0)[0])
+    assert found.amplitude[0, line] == pytest.approx(2.0 / omega**2, rel=1e-2)
+    assert found.units == ("m",)
+
+
+def test_the_envelope_shows_the_rate_of_shocks():
+    rng = np.random.default_rng(3)
+    n = int(20 * RATE)
+    x = 0.05 * rng.standard_normal(n)
+    ring = np.exp(-np.arange(200) / 40) * np.sin(2 * np.pi * 4000 * np.arange(200) / RATE)
+    for time in np.arange(0.1, 19.8, 1 / (8.25 * 2.0)):  # 8.25 shocks a turn at 2 Hz
+        first = int(time * RATE)
+        x[first : first + 200] += ring
+    channel = Channel("Acc 1", unit="m/s^2", sampling_rate=RATE, n_samples=n)
+    made = Recording("run.tdms", (channel,), ArraySource([x]))
+    found = Orders(speed_hz=2.0, envelope_hz=(3000.0, 5000.0), max_order=100.0)(made)
+    strongest = found.order[1:][np.argmax(found.amplitude[0, 1:])]
+    assert abs(strongest - 8.25) <= 0.13  # lines lie an eighth apart
+
+
+def refused(kind, made, **settings) -> str:
+    with pytest.raises(kind) as fault:
+        Orders(**settings)(made)
+    return str(fault.value)
+
+
+def test_bad_input_is_told_in_a_sentence():
+    short = recording(duration=2.0, speed=0.3, per_turn=64)
+    text = refused(InputError, short)
+    assert "holds 0.5" in text
+    assert "turns of the shaft" in text
+    text = refused(RequestError, recording(speed=80.0, duration=4.0), mesh=66.0)
+    assert "order 198" in text
+    assert "25600 samples a second" in text
+    text = refused(InputError, recording(duration=1.0), orders=(66.0, 66.01))
+    assert "cannot be told apart" in text
+    made = recording(duration=3.0)
+    for samples in (np.zeros(made.channels[0].n_samples), np.random.default_rng(0).standard_normal(76800)):
+        silent = Recording("run.tdms", made.channels, ArraySource([made.source.samples[0], samples]))
+        assert "shows no pulses" in refused(InputError, silent)
+    wild = crossing_times(8.0, 0.0, 0.0, 32, 3.0)
+    wild = wild[np.random.default_rng(1).random(wild.size) > 0.2]
+    broken = Recording(
+        "run.tdms", made.channels, ArraySource([made.source.samples[0], tacho_signal(wild, 76800, 1e-3)])
+    )
+    assert "missing" in refused(InputError, broken)
+    plain = Recording("run.tdms", made.channels[:1], ArraySource(made.source.samples[:1]))
+    assert "has no tacho" in refused(RequestError, plain)
+    assert "pulses" in refused(
+        RequestError,
+        Recording(
+            "run.tdms",
+            (made.channels[0], Channel("Tacho", role="tacho", sampling_rate=RATE, n_samples=76800)),
+            made.source,
+        ),
+    )

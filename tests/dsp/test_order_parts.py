@@ -1,0 +1,113 @@
+"""Pulses, angular resampling, envelopes, derivatives: against closed forms."""
+
+import numpy as np
+import pytest
+
+from specan.dsp.angular import PASS, AngularResampler, samples_per_turn
+from specan.dsp.envelope import band_kurtosis, envelope
+from specan.dsp.integration import differentiate
+from specan.dsp.order_lines import common_period, fit_lines
+from specan.dsp.tacho import repair, shaft_angle
+from specan.errors import InputError, RequestError
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_faults_are_found_wherever_they_are(seed):
+    rng = np.random.default_rng(seed)
+    true = np.cumsum(0.01 * (1 + 0.3 * np.sin(np.arange(2000) / 150)))
+    true += 1e-4 * rng.standard_normal(true.size)
+    place = np.sort(rng.choice(np.arange(20, 1980, 25), 6, replace=False))
+    gone, twice = place[::2], place[1::2]
+    extra = true[twice] + rng.uniform(0.05, 0.4, 3) * (true[twice + 1] - true[twice])
+    found = repair(np.sort(np.concatenate([np.delete(true, gone), extra])))
+    assert (found.missing, found.double) == (3, 3)
+    assert found.number[-1] == 1999
+    assert np.array_equal(found.time, np.delete(true, gone))
+    assert np.array_equal(found.number, np.delete(np.arange(2000), gone))
+
+
+def test_smoothing_takes_jitter_and_leaves_the_speed():
+    rng = np.random.default_rng(5)
+    n = np.arange(6400)
+    true = n / 256 + 2e-3 * np.sin(2 * np.pi * n / 1600)
+    pulses = repair(true + 2e-5 * rng.standard_normal(n.size))
+    found = shaft_angle(pulses, 32.0)
+    gap = found.time - true
+    assert np.sqrt(np.mean(gap**2)) < 6e-6
+    assert found.jitter_s == pytest.approx(2e-5, rel=0.05)
+
+
+@pytest.mark.parametrize("speed", [0.4, 4.0, 39.0])
+def test_every_order_of_the_band_passes_unchanged_and_what_lies_above_does_not_come_back(speed):
+    rate, top = 10000.0, 100.0
+    per_turn = samples_per_turn(top)
+    assert per_turn >= PASS * top
+    at = np.arange(30000) / rate
+    for order in (0.0, 1.0, 37.3, 99.0):
+        y = resampled(np.cos(2 * np.pi * order * speed * at + 0.3), speed / rate, per_turn)
+        u = y[0]
+        assert np.abs(y[1] - np.cos(2 * np.pi * order * u + 0.3)).max() < 2e-3
+    high = (per_turn - 40.0) * speed  # would come back as order 40
+    if high < rate / 2:
+        y = resampled(np.cos(2 * np.pi * high * at), speed / rate, per_turn)
+        assert np.abs(y[1]).max() < 3e-4
+
+
+def resampled(x, step, per_turn):
+    count = int((len(x) * step - 1.0) * per_turn) if step * len(x) > 1.5 else 0
+    margin = max(0.2, 30 * step)
+    count = int((len(x) * step - 2 * margin) * per_turn)
+    made = AngularResampler(lambda n: step * n, per_turn, first_turn=margin, count=count)
+    parts = [made.add(part[None]) for part in np.array_split(x, 7)]
+    y = np.concatenate(parts, axis=1)[0]
+    assert y.size == count
+    return margin + np.arange(count) / per_turn, y
+
+
+def test_lines_that_are_no_multiple_of_the_record_do_not_disturb_each_other():
+    u = np.arange(128 * 23) / 128
+    orders = [2.75, 8.25, 31.4159]
+    x = sum(a * np.cos(2 * np.pi * o * u + p) for a, o, p in zip((1.0, 1e-3, 0.1), orders, (0.1, -2.0, 3.0)))
+    found = fit_lines(x[None], 128, orders)
+    assert np.allclose(np.abs(found.amplitude[0]), (1.0, 1e-3, 0.1), rtol=1e-9)
+    assert np.allclose(np.angle(found.amplitude[0]), (0.1, -2.0, 3.0), atol=1e-9)
+
+
+def test_periods_of_the_article():
+    """24/66/21: the sun's pattern repeats after 4 turns of the carrier, the planet's after 7, both after 28."""
+    assert common_period([66 + 2.75]) == 4
+    assert common_period([66 + 66 / 21]) == 7
+    assert common_period([66 - 2.75, 66 + 66 / 21]) == 28
+    assert common_period([65.0, 66.0, 67.0]) == 1
+
+
+def test_orders_too_close_are_refused():
+    with pytest.raises(InputError, match="cannot be told apart in 5 turns"):
+        fit_lines(np.zeros((1, 64 * 5)), 64, [3.0, 3.1])
+
+
+def test_envelope_of_a_modulated_carrier_and_kurtosis_of_known_signals():
+    t = np.arange(16000) / 16000
+    carrier = np.cos(2 * np.pi * 3000 * t + 0.4)
+    found = envelope(
+        (1 + 0.3 * np.sin(2 * np.pi * 11 * t)) * carrier + np.cos(2 * np.pi * 500 * t), 16000.0, 2500, 3500
+    )
+    assert np.allclose(found, 1 + 0.3 * np.sin(2 * np.pi * 11 * t), atol=1e-9)
+    noise = np.random.default_rng(0).standard_normal(400_000)
+    assert band_kurtosis(noise, 16000.0, [(500.0, 4000.0)])[0] == pytest.approx(3.0, abs=0.05)
+    with pytest.raises(RequestError, match="cannot be cut"):
+        envelope(noise, 16000.0, 5000.0, 9000.0)
+
+
+@pytest.mark.parametrize(("times", "factor"), [(1, 1j), (2, -1), (-1, -1j), (-2, -1)])
+def test_motion_is_converted_exactly(times, factor):
+    t = np.arange(8000) / 8000
+    omega = 2 * np.pi * 64
+    found = differentiate(np.cos(omega * t), 8000.0, times, low_hz=5.0 if times < 0 else 0.0)
+    truth = (factor * omega**times * np.exp(1j * omega * t)).real
+    assert np.allclose(found, truth, atol=1e-9 * omega**times)
+
+
+def test_an_integration_wants_a_lowest_frequency():
+    with pytest.raises(RequestError, match="lowest frequency"):
+        differentiate(np.zeros(100), 100.0, -1)
