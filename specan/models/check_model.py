@@ -154,12 +154,12 @@ def _jacobian(
     assembly: Assembly, names: Sequence[str], conditions: Conditions, at: Mapping[str, float]
 ) -> Array:
     """Derivatives by parameters in parts of their ranges, central differences."""
-    columns = []
-    for name in names:
+    columns = np.zeros((_predict(assembly, conditions, at).size, len(names)))
+    for k, name in enumerate(names):
         step = STEP * _range(assembly, name)
         low, high = (_predict(assembly, conditions, {**at, name: at[name] + s * step}) for s in (-1, 1))
-        columns.append((high - low) / (2 * STEP))
-    return np.array(columns).T.reshape(-1, len(names))
+        columns[:, k] = (high - low) / (2 * STEP)
+    return columns
 
 
 def _range(assembly: Assembly, name: str) -> float:

@@ -85,7 +85,7 @@ def test_a_faulty_model_does_not_pass_the_check(place, case):
     content, expected = CASES[case]
     (place / "m.py").write_text(content, encoding="utf-8")
     said = refused("model", "check", "m.py")
-    assert re.search(expected.replace("of 9 rows", r"of \d+ rows"), said), said
+    assert re.search(expected.replace("9 rows", r"\d+ rows"), said), said
 
 
 def test_an_evaluation_has_a_limit_of_time_that_is_said(place, monkeypatch):

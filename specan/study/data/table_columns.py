@@ -88,8 +88,8 @@ class ColumnNames:
         for name, header in self.chosen.items():
             column = self._column_called(name)
             if column not in self.units and column in self._targets:
-                target = self._targets[column]
-                unit = target.column_unit or target.unit
+                known = self._targets[column]
+                unit = known.column_unit or known.unit
                 self.notes.append(
                     f'{header!r} says no unit: taken to be in {unit} (else: --column "{name}={header} [UNIT]")'
                 )
