@@ -91,10 +91,16 @@ def as_declared(effect: Effect) -> Effect:
     return replace(effect, parameters={n: replace(p, as_declared=True) for n, p in effect.parameters.items()})
 
 
+def name_of(function: Callable[..., Any]) -> str:
+    """Name of the file that a user's function comes from; empty for one that comes from elsewhere."""
+    module = str(function.__module__)
+    return module.removeprefix(f"{PREFIX}model_") if module.startswith(PREFIX) else ""
+
+
 def title_of(function: Callable[..., Any]) -> str:
     """First line of what a user's file, or else the function, says of itself."""
     file = getattr(function, "__globals__", {})
-    own = file.get("__doc__") if function.__module__.startswith(PREFIX) else None
+    own = file.get("__doc__") if str(function.__module__).startswith(PREFIX) else None
     return ((own or function.__doc__ or "").strip().split("\n")[0]).rstrip(".")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
-from specan.models.from_function import as_declared, fields_from_functions, title_of
+from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
 from specan.models.graph import components
 from specan.models.observable import Observable
 from specan.models.quantity import Condition, Quantity
@@ -258,7 +258,7 @@ class Model:
             uncertainty or {},
         )
         first = next(iter(observables))
-        name = name or function.__module__.removeprefix("specan_user_model_")
+        name = name or name_of(function) or first
         title = title or title_of(function) or first
         if law is None:
             positive = [n for n, (low, _) in fields["rig"].limits.items() if low >= 0]

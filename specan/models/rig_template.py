@@ -35,15 +35,14 @@ def rig_template(model: Model, example: Mapping[str, Any]) -> str:
     content = {key: value for key, value in example.items() if key not in ("limits", "uncertainty")}
     if content:
         lines += ["", tomlkit.dumps(content).strip()]
-    tables = "table" in model.kinds
-    if tables or "limits" in example:
+    if not example or "limits" in example:
         lines += [
             "",
             "# From where to where each condition can be set, in the unit of its column.",
             "[limits]",
         ]
         lines += _given(example.get("limits", {})) or _limits(model)
-    if tables or "uncertainty" in example:
+    if not example or "uncertainty" in example:
         lines += ["", "# Standard uncertainties, in the unit of each column.", "[uncertainty]"]
         lines += _given(example.get("uncertainty", {})) or _uncertainties(model)
     return "\n".join(lines) + "\n"

@@ -97,8 +97,8 @@ def test_chosen_columns_and_those_passed_over(tmp_path):
     again = read_measurement(path, gear, columns=named)  # the unit is the user's word
     assert again.conditions["worm_speed"] == pytest.approx(found.conditions["worm_speed"])
     assert any("'M1' says no unit: taken to be in N*m" in note for note in again.notes)
-    with pytest.raises(InputError, match=r"has no column 'm1 .*did you mean 'M1"):
-        read_measurement(path, gear, columns={**columns, "input_torque_Nm": "m1 [N m]"})
+    with pytest.raises(InputError, match=r"has no column 'M2 \[N m\]'.*did you mean 'M2_Nm'"):
+        read_measurement(path, gear, columns=columns)
 
 
 def test_all_unknown_columns_in_one_message(tmp_path):
