@@ -192,7 +192,7 @@ class Study:
 
         def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
             return [
-                DataFile(names[e.file], self.directory / e.file, e.estimator, e.conditions)
+                DataFile(names[e.file], self.directory / e.file, e.estimator, e.conditions, self.content.columns)
                 for e in entries
                 if e.kind == kind
             ]
