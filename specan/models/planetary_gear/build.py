@@ -22,12 +22,13 @@ from specan.models.planetary_gear.kinematics import (
     repeat_turns,
     sun_order,
 )
+from specan.models.planetary_gear.lines import line_statement
 from specan.models.planetary_gear.rig import Gear, Rig, read_rig
 from specan.models.quantity import Condition, Quantity, constant
 
 HARMONICS = 4  # of the mesh; three are compared
 MOST_SAMPLES = 400_000
-GAIN_SD = 1.0  # of the unknown gain between mesh and sensor, one a harmonic: nothing rests on absolute levels
+TACHO_DEG = 2.0  # standard uncertainty of the angle between the tacho's mark and planet 1
 
 
 def build(rig: Mapping[str, Any]) -> Model:
@@ -57,13 +58,11 @@ def build(rig: Mapping[str, Any]) -> Model:
         quantities={q.name: q for q in quantities},
         effects=effects_in("specan.models.planetary_gear.effects"),
         observables={
-            "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.")
+            "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.",
+                                kind="orders")
         },
-        nuisances=tuple(
-            Nuisance(f"harmonic-gain@H{h}", part, GAIN_SD, "nothing is known of the path's gain")
-            for h in range(1, HARMONICS + 1)
-            for part in ("real", "imaginary")
-        ),
+        nuisances=(Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),),
+        order_lines=line_statement(settings, HARMONICS - 1),
         axes={
             "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
             "sensor": tuple(f"Acc {k}" for k in range(1, len(settings.sensors.acc_angle_deg) + 1)),
@@ -118,6 +117,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("planet_position", np.zeros(gear.planets), "m", "By how much each pin lies ahead.", ("planet",)),
         ("sun_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the sun meshes.", ("planet",)),
         ("ring_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the ring meshes.", ("planet",)),
+        ("tacho_angle", 0.0, "rad", "Angle of planet 1 at a pulse of the carrier's tacho.", ()),
         ("tip_relief", 0.0, "m", "Relief of the tips.", ()),
         ("stiffness_change", np.zeros(2), "1", "Relative change of the stiffness of sun and ring meshes.", ()),
         ("damping_scale", 1.0, "1", "Damping of the meshes over that of the contact law.", ()),
