@@ -99,6 +99,8 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("harmonic_count", HARMONICS, "1", "Harmonics of the mesh that are followed.", ()),
         ("repeat_turns", turns, "1", "Turns of the carrier after which everything repeats.", ()),
         ("carrier_turn", np.arange(samples) * (turns / samples), "1", "Turns of the carrier.", ()),
+        ("mesh_waves", _waves(gear.z_ring, np.arange(samples) * (turns / samples)), "1",
+         "exp(2j pi h z_ring turn), one row a harmonic of the mesh.", ()),
         ("sun_order", float(sun_order(gear)), "1", "Turns of the sun against the carrier.", ()),
         ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
         ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
@@ -135,6 +137,10 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         opaque=True,
     )
     return [stiff, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
+
+
+def _waves(teeth: int, turn: Any) -> Any:
+    return np.exp(2j * np.pi * teeth * np.outer(np.arange(1, HARMONICS + 1), turn))
 
 
 def _pair(settings: Rig) -> Model:

@@ -82,22 +82,20 @@ def load_variation(sun_error, ring_error, torque_ripple, planet_load, mesh_stiff
 
 @quantity(unit="m", axes=("planet",))
 def transmission_error(mesh_deflection, mesh_compliance, load_variation, planet_phase, sun_error, ring_error,
-                       torque_ripple, planet_load, mesh_stiffness, carrier_turn, ring_teeth,
-                       harmonic_count):  # fmt: skip
+                       torque_ripple, planet_load, mesh_stiffness, mesh_waves):  # fmt: skip
     """Change of each mesh's approach under its load, (points, 2, planets, angle).
 
     Harmonics of the deflection at the mesh's phase; what errors of the teeth ask for, and a torque that varies; and,
     as the deflection goes with the load, the mesh's harmonics modulated by the load's variation.
     """
-    harmonic = np.arange(1, harmonic_count + 1)
-    per_harmonic = np.exp(2j * np.pi * ring_teeth * np.outer(harmonic, carrier_turn))
+    harmonic = np.arange(1, mesh_waves.shape[0] + 1)
     phase = np.exp(2j * np.pi * harmonic * planet_phase[None, :, :, None])
-    found = _synthesis(mesh_deflection, harmonic, phase, per_harmonic)
+    found = _synthesis(mesh_deflection, harmonic, phase, mesh_waves)
     found -= np.stack([sun_error, ring_error])[None]
     ripple = planet_load[:, None, :] / mesh_stiffness
     found += ripple[..., None] * torque_ripple
     if np.any(load_variation):
-        found += _synthesis(mesh_compliance, harmonic, phase, per_harmonic) * load_variation[:, None]
+        found += _synthesis(mesh_compliance, harmonic, phase, mesh_waves) * load_variation[:, None]
     return found
 
 

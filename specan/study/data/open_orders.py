@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -27,6 +28,7 @@ TITLE = "a recording"
 NEIGHBOURS = 2  # lines to either side over which the noise is averaged
 # Of that noise: medians of 24 bins (48 real values, of which a median of powers is worth a half: ln(2)^2) over 5 lines.
 NOISE_DOF = 100.0
+SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
 LIKE_ENOUGH = 25.0  # chi-square that turning a recording by whole turns must gain; 1e-5 for the best of 28
 
 
@@ -104,8 +106,9 @@ def observe(
         condition = model.conditions[name]
         shown = float(convert(value, condition.unit, condition.column_unit))
         levels[name] = (float(f"{shown:.3g}"), Variable(name.replace("_", " "), condition.column_unit))
-    shared = declared_errors(amplitude, known.order, known.offset, known.discrepancy, known.path)
     (observable,) = (o for o in model.observables.values() if o.kind == "orders")
+    ideal = np.where(_shown(model, observable.quantity, known, point), amplitude, 0.0)
+    shared = declared_errors(ideal, known.order, known.offset, known.discrepancy, known.path)
     observation = OrderLinesObservation(
         name=file.name,
         recording=file.name,
@@ -132,6 +135,18 @@ def observe(
     ]
 
 
+def _shown(
+    model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]
+) -> NDArray[np.bool_]:
+    """Lines that the model shows without effects, (sensors, lines): only they can be shown wrongly.
+
+    A line that is measured and that the model does not have is evidence, in full.
+    """
+    conditions = {known.order_condition: known.order, **{c: np.full(known.order.size, v) for c, v in point.items()}}
+    found = np.abs(model.assemble(model.base_effects).evaluate(conditions, None, [quantity])[quantity])
+    return found > SHOWN * np.stack([found[:, known.harmonic == h].max(axis=1) for h in known.harmonic], axis=1)
+
+
 def _turn_zero(recording: Recording, index: str, shaft: Shaft) -> float:
     """Place in its turn, by the finer tacho, at which the index gives its pulses (circular mean)."""
     from specan.dsp.tacho import pulse_times, repair
@@ -154,11 +169,11 @@ def _noise(lines: FoundLines) -> NDArray[np.float64]:
 
 
 def _smooth(noise: NDArray[np.float64], harmonic: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Mean power over neighbouring lines of the same harmonic: single estimates have heavy tails."""
+    """Geometric mean over neighbouring lines of the same harmonic: single estimates have heavy tails."""
     number = np.arange(harmonic.size)
     near = np.abs(number[:, None] - number) <= NEIGHBOURS
     weight = (near & (harmonic[:, None] == harmonic)).astype(float)
-    return np.sqrt(noise**2 @ weight.T / weight.sum(axis=1))
+    return np.exp(np.log(noise) @ weight.T / weight.sum(axis=1))
 
 
 def like(

@@ -155,14 +155,27 @@ class OrderLinesObservation:
         return np.sqrt(np.diag(self.covariance))
 
     @cached_property
-    def _root(self) -> Array:
-        """C^(-1/2) D^(-1) for V = D C D: of all roots the one whose rows stay closest to the lines."""
-        values, vectors = np.linalg.eigh(self.covariance / np.outer(self.sigma, self.sigma))
-        return (vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1]))) @ vectors.T / self.sigma
+    def _roots(self) -> list[tuple[NDArray[np.intp], Array]]:
+        """Rows of each sensor, and C^(-1/2) D^(-1) for their V = D C D: sensors have no error in common.
+
+        Of all roots of V^(-1) the one whose rows stay closest to the lines.
+        """
+        found = []
+        number = self._rows(np.broadcast_to(np.arange(len(self.channels))[:, None], self.kept.shape))
+        for sensor in range(len(self.channels)):
+            rows = np.flatnonzero(number == sensor)
+            sigma = self.sigma[rows]
+            values, vectors = np.linalg.eigh(self.covariance[np.ix_(rows, rows)] / np.outer(sigma, sigma))
+            root = (vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1:]))) @ vectors.T / sigma
+            found.append((rows, root))
+        return found
 
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0."""
-        return self._root @ array
+        white = np.empty(array.shape)
+        for rows, root in self._roots:
+            white[rows] = root @ array[rows]
+        return white
 
     # --- prediction ---------------------------------------------------------------------------
 
@@ -195,8 +208,12 @@ class OrderLinesObservation:
         whole = np.stack(columns, axis=1)
         size = np.linalg.norm(whole, axis=0)
         whole = whole / np.where(size > 0, size, 1.0)
-        gains, *_ = np.linalg.lstsq(self.whiten(whole), self.whiten(self.measured), rcond=1e-12)
-        return whole @ gains
+        weighted = np.empty_like(whole)
+        for rows, root in self._roots:
+            weighted[rows] = root.T @ (root @ whole[rows])
+        normal = whole.T @ weighted
+        normal[np.diag_indices_from(normal)] += np.where(size > 0, 0.0, 1.0)
+        return whole @ np.linalg.solve(normal, weighted.T @ self.measured)
 
     def _is_vector(self, assembly: Assembly, name: str, value: Any) -> bool:
         return np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
@@ -239,10 +256,10 @@ class OrderLinesObservation:
 def declared_errors(amplitude: Complex, order: Array, offset: Array, near: float, path: float) -> Complex:
     """Columns of one standard deviation each, (sensors, lines, r), of what the model is declared not to know.
 
-    Two relative errors of either component, proportional to the measured lines: one varies smoothly with the order
+    Two relative errors of either component, proportional to the given lines (measured ones that the ideal machine has):
+    one varies smoothly with the order
     and is common to lines within a few orders (pieces `REACH` orders long that overlap); one is common to the lines at
     the same offset from every harmonic, the path's, and leaves the harmonics themselves alone. Each sensor has its own.
-    A line that is not there has no such error.
 
     Parameters
     ----------
