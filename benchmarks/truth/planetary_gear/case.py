@@ -54,7 +54,7 @@ def draw(seed: int, *effects: str, strength: float = 1.0) -> Gear:
     ]
     housing = Housing(
         ANGLES_DEG, form, middle * rng.uniform(0.96, 1.04), rng.normal(0, 0.03), np.array(modes),
-        noise=10 ** rng.uniform(-2.3, -1.3),
+        noise=10 ** rng.uniform(-1.3, -0.3),
     )  # fmt: skip
     mount = rng.normal(0, 1.0)
     hidden = {name: _size(name, strength, np.random.default_rng([seed, 7, k])) for k, name in enumerate(effects)}

@@ -26,7 +26,7 @@ from specan.models.planetary_gear.lines import line_statement
 from specan.models.planetary_gear.rig import Gear, Rig, read_rig
 from specan.models.quantity import Condition, Quantity, constant
 
-HARMONICS = 4  # of the mesh; three are compared
+HARMONICS = 3  # of the mesh: what a study compares
 MOST_SAMPLES = 400_000
 TACHO_DEG = 2.0  # standard uncertainty of the angle between the tacho's mark and planet 1
 
@@ -62,7 +62,7 @@ def build(rig: Mapping[str, Any]) -> Model:
                                 kind="orders")
         },
         nuisances=(Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),),
-        order_lines=line_statement(settings, HARMONICS - 1),
+        order_lines=line_statement(settings, HARMONICS),
         axes={
             "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
             "sensor": tuple(f"Acc {k}" for k in range(1, len(settings.sensors.acc_angle_deg) + 1)),
