@@ -41,7 +41,12 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
     rows = [["" if cell is None else cell for cell in row] for row in rows]
     for index, name in enumerate(header):
         numeric = bool(rows) and all(isinstance(row[index], (int, float)) or row[index] == "" for row in rows)
-        sheet.add_column(name, justify="right" if numeric else "left", overflow="fold")
+        # Names of effects and parameters are copied into commands: they are never broken over two lines.
+        words = [word for row in rows for word in str(row[index]).split()] if index == 0 else []
+        least = max(map(len, words), default=1)
+        sheet.add_column(
+            name, justify="right" if numeric else "left", overflow="fold", min_width=min(least, 48)
+        )
     from rich.text import Text
 
     for row in rows:

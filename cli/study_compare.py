@@ -81,6 +81,7 @@ def _content(study, found) -> dict:  # type: ignore[no-untyped-def, type-arg]
 
 
 def _print(study, found) -> None:  # type: ignore[no-untyped-def]
+    from specan.study.diagnose import LEAST_DOF
     from specan_cli.output import table
     from specan_cli.study_output import error_table, parameter_table, probability
 
@@ -98,7 +99,12 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
         f"model discrepancy of {study.data.discrepancy_percent:g} % of the {_of_what(study)} allowed for"
     )
     verdict = "The model fits." if best.p_value > 1e-3 else "The model does not fit."
-    if best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
+    outside = [name for name, p in found.parameters.items() if not p["plausible"]]
+    if best.dof - study.problem.pure_dof < LEAST_DOF:
+        verdict = "These data cannot tell whether the model fits: too few values beside its parameters."
+    elif best.p_value > 1e-3 and outside:
+        verdict = f"The model fits, but only with values outside what is known: {', '.join(outside)}."
+    elif best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
         verdict = "The model fits as a whole, and yet:"
     click.echo(verdict)
     if study.shown is not study.best:

@@ -24,6 +24,7 @@ VERDICTS = {
     "effect": "Missing: {names}.",
     "group": "Missing: {names}; these data cannot tell which.",
     "nothing-missing": "Nothing is missing, as far as these data can tell.",
+    "fits-only-if": "It fits, but only with values outside what is known.",
     "unknown-effect": "Something is missing that is not on the list of effects.",
     "cannot-tell": "These data cannot tell.",
 }
@@ -58,41 +59,92 @@ def command(
 def _print(found: Diagnosis, directory: Path) -> None:
     names = " or ".join(" with ".join(members) for members in found.alternatives)
     click.echo(VERDICTS[found.verdict].format(names=names))
-    click.echo(f"{found.reason[:1].upper()}{found.reason[1:]}.")
-    if found.unknown_possible and found.alternatives:
-        click.echo("One unknown effect would explain the data as well.")
+    if found.reason:
+        click.echo(f"{found.reason[:1].upper()}{found.reason[1:]}.")
+    if found.error is not None:
+        click.echo(f"Error (RMS of {found.error.before.observable}): {found.error.text}.")
+    for remark in found.remarks:
+        click.echo(f"But: {remark}.")
     if found.residual_law is not None:
         click.echo(f"What is left goes like {found.residual_law.text.lstrip('~ ')}.")
-    if found.lack_of_fit is not None:
-        fit = found.lack_of_fit
-        click.echo(
-            f"The model as it is: reduced chi-square {fit.reduced_chi2:.2f}, {probability(fit.p_value)}, "
-            f"{fit.n_effective:.0f} independent values; "
-            f"model discrepancy {found.model_discrepancy_percent:g} % allowed for."
-        )
-    if found.ranking:
-        click.echo("")
-        table(
-            "What was tried, the likeliest first",
-            ["effects", "delta BIC", "p", "CV gain", "error after", ""],
-            [_row(r) for r in found.ranking[:SHOWN]],
-        )
-        click.echo("")
-        for ranked in found.ranking[:DETAILED]:
-            click.echo(f"{' + '.join(ranked.effects)}:")
-            for name, p in ranked.parameters.items():
-                click.echo(f"  {name} = {_value(p)}")
-    _print_power(found)
-    for effect, why in found.not_testable.items():
-        click.echo(f"Not testable: {effect} {why}")
-    if found.next_measurement:
-        click.echo("\nWhat would decide:")
-        for row in found.next_measurement:
-            click.echo(f"  {row['text']}")
+    _print_pulls(found)
+    _print_next(found)
     if found.verdict in ("effect", "group"):
         for use in _uses(found.ranking[0]):
             shown = f'"{use}"' if " " in use else use
             click.echo(f"\nTry it: specan study add {directory} {shown}")
+    _print_statistics(found)
+    _print_power(found)
+    for effect, why in found.not_testable.items():
+        click.echo(f"Not testable: {effect} {why}")
+
+
+def _print_pulls(found: Diagnosis) -> None:
+    if found.pulls:
+        click.echo("")
+        table(
+            "Pulls against what is known beforehand, the worst first",
+            ["parameter", "value", "known", "unit", "pull", ""],
+            [
+                [
+                    p.parameter, f"{p.value:.3g}", f"{p.known[0]:.3g} to {p.known[1]:.3g}",
+                    "" if p.unit == "1" else p.unit, f"{p.pull:+.1f} sigma", "at its bound" if p.at_bound else "",
+                ]
+                for p in found.pulls
+            ],
+        )  # fmt: skip
+
+
+def _print_next(found: Diagnosis) -> None:
+    """What to measure next: a table where conditions are proposed, sentences where something else is."""
+    if not found.next_measurement:
+        return
+    click.echo("")
+    rows = [row for row in found.next_measurement if row["conditions"] and row["predictions"]]
+    if rows:
+        rivals, conditions = list(rows[0]["predictions"]), list(rows[0]["conditions"])
+        unit = "" if rows[0]["unit"] == "1" else f", {rows[0]['unit']}"
+        table(
+            "What to measure next",
+            [*conditions, *(f"{name}{unit}" for name in rivals), "sigma", "apart"],
+            [
+                [
+                    *(f"{row['conditions'][name]:g}" for name in conditions),
+                    *(f"{row['predictions'][name]:.4g}" for name in rivals),
+                    f"{row['sigma']:.2g}" if row.get("sigma") else "",
+                    f"{row['separation_sigma']:.1f} sigma" if row["separation_sigma"] else "",
+                ]
+                for row in rows
+            ],
+        )
+    for row in found.next_measurement:
+        click.echo(f"  {row['text']}")
+
+
+def _print_statistics(found: Diagnosis) -> None:
+    if found.ranking:
+        click.echo("")
+        table(
+            "What was tried, the likeliest first",
+            ["effects", "error after", "evidence", "chance", "left out", ""],
+            [_row(r) for r in found.ranking[:SHOWN]],
+        )
+        click.echo(
+            "(error after: RMS once it is added. evidence: fall in BIC, above 6 is decisive. chance: probability of "
+            "such a fall\nwithout any effect, over all that were tried. left out: gain in chi-square on conditions "
+            "left out of the fit, positive is better.)"
+        )
+        for ranked in found.ranking[:DETAILED]:
+            click.echo(f"{' + '.join(ranked.effects)}:")
+            for name, p in ranked.parameters.items():
+                click.echo(f"  {name} = {_value(p)}")
+    if found.lack_of_fit is not None:
+        fit = found.lack_of_fit
+        click.echo(
+            f"The model as it is: reduced chi-square {fit.reduced_chi2:.2f} (one for a true model), "
+            f"{probability(fit.p_value)} (of a worse fit of a true model), {fit.n_effective:.0f} independent values; "
+            f"model discrepancy {found.model_discrepancy_percent:g} % allowed for."
+        )
 
 
 def _uses(ranked: Ranked) -> list[str]:
@@ -102,12 +154,12 @@ def _uses(ranked: Ranked) -> list[str]:
 
 
 def _row(ranked: Ranked) -> list[Any]:
-    remark = "" if ranked.plausible else "implausible"
+    remark = "" if ranked.plausible else "outside"
     if ranked.at_bound:
         remark = f"{remark}, at bound".lstrip(", ")
     return [
-        " + ".join(ranked.effects), f"{ranked.delta_bic:.1f}", f"{ranked.p_value:.1g}",
-        f"{ranked.held_out_gain:.1f}", f"{ranked.error_after:.3g}", remark,
+        " + ".join(ranked.effects), f"{ranked.error_after:.3g}", f"{ranked.delta_bic:.1f}",
+        f"{ranked.p_value:.1g}", f"{ranked.held_out_gain:.1f}", remark,
     ]  # fmt: skip
 
 
@@ -125,4 +177,4 @@ def _print_power(found: Diagnosis) -> None:
         ]
         click.echo("\nSmallest that these data would show: " + ", ".join(sizes))
     if hidden:
-        click.echo("Invisible at any plausible size: " + ", ".join(hidden))
+        click.echo("Invisible at any size in their range: " + ", ".join(hidden))

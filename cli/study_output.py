@@ -67,7 +67,7 @@ def parameter_rows(parameters: Mapping[str, Mapping[str, Any]]) -> list[list[Any
     """Rows of a table of parameters."""
     rows = []
     for name, p in parameters.items():
-        remark = "at its bound" if p["at_bound"] else "" if p["plausible"] else "implausible"
+        remark = "at its bound" if p["at_bound"] else "" if p["plausible"] else "outside"
         if p["nuisance"] and not remark:
             remark = "certificate"
         unit = "" if p["unit"] == "1" else p["unit"]

@@ -128,3 +128,18 @@ def base_unit(unit: str) -> str:
         raise RequestError(
             f"the unit {unit!r} is not known ({fault})", expected="an SI unit or a multiple"
         ) from None
+
+
+def often_mistaken_for(unit: str) -> tuple[str, ...]:
+    """Units in which a column that should be in `unit` is often recorded by mistake.
+
+    Examples
+    --------
+    >>> often_mistaken_for("rpm"), often_mistaken_for("N*m"), often_mistaken_for("degC")
+    (('Hz', 'rad/s'), ('mN*m', 'kN*m'), ('degF', 'K'))
+    """
+    if unit == "rpm":
+        return ("Hz", "rad/s")
+    if unit == "degC":
+        return ("degF", "K")
+    return tuple(prefix + unit for prefix in ("m", "k")) if unit and unit[0] not in "mk1" else ()

@@ -28,7 +28,7 @@ def interval(right: int, of: int, level: float = 0.95) -> tuple[float, float]:
 
 def names_something(record: Record) -> bool:
     """Whether the verdict says that something is missing."""
-    return record["verdict"]["verdict"] in ("effect", "group", "unknown-effect")
+    return record["verdict"]["verdict"] in ("effect", "group", "unknown-effect", "fits-only-if")
 
 
 def _sets(record: Record) -> list[frozenset[str]]:

@@ -34,8 +34,9 @@ def repeatability(squares: float, dof: int, windows: float, declared: float) -> 
 
     Examples
     --------
-    >>> repeatability(0.04, 4, 0.0, 0.5)
-    (0.14165..., 4)
+    >>> found, freedom = repeatability(0.04, 4, 0.0, 0.5)
+    >>> round(found, 4), freedom
+    (0.1417, 4)
     >>> repeatability(0.0, 0, 0.0, 0.5)
     (0.5, None)
     """

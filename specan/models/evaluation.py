@@ -13,6 +13,7 @@ from specan.models.fixed_point import settle
 from specan.models.graph import components, cut
 from specan.models.parameter import Parameter
 from specan.models.quantity import Condition, Quantity
+from specan.models.user_code import call
 from specan.units import convert
 
 BASE = "base"  # the name of the part of a quantity that is no effect's
@@ -234,10 +235,7 @@ class Evaluator:
     ) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
         node = self.model.quantities[name]
-        base = node(
-            *(_read(known, r, name) for r in node.reads),
-            **{p: parameters[f"{name}.{p}"] for p in node.parameters},
-        )
+        base = self._base(node, known, parameters)
         contributions: dict[str, Any] = {BASE: base}
         total, factor = base, None
         for use in self._acting[name]:
@@ -253,10 +251,20 @@ class Evaluator:
         known[name] = total if factor is None else total * factor
         parts[name] = contributions
 
+    def _base(self, node: Quantity, known: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
+        return call(
+            node.function,
+            node.name,
+            *(_read(known, r, node.name) for r in node.reads),
+            **{p: parameters[f"{node.name}.{p}"] for p in node.parameters},
+        )
+
     def _contribution(
         self, use: Use, effect: Effect, name: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
     ) -> Any:
-        given = effect.function(
+        given = call(
+            effect.function,
+            effect.name,
             *(_read(known, r, effect.name) for r in effect.reads),
             **{p: parameters[f"{use}.{p}"] for p in effect.parameters},
         )
@@ -288,11 +296,7 @@ class Evaluator:
         import numpy as np
 
         for name in loop:
-            node = self.model.quantities[name]
-            known[name] = node(
-                *(_read(known, r, name) for r in node.reads),
-                **{p: parameters[f"{name}.{p}"] for p in node.parameters},
-            )
+            known[name] = self._base(self.model.quantities[name], known, parameters)
 
         def once_around(guess: Mapping[str, Any]) -> dict[str, Any]:
             known.update(guess)

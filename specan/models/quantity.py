@@ -49,6 +49,8 @@ class Condition:
         its scale has no zero that a percentage could be taken of (a temperature).
     label : str
         What sentences and axes call it; by default the column without its unit.
+    idles : bool
+        Whether rows near zero are runs of another kind (idling), which no bench names as its lower limit.
 
     Examples
     --------
@@ -65,6 +67,7 @@ class Condition:
     varies: bool = True  # False: never an axis along which a failure is looked for
     usual_setting: SettingError = SettingError(relative=0.02)
     label: str = ""
+    idles: bool = False
 
     @property
     def words(self) -> str:

@@ -181,7 +181,8 @@ def undetermined(problem: Problem, theta: Array) -> list[str]:
     is the sizes that a fit needs.
     """
     names, found = list(problem.names), []
-    jacobian = problem.jacobian(theta) * problem.scale
+    told = problem.n_data + problem.n_priors  # a known range determines nothing
+    jacobian = problem.jacobian(theta)[:told] * problem.scale
     units = {n: problem.assembly.parameters[n.split("[")[0]].unit for n in names}
     while names:
         place = [problem.names.index(n) for n in names]

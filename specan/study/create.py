@@ -13,9 +13,9 @@ from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
 from specan.models.rig_file import read_rig_file
 from specan.study.build_problem import undetermined
+from specan.study.commit import changing, commit
 from specan.study.data.sources import kind_of
-from specan.study.history import NAME as HISTORY
-from specan.study.history import Step
+from specan.study.history import Step, line_of
 from specan.study.study import Study, relative_to
 from specan.study.study_file import NAME, StudyText, file_hash
 from specan.study.user_effects import take_in_model
@@ -92,14 +92,15 @@ def begin(
         if is_file(model_name):
             own, sha256 = take_in_model(directory, Path(model_name))
             content = {"schema": 1, "model": own, "model_sha256": sha256, **dict(list(content.items())[2:])}
-        StudyText.begin(directory / NAME, content).save()
-        study, held = hold_undetermined(Study(directory))
+        study, held = hold_undetermined(Study(directory, draft=StudyText.begin(directory / NAME, content)))
         step = study.step("new")
+        with changing(directory):
+            if (directory / NAME).exists():
+                raise RequestError(f"{directory} holds a study by now", remedy="choose another directory")
+            commit(directory, study.text().text, line_of(step))
         study.history.append(step)
     except BaseException:
-        for name in (NAME, HISTORY):
-            (directory / name).unlink(missing_ok=True)
-        if not existed:
+        if not existed and not (directory / NAME).exists():
             shutil.rmtree(directory, ignore_errors=True)
         raise
     return Begun(study, step, held)
@@ -142,7 +143,7 @@ def effect_entry(use: Use, role: str = "model") -> dict[str, Any]:
 
 
 def hold_undetermined(study: Study) -> tuple[Study, tuple[str, ...]]:
-    """Fix, in the study file, the parameters that the data do not determine; says which."""
+    """Fix, in the draft of the study file, the parameters that the data do not determine; says which."""
     names = tuple(
         n
         for n in undetermined(study.problem, study.problem.start())
@@ -151,8 +152,7 @@ def hold_undetermined(study: Study) -> tuple[Study, tuple[str, ...]]:
     owners: Mapping[str, str] = {n: n.split("[")[0] for n in names}
     if not names:
         return study, ()
-    text = StudyText(study.directory / NAME)
+    text = study.text()
     for name in dict.fromkeys(owners.values()):
         text.fix_parameter(name)
-    text.save()
-    return Study(study.directory), names
+    return Study(study.directory, draft=text), names

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,26 +11,34 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.design.operating_points import Proposal, explore, propose
-from specan.study.estimation.fit import Fit, fit
-from specan.study.estimation.prediction_error import observable_errors
+from specan.study.estimation.fit import Fit, describe, fit
+from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import MOST_ROWS
 from specan.study.localisation.localise import localise
 from specan.study.localisation.result import Block
+from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.alternatives import alternatives
 from specan.study.selection.detectable_size import by_effect, smallest_visible
 from specan.study.selection.f_test import LACK_OF_FIT
 from specan.study.selection.initial_fit import Approach, approached, seen_about
+from specan.study.selection.left_out_error import left_out_error
+from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_would_tell
 from specan.study.selection.refits import FORM, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.search import Search
-from specan.study.verdict import Diagnosis, LackOfFit, Ranked
+from specan.study.selection.suspect_rows import suspect_rows
+from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
 LEAST_DOF = 3.0
 STARTS = 3
 MOST_PLACES = 12
 MOST_OTHERS = 3
 WIDTH = 1.96
+ONE_VALUE = 3.84  # chi-square that one value gains by chance in 5 of 100 cases
+MOST_PULLS = 3  # values or rivals in one sentence
+TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
+ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
 
 
 def diagnose(
@@ -124,24 +133,31 @@ def _check_failures(search: Search) -> None:
 
 def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
     base, best = search.base, search.best
-    verdict, doubt, reason = _verdict(search, sets)
+    found = _verdict(search, sets)
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at
     visible = by_effect([*smallest_visible(step.seen, step.gate, best.scale), *_of_members(search)])
     return Diagnosis(
-        verdict=verdict,
-        reason=reason,
+        verdict=found.kind,
+        reason=found.reason,
         alternatives=tuple(tuple(sorted({u.name for u in r.uses})) for r in sets),
         at=_places(u for r in sets for u in r.uses),
-        unknown_possible=doubt,
+        unknown_possible=found.doubt,
         ranking=_ranking(search, sets),
         lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
         model_discrepancy_percent=_discrepancy(base.problem),
         fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
-        residual_law=residual_law(_what_is_left(search, verdict)) if doubt else None,
+        residual_law=residual_law(_what_is_left(search, found.kind))
+        if _left_to_describe(search, found)
+        else None,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
-        next_measurement=tuple(p.to_json() for p in _next(search, sets, verdict, fails_at)),
+        next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
+        pulls=shown(pulls(best)),
+        error=_error_fall(base, best),
+        remarks=tuple(
+            r for r in (suspect_rows(base), *_better_but_too_far(search, sets), *_too_good(base)) if r
+        ),
     )
 
 
@@ -158,29 +174,136 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
 
 
-def _verdict(search: Search, sets: list[Refit]) -> tuple[str, bool, str]:
-    """Verdict, whether something unknown would explain the data as well, and the reason."""
+@dataclass(frozen=True)
+class _Found:
+    """Verdict, the reason in one sentence, and whether something unknown would explain the data as well."""
+
+    kind: str
+    reason: str
+    doubt: bool = False
+
+
+def _verdict(search: Search, sets: list[Refit]) -> _Found:
     base, best = search.base, search.best
     if not best.uses:
-        if base.lack_of_fit < LACK_OF_FIT:
-            reason = "the model does not fit, and no effect of the catalogue explains it"
-            return "unknown-effect", True, reason + _implausible(search)
-        return "nothing-missing", False, "the model fits, and no effect of the catalogue improves it"
+        return _of_base(search)
     names = " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
     if search.third is not None:
-        return "unknown-effect", True, "three effects or more would be needed; one unknown is likelier"
+        return _Found(
+            "unknown-effect", "three effects or more would be needed; one unknown is likelier", True
+        )
     if best.lack_beyond(FORM**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
-        return "unknown-effect", True, f"{names} explains a part, and much is left"
+        return _Found("unknown-effect", f"{names} explains a part, and much is left", True)
+    contradicted = search.too_far(best)
+    if contradicted:
+        return _Found(
+            "fits-only-if", f"with {names} it fits only with {_values(contradicted)}{_telling(best)}", True
+        )
     left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions) or _fails_somewhere(best)
     left = left or (len(best.uses) == 1 and _follows_a_law(best))
-    doubt = left or len(best.uses) > 1
-    kind = "effect" if len(sets) == 1 else "group"
-    reason = f"the data ask for {names}"
+    reasons = []
     if left:
-        reason += "; something is left: its form is not exact, or another effect is there too"
-    elif doubt:
-        reason += ", or for one unknown effect"
-    return kind, doubt, reason
+        reasons.append("something is left: its form is not exact, or another effect is there too")
+    elif len(best.uses) > 1:
+        reasons.append("one unknown effect would explain the data as well")
+    if stretched(best):
+        reasons.append(
+            f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well"
+        )
+    if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
+        reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
+    doubt = (
+        left
+        or len(best.uses) > 1
+        or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
+    )
+    return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
+
+
+def _of_base(search: Search) -> _Found:
+    """The verdict where no effect of the catalogue improves the model."""
+    base = search.base
+    contradicted = search.too_far(base)
+    if base.lack_of_fit < LACK_OF_FIT:
+        reason = "the model does not fit, and no effect of the catalogue explains it"
+        if contradicted:
+            reason += f"; even so it takes {_values(contradicted)}"
+        return _Found("unknown-effect", reason, True)
+    if contradicted:
+        return _Found(
+            "fits-only-if", f"the model fits only with {_values(contradicted)}{_telling(base)}", True
+        )
+    alone, dearer = _data_alone(base)
+    if alone:
+        held = f"; held to what is known it fits worse, by {dearer:.1f} in chi-square"
+        return _Found(
+            "fits-only-if", f"the model fits only with {_values(alone)}{held}{_telling(base)}", True
+        )
+    return _Found("nothing-missing", "the model fits, and no effect of the catalogue improves it")
+
+
+def _data_alone(base: Refit) -> tuple[tuple[Pull, ...], float]:
+    """Values that the data alone ask for at 95 % although they contradict what is known, and by how much they do."""
+    problem = base.problem
+    if problem.dear:
+        return (), 0.0
+    free = replace(problem, ranges=False)
+    alone = fit(free, start=base.fit.theta, starts=STARTS)
+    dearer = base.chi2 - base.pulled - alone.chi2
+    if dearer < ONE_VALUE * base.scale:
+        return (), 0.0
+    there = Refit(frozenset(), problem, describe(problem, alone.theta))
+    return tuple(p for p in pulls(there) if p.too_far), dearer
+
+
+def _values(contradicted: Sequence[Pull]) -> str:
+    """``mu = 0.22, known 0.01 to 0.12, and exponent = 3.2, known 0.8 to 2.2``."""
+    return ", and ".join(pull.text for pull in contradicted[:MOST_PULLS])
+
+
+def _telling(refit: Refit) -> str:
+    wanted = what_would_tell(refit)
+    return f"; what would tell: {wanted}" if wanted else ""
+
+
+def _better_but_too_far(search: Search, sets: list[Refit]) -> tuple[str, ...]:
+    """Sets that meet the data decisively better than the best, with values that contradict what is known."""
+    best = search.best
+    if not best.uses or not search.believable(best):
+        return ()
+    paid = best.bic(best.scale) - best.pulled / best.scale
+    found = []
+    for refit in search.refits.done.values():
+        if not refit.uses or refit in sets or refit.uses > best.uses or len(refit.uses) > len(best.uses):
+            continue
+        gain = paid - (refit.bic(best.scale) - refit.pulled / best.scale)
+        if gain > DECISIVE and search.too_far(refit):
+            names = " with ".join(sorted(map(str, refit.uses)))
+            found.append((gain, f"{names} fits better, but only with {_values(search.too_far(refit))}"))
+    return tuple(text for _, text in sorted(found, reverse=True)[:MOST_PULLS])
+
+
+def _too_good(base: Refit) -> tuple[str, ...]:
+    """A remark where the data scatter less than their uncertainty says: then nothing small is seen."""
+    if not base.reduced < TOO_GOOD or base.dof < ENOUGH:
+        return ()
+    return (
+        f"reduced chi-square {base.reduced:.2f}: the measurement is stated {1 / np.sqrt(max(base.reduced, 1e-4)):.1f} "
+        "times as uncertain as it scatters, so that small effects stay hidden. Different conditions may have been "
+        "taken for repeats, or the declared model discrepancy or uncertainty is too large",
+    )
+
+
+def _error_fall(base: Refit, best: Refit) -> ErrorFall:
+    before, after = _errors(base), _errors(best)
+    if base.problem.dear:
+        return ErrorFall(before, after)
+    return ErrorFall(before, after, left_out_error(base), left_out_error(best))
+
+
+def _left_to_describe(search: Search, found: _Found) -> bool:
+    """Whether there is a residual to describe: not where the model meets the data."""
+    return found.doubt and (bool(search.best.uses) or found.kind == "unknown-effect")
 
 
 def _has_independent_rows(problem: Problem) -> bool:
@@ -197,13 +320,6 @@ def _follows_a_law(best: Refit) -> bool:
     """Whether what a set leaves goes with powers of the operating variables; seen before the whole misfits."""
     law = residual_law(best) if _has_independent_rows(best.problem) else None
     return law is not None and law.p_value < LACK_OF_FIT
-
-
-def _implausible(search: Search) -> str:
-    """What would explain the data with values that the machine cannot have."""
-    found = search.implausible()
-    names = " or ".join(str(u) for r in found[:3] for u in r.uses)
-    return f" ({names} would, with values that are not plausible)" if names else ""
 
 
 def _what_is_left(search: Search, verdict: str) -> Refit:
@@ -236,18 +352,19 @@ def _ranked(search: Search, refit: Refit) -> Ranked:
         delta_bic=base.bic(scale) - refit.bic(scale),
         p_value=passage.p_value,
         held_out_gain=passage.held_out_gain,
-        error_after=_error(refit),
+        error_after=_errors(refit).rms,
         parameters=parameters_of(refit),
-        plausible=passage.plausible,
+        plausible=search.believable(refit),
         at_bound=any(n.rpartition(".")[0] in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
+        pulls=shown(pulls(refit)),
     )
 
 
-def _error(refit: Refit) -> float:
-    """RMS of predicted less measured of the observable with most values, in its unit."""
+def _errors(refit: Refit) -> ObservableError:
+    """Error of the observable with most values, in its unit."""
     problem = refit.problem
     predicted = problem.predictions(refit.fit.theta)
-    return observable_errors(problem, problem.observations, predicted)[0].rms
+    return observable_errors(problem, problem.observations, predicted)[0]
 
 
 def parameters_of(refit: Refit) -> dict[str, dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,12 @@ from specan.errors import RequestError, SpecanError, nearest
 from specan.models import Use
 from specan.models.catalogue import effects_from_file
 from specan.study.build_problem import undetermined
+from specan.study.commit import changing, commit
 from specan.study.create import effect_entry, hold_undetermined
 from specan.study.estimation.fit import fit, profile_interval
-from specan.study.history import Step
+from specan.study.history import History, Step, line_of
 from specan.study.study import STARTS, Study
-from specan.study.study_file import NAME, StudyText
+from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
 
 WIDTH = 1.96
 SAME = 0.005  # relative change of an error below which it counts as not having moved
@@ -69,54 +71,128 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
     if effect.endswith(".py"):
         study, effect = _own_file(study, Path(effect))
     use = Use.parse(effect)
-    _check_addable(study, use)
-    study.record_changes()
-    before = study.step("now")
-    old_text = (study.directory / NAME).read_text(encoding="utf-8")
-    text = StudyText(study.directory / NAME)
-    if use in study.problem.nuisances:
-        text.set_role(use, "model")
-    else:
-        text.add_effect(effect_entry(use))
-    text.save()
-    try:
-        changed, held = hold_undetermined(Study(study.directory))
-        after = changed.step("add", str(use), because)
+    with changing(study.directory):
+        study = _as_it_stands(study)
+        _check_addable(study, use)
+        by_hand, before, text = study.unrecorded(), study.step("now"), study.text()
+        if use in study.problem.nuisances:
+            text.set_role(use, "model")
+        else:
+            text.add_effect(effect_entry(use))
+        changed, held = hold_undetermined(Study(study.directory, draft=text))
+        after = _kept(changed, by_hand, "add", use, because)
         intervals = _intervals(changed, use)
         remarks = _remarks_on_adding(study, changed, before, after, use, held)
-    except BaseException:
-        (study.directory / NAME).write_text(old_text, encoding="utf-8", newline="\n")
-        raise
-    changed.history.append(after)
+        _commit(changed, by_hand, after)
     return Change(before, after, changed, intervals, held, tuple(remarks))
 
 
 def drop_effect(study: Study, effect: str, because: str = "") -> Change:
     """Take an effect out, refit, and keep the step."""
     use = Use.parse(effect)
-    names = study.model_effects
-    if str(use) not in names:
-        raise RequestError(f"{effect!r} is not in the model", remedy=nearest(effect, names))
-    study.record_changes()
-    before = study.step("now")
-    old_text = (study.directory / NAME).read_text(encoding="utf-8")
-    text = StudyText(study.directory / NAME)
-    certified = any(Use.parse(n.effect) == use for n in study.model.nuisances)
-    if certified:
-        text.set_role(use, "nuisance")
-    else:
-        text.drop_effect(use)
-    text.save()
-    try:
-        changed = Study(study.directory)
-        after = changed.step("drop", str(use), because)
-    except BaseException:
-        (study.directory / NAME).write_text(old_text, encoding="utf-8", newline="\n")
-        raise
-    changed.history.append(after)
+    with changing(study.directory):
+        study = _as_it_stands(study)
+        names = study.model_effects
+        if str(use) not in names:
+            raise RequestError(f"{effect!r} is not in the model", remedy=nearest(effect, names))
+        by_hand, before, text = study.unrecorded(), study.step("now"), study.text()
+        certified = any(Use.parse(n.effect) == use for n in study.model.nuisances)
+        if certified:
+            text.set_role(use, "nuisance")
+        else:
+            text.drop_effect(use)
+        changed = Study(study.directory, draft=text)
+        after = _kept(changed, by_hand, "drop", use, because)
+        _commit(changed, by_hand, after)
     remarks = [f"{use} goes back under its certificate"] if certified else []
     remarks += _on_errors(before, after, expected_to_fall=False)
     return Change(before, after, changed, {}, (), tuple(remarks))
+
+
+def is_effect_file(directory: Path, name: str) -> bool:
+    """Whether `name` is an effect file of the study, or an effect that only such a file brings."""
+    return bool(_files_of(read_study_file(directory), directory, name))
+
+
+def drop_effect_file(directory: Path, name: str) -> str:
+    """Take a user's effect file out of a study: by its own name, or by that of an effect that it brings.
+
+    The study is not opened, so that a file that cannot be loaded or evaluated any more can be taken out too.
+
+    Parameters
+    ----------
+    directory : Path
+        Of the study.
+    name : str
+        ``my_effect.py``, or ``my-effect``.
+
+    Returns
+    -------
+    str
+        The file as the study named it; it stays in the study's directory.
+
+    Raises
+    ------
+    RequestError
+        The study has no such file, or its model holds an effect of that file.
+    """
+    with changing(directory):
+        text = StudyText(directory / NAME)
+        content = text.content
+        files = _files_of(content, directory, name)
+        if len(files) != 1:
+            known = [Path(e.file).name for e in content.effect_file]
+            raise RequestError(
+                f"{name!r} is no effect file of the study",
+                expected="one of " + ", ".join(known) if known else "",
+            )
+        source = _source(directory / files[0])
+        held = [e.use.name for e in content.effect if _defines(source, e.use.name)]
+        if held:
+            raise RequestError(f"the model holds {held[0]!r} of {files[0]}", remedy="drop that effect first")
+        text.drop_effect_file(files[0])
+        commit(directory, text.text, "")
+    return files[0]
+
+
+def _files_of(content: StudyFile, directory: Path, name: str) -> list[str]:
+    """Effect files that are called `name`, or that bring an effect of that name which is not in the model."""
+    files = [e.file for e in content.effect_file]
+    if name.endswith(".py"):
+        return [file for file in files if Path(file).name == Path(name).name]
+    if name in {str(e.use) for e in content.effect}:
+        return []
+    return [file for file in files if _defines(_source(directory / file), name)]
+
+
+def _defines(source: str, effect: str) -> bool:
+    """Whether a file's text declares an effect of that name; the file may be broken and is not run."""
+    return re.search(rf"@effect\(\s*(name\s*=\s*)?['\"]{re.escape(effect)}['\"]", source) is not None
+
+
+def _source(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+
+
+def _as_it_stands(study: Study) -> Study:
+    """The study as its files are now: another process may have changed it since it was opened."""
+    same_file = read_study_file(study.directory) == study.content
+    same_history = len(History(study.directory).steps) == len(study.history.steps)
+    return study if same_file and same_history else Study(study.directory)
+
+
+def _kept(changed: Study, by_hand: Step | None, action: str, use: Use, because: str) -> Step:
+    """The step that a change makes, numbered after a change by hand that is kept with it."""
+    if by_hand is not None:
+        changed.history.append(by_hand)
+    return changed.step(action, str(use), because)
+
+
+def _commit(changed: Study, by_hand: Step | None, after: Step) -> None:
+    """Write the changed study with the steps that led to it."""
+    steps = [after] if by_hand is None else [by_hand, after]
+    commit(changed.directory, changed.text().text, "".join(map(line_of, steps)))
+    changed.history.append(after)
 
 
 def _own_file(study: Study, path: Path) -> tuple[Study, str]:

@@ -58,6 +58,11 @@ class Step:
         return {**vars(self), "model_effects": list(self.model_effects), "at_bound": list(self.at_bound)}
 
 
+def line_of(step: Step) -> str:
+    """A step as the line that is kept of it."""
+    return json.dumps(_finite(step.as_dict()), ensure_ascii=False, sort_keys=True) + "\n"
+
+
 class History:
     """The steps that were taken in a directory."""
 
@@ -71,10 +76,7 @@ class History:
         return self.steps[-1] if self.steps else None
 
     def append(self, step: Step) -> None:
-        """Keep a step."""
-        line = json.dumps(_finite(step.as_dict()), ensure_ascii=False, sort_keys=True)
-        with self.path.open("a", encoding="utf-8", newline="\n") as stream:
-            stream.write(line + "\n")
+        """Take in a step that `specan.study.commit` writes."""
         self.steps.append(step)
 
     def _read(self) -> list[Step]:

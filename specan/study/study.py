@@ -15,6 +15,7 @@ from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
 from specan.models.rig_file import read_rig_file
 from specan.study.build_problem import assemble, parameter_table
+from specan.study.commit import changing, commit, recover
 from specan.study.data.sources import DataFile, DataRequest, open_data
 from specan.study.estimation.continuation import coarse_fit
 from specan.study.estimation.fit import Fit, describe, fit
@@ -26,7 +27,7 @@ from specan.study.estimation.prediction_error import (
     observable_errors,
 )
 from specan.study.estimation.problem import Problem
-from specan.study.history import History, Step
+from specan.study.history import History, Step, line_of
 from specan.study.localisation.frf_errors import FrfErrors, frf_errors
 from specan.study.localisation.localise import localise
 from specan.study.localisation.result import Localisation
@@ -41,7 +42,14 @@ from specan.study.study_file import (
     read_study_file,
     rig_hash,
 )
-from specan.study.user_effects import load_own_effects, load_own_model, take_in
+from specan.study.user_effects import (
+    EffectFile,
+    load_own_effects,
+    load_own_model,
+    read_effect_file,
+    try_effects,
+    with_own_effects,
+)
 from specan.study.verdict import Diagnosis
 
 BENT = 10.0
@@ -78,21 +86,35 @@ class Study:
     history : History
     """
 
-    def __init__(self, directory: Path, accept_changes: bool = False, effects: Sequence[Path] = ()) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        accept_changes: bool = False,
+        effects: Sequence[Path] = (),
+        draft: StudyText | None = None,
+    ) -> None:
         self.directory = directory
-        self.content = read_study_file(directory)
+        if draft is None:
+            recover(directory)
+        self.content = read_study_file(directory) if draft is None else draft.content
+        self.draft = draft
         self.history = History(directory)
         self.accepted = self._check_data(accept_changes)
-        for path in effects:
-            self._take_in(path)
-        self.model = self._load_model()
+        named = [read_effect_file(path) for path in effects]
+        self.model = self._load_model(named)
         self.data = open_data(self.model, self._requests())
         self._assembled = assemble(self.model, self.content, self.data.fitted)
+        for file in named:
+            try_effects(file, self.model, self.data.fitted)
+        self._keep(named)
 
     # --- files ------------------------------------------------------------------------------------
 
-    def _load_model(self) -> Model:
-        return self._bare_model().with_effect(*load_own_effects(self.directory, self.content.effect_file))
+    def _load_model(self, named: Sequence[EffectFile]) -> Model:
+        """The model with the study's own effects and those of files that the user has just named."""
+        replaced = {file.entry.file for file in named}
+        known = [entry for entry in self.content.effect_file if entry.file not in replaced]
+        return with_own_effects(self._bare_model(), load_own_effects(self.directory, known), named)
 
     def _bare_model(self) -> Model:
         """The model without the study's own effects."""
@@ -102,14 +124,27 @@ class Study:
             return load_own_model(self.directory, content.model, content.model_sha256, rig)
         return load_model(content.model, rig)
 
-    def _take_in(self, path: Path) -> None:
-        """Make an own effect file part of the study, or trust the one that is."""
-        entry = take_in(self.directory, path, self._bare_model())
-        if entry not in self.content.effect_file:
-            text = StudyText(self.directory / NAME)
+    def _keep(self, named: Sequence[EffectFile]) -> None:
+        """Write what opening the study has changed: accepted data, effect files that were named and work."""
+        for file in named:
+            file.copy_to(self.directory)
+        new = [file.entry for file in named if file.entry not in self.content.effect_file]
+        if not new and not self.accepted:
+            return
+        text = self.text()
+        for entry in new:
             text.add_effect_file(entry.model_dump())
-            text.save()
-            self.content = read_study_file(self.directory)
+        self.content = text.content
+        if self.draft is None:
+            with changing(self.directory):
+                commit(self.directory, text.text, "")
+
+    def text(self) -> StudyText:
+        """The study file with what was accepted on opening; to be changed and handed to another `Study` as draft."""
+        text = self.draft.copy() if self.draft else StudyText(self.directory / NAME)
+        for name in self.accepted:
+            text.set_hash(name, file_hash(self.directory / name))
+        return text
 
     def _check_data(self, accept: bool) -> tuple[str, ...]:
         """Measured files must be those of the last step; returns the changed ones that were accepted."""
@@ -126,11 +161,8 @@ class Study:
                 remedy=f"restore the file, or go on with specan study compare {self.directory} --accept-changes",
             )
         if changed:
-            text = StudyText(self.directory / NAME)
-            for name, found in changed:
-                text.set_hash(name, found)
-            text.save()
-            self.content = read_study_file(self.directory)
+            now = dict(changed)
+            self.content = self.content.with_hashes(now)
         return tuple(name for name, _ in changed)
 
     def _requests(self) -> dict[str, DataRequest]:
@@ -298,11 +330,18 @@ class Study:
 
     def record_changes(self) -> Step | None:
         """Keep as a step what a person changed by hand since the last one; None where nothing was."""
+        step = self.unrecorded()
+        if step is not None:
+            with changing(self.directory):
+                commit(self.directory, None, line_of(step))
+            self.history.append(step)
+        return step
+
+    def unrecorded(self) -> Step | None:
+        """What a person changed by hand since the last step, as a step that is not kept yet."""
         if not self.edited:
             return None
-        step = self.step("data" if self.accepted else "edit", because=", ".join(self.accepted))
-        self.history.append(step)
-        return step
+        return self.step("data" if self.accepted else "edit", because=", ".join(self.accepted))
 
 
 def _bent(problem: Problem, best: Fit) -> bool:

@@ -87,6 +87,16 @@ class StudyFile(Settings):
     effect_file: tuple[EffectFileEntry, ...] = ()
     parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
 
+    def with_hashes(self, hashes: Mapping[str, str]) -> StudyFile:
+        """The same with new hashes of measured files."""
+
+        def renewed(entries: tuple[DataEntry, ...]) -> tuple[DataEntry, ...]:
+            return tuple(e.model_copy(update={"sha256": hashes.get(e.file, e.sha256)}) for e in entries)
+
+        return self.model_copy(
+            update={"measurement": renewed(self.measurement), "validation": renewed(self.validation)}
+        )
+
 
 def read_study_file(directory: Path) -> StudyFile:
     """Read the study file of a directory.
@@ -190,6 +200,16 @@ class StudyText:
         if not entries:
             del self.document["effect"]
 
+    def drop_effect_file(self, file: str) -> None:
+        """Take a user's effect file out."""
+        entries = self.document["effect_file"]
+        for place, known in enumerate(entries):
+            if known["file"] == file:
+                del entries[place]
+                break
+        if not entries:
+            del self.document["effect_file"]
+
     def add_effect_file(self, entry: Mapping[str, Any]) -> None:
         """Append a user's effect file, or note its new hash."""
         for known in self.document.get("effect_file", []):
@@ -227,11 +247,33 @@ class StudyText:
                 if entry["file"] == file:
                     entry["sha256"] = sha256
 
-    def save(self) -> None:
-        """Write the file back."""
+    def copy(self) -> StudyText:
+        """The same text, to be changed without changing this one."""
         import tomlkit
 
-        _write(self.path, tomlkit.dumps(self.document))
+        return StudyText(self.path, tomlkit.parse(self.text))
+
+    @property
+    def text(self) -> str:
+        """The file's text."""
+        import tomlkit
+
+        return tomlkit.dumps(self.document)
+
+    @property
+    def content(self) -> StudyFile:
+        """What the text says.
+
+        Raises
+        ------
+        RequestError
+            It has a fault, which is named with its key.
+        """
+        return parse(StudyFile, self.document.unwrap(), str(self.path))
+
+    def save(self) -> None:
+        """Write the file back."""
+        _write(self.path, self.text)
 
     def _append(self, key: str, entry: Mapping[str, Any]) -> None:
         import tomlkit

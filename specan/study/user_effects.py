@@ -9,12 +9,16 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from specan.errors import RequestError
-from specan.models import Effect, Model
+from specan.models import Effect, Model, Use
 from specan.models.catalogue import effects_from_file, model_from_file
+from specan.study.observation import Observation
 from specan.study.study_file import EffectFileEntry
 
 FOLDER = "effects"
@@ -55,37 +59,102 @@ def trust_file(path: Path) -> None:
     trust(hashlib.sha256(path.read_bytes()).hexdigest())
 
 
-def take_in(directory: Path, given: Path, model: Model) -> EffectFileEntry:
-    """Copy an effect file into a study and trust it: the user has just named it.
+@dataclass(frozen=True, eq=False)
+class EffectFile:
+    """A user's effect file that was just named: read and loaded, not yet part of a study.
 
-    Another version that the study holds under the same name is kept beside it.
+    Attributes
+    ----------
+    path : Path
+        As the user typed it.
+    content : bytes
+    effects : tuple of Effect
+    """
+
+    path: Path
+    content: bytes
+    effects: tuple[Effect, ...]
+
+    @property
+    def entry(self) -> EffectFileEntry:
+        """How a study file names it."""
+        sha256 = hashlib.sha256(self.content).hexdigest()
+        return EffectFileEntry(file=f"{FOLDER}/{self.path.name}", sha256=sha256)
+
+    def copy_to(self, directory: Path) -> None:
+        """Copy it into a study and trust it; another version of the same name is kept beside it."""
+        inside = directory / self.entry.file
+        if inside.resolve() != self.path.resolve():
+            inside.parent.mkdir(parents=True, exist_ok=True)
+            if inside.exists() and inside.read_bytes() != self.content:
+                old = hashlib.sha256(inside.read_bytes()).hexdigest()[:8]
+                inside.replace(inside.with_name(f"{inside.name}.{old}"))
+            inside.write_bytes(self.content)
+        trust(self.entry.sha256)
+
+
+def read_effect_file(path: Path) -> EffectFile:
+    """Load a user's effect file; nothing is written.
 
     Raises
     ------
     RequestError
-        It cannot be loaded, or an effect of it has the name of a built-in one or does not fit the model.
+        It is missing or cannot be loaded.
     """
-    if not given.exists():
-        raise RequestError(f"the effect file {given} does not exist", remedy="check the path")
-    content = given.read_bytes()
-    effects = effects_from_file(given, content)
-    for effect in effects:
-        if effect.name in model.effects:
-            raise RequestError(
-                f"the effect file {given} brings {effect.name!r}, which specan has already",
-                remedy="give your effect another name",
-            )
-    model.with_effect(*effects)
-    sha256 = hashlib.sha256(content).hexdigest()
-    inside = directory / FOLDER / given.name
-    if inside.resolve() != given.resolve():
-        inside.parent.mkdir(parents=True, exist_ok=True)
-        if inside.exists() and inside.read_bytes() != content:
-            old = hashlib.sha256(inside.read_bytes()).hexdigest()[:8]
-            inside.replace(inside.with_name(f"{inside.name}.{old}"))
-        inside.write_bytes(content)
-    trust(sha256)
-    return EffectFileEntry(file=f"{FOLDER}/{given.name}", sha256=sha256)
+    if not path.exists():
+        raise RequestError(f"the effect file {path} does not exist", remedy="check the path")
+    content = path.read_bytes()
+    return EffectFile(path, content, tuple(effects_from_file(path, content)))
+
+
+def with_own_effects(model: Model, known: Sequence[Effect], named: Sequence[EffectFile]) -> Model:
+    """A model with the effects of a study's files, and of files that were just named.
+
+    Raises
+    ------
+    RequestError
+        An effect has the name of one that the model has already, or does not fit the model.
+    """
+    model = model.with_effect(*known)
+    for file in named:
+        for effect in file.effects:
+            if effect.name in model.effects:
+                raise RequestError(
+                    f"the effect file {file.path} brings {effect.name!r}, which specan has already",
+                    remedy="give your effect another name",
+                )
+        model = model.with_effect(*file.effects)
+    return model
+
+
+def try_effects(file: EffectFile, model: Model, observations: Sequence[Observation]) -> None:
+    """Evaluate each effect of a file once, at its default values, where the data were measured.
+
+    Raises
+    ------
+    RequestError
+        An effect raises, or gives values that are not finite; file and line, or the effect, are named.
+    """
+    for effect in file.effects:
+        use = Use(effect.name, model.axes[effect.at][0] if effect.at else "")
+        base = [u for u in model.assemble(model.base_effects).uses if u.name != effect.name]
+        for observation in observations:
+            with np.errstate(
+                all="ignore"
+            ):  # a value that is not finite is told below, with the effect's name
+                without = model.assemble(base).evaluate(observation.conditions)
+                with_it = model.assemble([*base, use]).evaluate(observation.conditions)
+            for name in effect.changes:
+                if model.quantities[name].collection or model.quantities[name].opaque:
+                    continue
+                bad = np.flatnonzero(np.ravel(np.isfinite(without[name]) & ~np.isfinite(with_it[name])))
+                if bad.size:
+                    raise RequestError(
+                        f"the effect file {file.path}: {effect.name!r} makes {name} not finite (nan or inf) in "
+                        f"{bad.size} of {np.size(with_it[name])} rows of {observation.name}, first in row {bad[0] + 1}",
+                        expected="a finite value wherever something was measured",
+                        remedy="look for a division by zero, or a root or logarithm of a negative number",
+                    )
 
 
 def load_own_effects(directory: Path, entries: Sequence[EffectFileEntry]) -> list[Effect]:

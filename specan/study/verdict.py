@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from specan.study.estimation.prediction_error import ObservableError
+from specan.study.selection.pulls import Pull
 from specan.study.selection.residual_law import ResidualLaw
 
-VERDICTS = ("effect", "group", "nothing-missing", "unknown-effect", "cannot-tell")
+VERDICTS = ("effect", "group", "nothing-missing", "fits-only-if", "unknown-effect", "cannot-tell")
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,9 @@ class Ranked:
     parameters : mapping
         ``{"effect.parameter": {"value", "low", "high", "unit"}}``, 95 % intervals.
     plausible, at_bound : bool
-        Whether the values are ones that the machine could have; whether one rests on an end of its domain.
+        Whether no value contradicts what is known of it; whether one rests on an end of its domain.
+    pulls : tuple of Pull
+        Values outside of what was known of them, worst first.
     """
 
     effects: tuple[str, ...]
@@ -44,6 +48,7 @@ class Ranked:
     parameters: Mapping[str, Mapping[str, Any]]
     plausible: bool
     at_bound: bool
+    pulls: tuple[Pull, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -57,7 +62,49 @@ class Ranked:
             "parameters": {name: dict(row) for name, row in self.parameters.items()},
             "plausible": self.plausible,
             "at_bound": self.at_bound,
+            "pulls": [pull.to_json() for pull in self.pulls],
         }
+
+
+@dataclass(frozen=True)
+class ErrorFall:
+    """What an error is of the model as it is and with what is named: fitted, and on conditions that were left out.
+
+    Attributes
+    ----------
+    before, after : ObservableError
+        On the fitted data.
+    left_out_before, left_out_after : ObservableError or None
+        In cross-validation: every level of every operating variable predicted from the others.
+    """
+
+    before: ObservableError
+    after: ObservableError
+    left_out_before: ObservableError | None = None
+    left_out_after: ObservableError | None = None
+
+    @property
+    def text(self) -> str:
+        """``0.45 to 0.21 mm (3.2 to 1.5 %); on conditions left out of the fit 0.50 to 0.25 mm (3.5 to 1.8 %)``."""
+        text = _fall(self.before, self.after)
+        if self.left_out_before is not None and self.left_out_after is not None:
+            text += f"; on conditions left out of the fit {_fall(self.left_out_before, self.left_out_after)}"
+        return text
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        names = ("before", "after", "left_out_before", "left_out_after")
+        found = {name: getattr(self, name) for name in names}
+        return {name: None if e is None else e.as_dict() for name, e in found.items()}
+
+
+def _fall(before: ObservableError, after: ObservableError) -> str:
+    unit = "" if before.unit == "1" else f" {before.unit}"
+    if before == after:
+        return f"{before.rms:.3g}{unit} ({before.relative_rms:.2g} %)"
+    return (
+        f"{before.rms:.3g} to {after.rms:.3g}{unit} ({before.relative_rms:.2g} to {after.relative_rms:.2g} %)"
+    )
 
 
 @dataclass(frozen=True)
@@ -76,7 +123,7 @@ class Diagnosis:
     Attributes
     ----------
     verdict : str
-        ``effect``, ``group``, ``nothing-missing``, ``unknown-effect`` or ``cannot-tell``.
+        ``effect``, ``group``, ``nothing-missing``, ``fits-only-if``, ``unknown-effect`` or ``cannot-tell``.
     reason : str
         One sentence on how the verdict came about.
     alternatives : tuple of tuple of str
@@ -85,6 +132,13 @@ class Diagnosis:
         Where effects of the alternatives act.
     unknown_possible : bool
         Something that is not in the catalogue explains the data as well.
+    pulls : tuple of Pull
+        Values of the fit that the verdict rests on which lie outside of what was known of them, worst first.
+    error : ErrorFall or None
+        Error of the model as it is and with what is named.
+    remarks : tuple of str
+        What else a person has to know: rivals that fit better with values that contradict what is known, data that
+        look wrong.
     """
 
     verdict: str
@@ -100,6 +154,9 @@ class Diagnosis:
     smallest_visible: Mapping[str, Mapping[str, Any] | None] = field(default_factory=dict)
     not_testable: Mapping[str, str] = field(default_factory=dict)
     next_measurement: tuple[Mapping[str, Any], ...] = ()
+    pulls: tuple[Pull, ...] = ()
+    error: ErrorFall | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -116,6 +173,9 @@ class Diagnosis:
             "effects": list(self.effects),
             "at": {name: list(places) for name, places in self.at.items()},
             "unknown_possible": self.unknown_possible,
+            "pulls": [pull.to_json() for pull in self.pulls],
+            "error": None if self.error is None else self.error.to_json(),
+            "remarks": list(self.remarks),
             "ranking": [row.to_json() for row in self.ranking],
             "lack_of_fit": {
                 "reduced_chi2": lack.reduced_chi2 if lack else None,

@@ -146,7 +146,7 @@ def test_an_installed_package_brings_a_model(monkeypatch):
     monkeypatch.setattr(
         "specan.models.catalogue.entry_points", lambda group: [Point()] if group == "specan.models" else []
     )
-    assert model_names() == ["room", "spring", "worm-gear"]
+    assert model_names() == ["planetary-gear", "room", "spring", "worm-gear"]
     assert load_model("spring", module.EXAMPLE_RIG).title == "A spring on a stand"
 
 

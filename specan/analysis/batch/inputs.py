@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from specan.errors import InputError, RequestError
+from specan.io.file_lock import is_the_file, try_lock
 from specan.io.open import find_recordings
 from specan.io.output_file import check_output
 
@@ -109,7 +110,7 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
             remedy="choose another with -o",
         ) from None
     with lock:
-        if not _locked(lock.fileno()) or not _still_there(lock.fileno(), lock.name):
+        if not try_lock(lock.fileno()) or not is_the_file(lock.fileno(), lock.name):
             raise RequestError(
                 f"another batch is writing to {out}", remedy="wait for it, or choose another place with -o"
             )
@@ -118,27 +119,3 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
         finally:
             with contextlib.suppress(OSError):  # Windows keeps an open file; the next batch takes it over
                 os.unlink(lock.name)
-
-
-def _still_there(handle: int, name: str) -> bool:
-    """Whether the locked file is the one that a third batch would find under its name."""
-    try:
-        return os.path.samestat(os.fstat(handle), os.stat(name))
-    except OSError:
-        return False
-
-
-def _locked(handle: int) -> bool:
-    """Take the lock, which the system frees when the process ends in whatever way."""
-    try:
-        if os.name == "nt":
-            import msvcrt
-
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-        else:
-            import fcntl
-
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True

@@ -14,7 +14,7 @@ from specan.models.catalogue import effects_in
 from specan.models.model import Model, Nuisance
 from specan.models.observable import Observable
 from specan.models.planetary_gear import excitation, load, response
-from specan.models.planetary_gear.geometry import mesh_phases, planet_angles, set_meshes
+from specan.models.planetary_gear.geometry import check_assembly, mesh_phases, planet_angles, set_meshes
 from specan.models.planetary_gear.kinematics import (
     carrier_speed_ratio,
     kind_of_phasing,
@@ -43,6 +43,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     if settings.gear is None:
         return _pair(settings)
     gear = settings.gear
+    check_assembly(gear)
     quantities = [*_constants(settings, gear), *load.QUANTITIES, *excitation.QUANTITIES, *response.QUANTITIES]
     return Model(
         name="planetary-gear",

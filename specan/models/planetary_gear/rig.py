@@ -96,21 +96,17 @@ class Rig(Settings):
 
 
 def read_rig(content: Mapping[str, Any]) -> Rig:
-    """Check the parsed rig file: keys, values, and that the teeth assemble.
+    """Check the parsed rig file: keys and values; `build` checks that the teeth assemble.
 
     Raises
     ------
     RequestError
-        Unknown or missing key, impossible value, teeth that do not assemble.
+        Unknown or missing key, impossible value.
     """
-    from specan.models.planetary_gear.geometry import check_assembly
-
     rig = parse(Rig, content, "the rig file")
     if (rig.gear is None) == (rig.pair is None):
         raise RequestError(
             "the rig file has " + ("both [gear] and [pair]" if rig.gear else "neither [gear] nor [pair]"),
             expected="one of them",
         )
-    if rig.gear is not None:
-        check_assembly(rig.gear)
     return rig

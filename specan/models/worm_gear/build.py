@@ -14,6 +14,7 @@ from specan.models.worm_gear import kinematics, mesh, power
 from specan.models.worm_gear.article import article_quantities
 from specan.models.worm_gear.bearings import bearing_quantities
 from specan.models.worm_gear.forces import force_quantities
+from specan.models.worm_gear.instrument_ranges import scaled_to_torque
 from specan.models.worm_gear.oil import viscosity_quantities
 from specan.models.worm_gear.rig import (
     Operation,
@@ -66,6 +67,8 @@ def build(rig: Mapping[str, Any]) -> Model:
         quantities += article_quantities(settings)  # of the same names, and later ones win
     conditions = _conditions(settings.operation)
     effects = effects_in("specan.models.worm_gear.effects")
+    torques = settings.limits.output_torque_Nm
+    effects = scaled_to_torque(effects, max(map(abs, torques)) if torques else None)
     return Model(
         name="worm-gear",
         title="Worm gear: losses in steady operation",
@@ -92,7 +95,7 @@ def _conditions(operation: Operation) -> dict[str, Condition]:
         ),
         Condition(
             "indicated_output_torque", "N*m", "Torque that the output sensor indicates.",
-            "output_torque_Nm", "N*m", usual_setting=SettingError(relative=0.05),
+            "output_torque_Nm", "N*m", usual_setting=SettingError(relative=0.05), idles=True,
         ),
         Condition(
             "indicated_oil_temperature", "K", "Temperature that the sensor in the oil sump indicates.",

@@ -142,7 +142,7 @@ def _noise(
     from specan.dsp.welch import effective_averages
 
     rate = reference.sampling_rate
-    responses = recording.read(channels)
+    responses = (recording.read([channel])[0] for channel in channels)
     density_of_noise = noise_density(signals[0], responses, rate, frequency)
     f, density = welch(signals[0][start:], rate, "hann", block)
     blocks = (reference.n_samples - start - block) // (block // 2) + 1

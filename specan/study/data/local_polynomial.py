@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ ORDER = 3
 HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
 
 
-def noise_density(reference: Real, responses: Any, rate: float, frequency_hz: Real) -> Real:
+def noise_density(reference: Real, responses: Iterable[Real], rate: float, frequency_hz: Real) -> Real:
     """One-sided noise density of each response at the given frequencies.
 
     Around a line the transfer function and the transient that the record's ends leave are polynomials of
@@ -24,7 +24,8 @@ def noise_density(reference: Real, responses: Any, rate: float, frequency_hz: Re
     Parameters
     ----------
     reference : array (n,)
-    responses : array (channels, n)
+    responses : iterable of array (n,)
+        One a channel; taken one at a time, so that a long recording need not be held whole.
     rate : float
         Sampling rate, Hz.
     frequency_hz : array (lines,)
@@ -44,7 +45,6 @@ def noise_density(reference: Real, responses: Any, rate: float, frequency_hz: Re
     """
     n = reference.size
     spectrum = np.fft.rfft(reference)
-    answers = np.fft.rfft(responses, axis=1)
     centre = np.clip(np.round(frequency_hz * n / rate).astype(int), HALF + 1, spectrum.size - HALF - 2)
     number = np.arange(-HALF, HALF + 1)
     powers = (number[:, None] / HALF) ** np.arange(ORDER + 1)
@@ -55,7 +55,9 @@ def noise_density(reference: Real, responses: Any, rate: float, frequency_hz: Re
     # columns of very different size: the transient is far smaller than the response
     scale = np.linalg.norm(system, axis=1, keepdims=True)
     basis, _ = np.linalg.qr(system / np.where(scale > 0, scale, 1.0))
-    picked = answers[:, rows].transpose(1, 2, 0)  # (lines, equations, channels)
+    picked = np.stack(
+        [np.fft.rfft(response)[rows] for response in responses], axis=-1
+    )  # (lines, equations, channels)
     left = picked - basis @ (basis.conj().transpose(0, 2, 1) @ picked)
     freedom = rows.shape[1] - system.shape[2]
     density = 2 * np.sum(np.abs(left) ** 2, axis=1).T / (freedom * n * rate)

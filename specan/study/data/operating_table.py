@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
+from specan.study.data.plausible_rows import check_limits, duplicates
 from specan.study.data.setpoints import cells, grouped, levels
 from specan.study.data.table_reader import Measurement
 from specan.study.observation import Array
@@ -114,6 +115,11 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     recording = np.repeat(np.arange(len(sizes)), sizes)
     conditions, steps, notes = _conditions(measurements, model)
     settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
+    lines = np.concatenate([m.lines for m in measurements])
+    places = [f"{measurements[int(k)].name}, line {line}" for k, line in zip(recording, lines, strict=True)]
+    outside = check_limits(conditions, places, model, settings)
+    measured = np.concatenate([m.measured for m in measurements])
+    copied = duplicates([*conditions.values(), measured], places) if conditions else ""
     distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0) if conditions else np.empty((0, 0))
     level, is_set = {}, {}
     for k, (name, values) in enumerate(conditions.items()):
@@ -126,9 +132,9 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     return Rows(
         recordings=tuple(m.name for m in measurements),
         recording=recording,
-        lines=np.concatenate([m.lines for m in measurements]),
+        lines=lines,
         observable=np.concatenate([m.observable for m in measurements]),
-        measured=np.concatenate([m.measured for m in measurements]),
+        measured=measured,
         conditions=conditions,
         levels=level,
         is_set=is_set,
@@ -136,7 +142,12 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         cell=cell,
         setup=setup,
         setups_from=how,
-        notes=(*(f"{m.name}: {note}" for m in measurements for note in m.notes), *notes),
+        notes=(
+            *(f"{m.name}: {note}" for m in measurements for note in m.notes),
+            *notes,
+            *outside,
+            *([copied] if copied else []),
+        ),
     )
 
 

@@ -10,6 +10,7 @@ from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
 GROUPS = 8
+CHANCE = 1e-3  # probability below which gaps of two sizes are no accident
 
 
 def levels(values: Array, setting: SettingError) -> tuple[Array, bool]:
@@ -82,19 +83,42 @@ def round_step(distinct: Array) -> float:
 
 def _parts(ordered: Array, setting: SettingError) -> list[slice]:
     """Part sorted values at their widest gap while a part is wider than six standard deviations of the
-    setting, or has a gap of more than two and a half of them."""
+    setting, has a gap of more than two and a half of them, or one that the values themselves show to be a step."""
+    least = _break(ordered, setting)
     done, rest = [], [slice(0, ordered.size)]
     while rest:
         part = rest.pop()
         inside = ordered[part]
         gaps = np.diff(inside)
         width = float(setting.at(np.mean(np.abs(inside))))
-        if gaps.size and gaps.max() > 0 and (inside[-1] - inside[0] > 6 * width or gaps.max() > 2.5 * width):
+        wide = gaps.size and (gaps.max() > min(2.5 * width, least * width))
+        if gaps.size and gaps.max() > 0 and (inside[-1] - inside[0] > 6 * width or wide):
             cut = part.start + int(np.argmax(gaps)) + 1
             rest += [slice(part.start, cut), slice(cut, part.stop)]
         else:
             done.append(part)
     return done
+
+
+def _break(ordered: Array, setting: SettingError) -> float:
+    """Gap, in standard deviations of the setting, from which neighbours are different settings; infinite if none is.
+
+    Settings that a brake holds better than the rig file says leave gaps of two kinds: those between readings of one
+    setting and those between settings. Of k gaps below a value, uniform ones would all lie below a share q of it with
+    probability q^k (that of k independent uniform variables): where that is below `CHANCE` the gaps are of two kinds.
+    """
+    gaps = np.diff(ordered)
+    middle = 0.5 * (ordered[1:] + ordered[:-1])
+    size = np.sort(gaps[gaps > 0] / np.maximum(setting.at(middle[gaps > 0]), 1e-300))
+    if size.size < 3:
+        return np.inf
+    below = np.arange(1, size.size)
+    chance = (size[:-1] / size[1:]) ** below
+    usable = (chance < CHANCE) & (size[1:] > 3 * size[:-1]) & (below >= size.size / 3)
+    if not np.any(usable):
+        return np.inf
+    k = int(np.flatnonzero(usable)[np.argmax(size[1:][usable] / size[:-1][usable])])
+    return float(np.sqrt(size[k] * size[k + 1]))
 
 
 def grouped(values: Array) -> Array:

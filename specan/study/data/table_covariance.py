@@ -97,6 +97,8 @@ class Uncertainty:
             parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},
             available=frozenset(rows.conditions),
             known=self.known,
+            lines=rows.lines,
+            cell=rows.cell,
         )
 
     def _variances(self, rows: Rows) -> tuple[Array, Array]:

@@ -268,15 +268,17 @@ def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> l
     for _ in range(count):
         variance = np.stack([np.einsum("ij,jk,ik->i", j, c, j) for j, c in zip(slopes, covariances)])
         gain = np.zeros(predicted.shape[1])
-        apart = np.zeros(predicted.shape[1])
+        apart, least = np.zeros(predicted.shape[1]), np.full(predicted.shape[1], np.inf)
         for a, b in combinations(range(len(rivals)), 2):
             square = (predicted[a] - predicted[b]) ** 2 / planned.sigma**2 / (1 + variance[a] + variance[b])
             gain += weights[a] * weights[b] * square
-            apart = np.maximum(apart, np.sqrt(square))
+            apart, least = np.maximum(apart, np.sqrt(square)), np.minimum(least, np.sqrt(square))
         best = int(np.argmax(np.where(usable, gain, -1.0)))
         if apart[best] < SEPARATES:
             break
-        found.append(_proposal(rivals, planned, predicted[:, best], best, float(apart[best])))
+        found.append(
+            _proposal(rivals, planned, predicted[:, best], best, float(apart[best]), float(least[best]))
+        )
         usable &= np.max(np.abs(place - place[best]), axis=1) > NEAR
         covariances = [after_reading(c, j[best]) for c, j in zip(covariances, slopes)]
         if not np.any(usable):
@@ -313,8 +315,14 @@ def _places(planned: TableObservation) -> Array:
 
 
 def _proposal(
-    rivals: Sequence[Refit], planned: TableObservation, predicted: Array, row: int, apart: float
+    rivals: Sequence[Refit],
+    planned: TableObservation,
+    predicted: Array,
+    row: int,
+    apart: float,
+    least: float = 0.0,
 ) -> Proposal:
+    """A planned reading in words; `apart` and `least`: its largest and smallest separation of two rivals, in sigma."""
     model = rivals[0].problem.assembly.model
     observable = model.observables[str(planned.observable[row])]
     conditions = {
@@ -329,9 +337,12 @@ def _proposal(
     where = ", ".join(f"{_spoken(model, column, value)}" for column, value in conditions.items())
     unit = f" {printed_unit(observable.unit)}".rstrip()
     said = ", ".join(f"{name} expects {value:.4g}{unit}" for name, value in predictions.items())
-    text = (
-        f"{where}: {said}; sigma there is {sigma:.2g}{unit}, one reading separates them by {apart:.1f} sigma"
+    told = (
+        f"one reading separates them by {least:.1f} sigma"
+        if least >= SEPARATES
+        else (f"one reading separates some of them, by up to {apart:.1f} sigma")
     )
+    text = f"{where}: {said}; sigma there is {sigma:.2g}{unit}, {told}"
     return Proposal(text, conditions, predictions, observable.unit, sigma, apart)
 
 

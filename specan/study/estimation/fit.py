@@ -25,7 +25,7 @@ class Fit:
     values : mapping
         SI value of every parameter of the model, those held included.
     chi2 : float
-        Sum of squares of `residual`: data and priors.
+        Sum of squares of `residual`: data, certificates and known ranges.
     residual, jacobian : array
         As `Problem.residual` and `Problem.jacobian` give them at the minimum.
     covariance : array
@@ -35,8 +35,8 @@ class Fit:
     dof : float
         n_effective + number of priors - number of free parameters.
     reduced_chi2 : float
-        Chi-square per degree of freedom, both without what only compares repeats (`Observation.pure_dof`):
-        one for a true model.
+        Chi-square per degree of freedom, both without known ranges and without what only compares repeats
+        (`Observation.pure_dof`): one for a true model.
     p_value : float
         Probability of a worse fit of a true model, see `misfit_p_value`.
     """
@@ -191,7 +191,8 @@ def describe(
     theta = snapped
     chi2 = float(residual @ residual)
     dof = problem.n_effective + problem.n_priors - theta.size
-    lack, own = chi2 - problem.pure_dof, dof - problem.pure_dof
+    met = chi2 - problem.pulled(residual)  # a value outside its known range is no lack of fit of the data
+    lack, own = met - problem.pure_dof, dof - problem.pure_dof
     reduced = max(lack, 0.0) / own if own > 0 else float("nan")
     return Fit(
         names=problem.names,
@@ -206,7 +207,7 @@ def describe(
         n_effective=problem.n_effective,
         dof=dof,
         reduced_chi2=reduced,
-        p_value=misfit_p_value(chi2, dof, problem.noise_dof, problem.pure_dof),
+        p_value=misfit_p_value(met, dof, problem.noise_dof, problem.pure_dof),
     )
 
 

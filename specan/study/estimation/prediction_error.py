@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
@@ -50,19 +51,24 @@ def observable_errors(
     problem: Problem, observations: Sequence[Observation], predictions: Sequence[Array]
 ) -> list[ObservableError]:
     """Errors of every observable, the one with most values first."""
-    rows: dict[str, list[tuple[Array, Array]]] = {}
-    for observation, predicted in zip(observations, predictions, strict=True):
-        names = np.broadcast_to(
-            getattr(observation, "observable", observation.name), observation.measured.shape
-        )
-        for name in dict.fromkeys(names.tolist()):
-            mine = names == name
-            rows.setdefault(name, []).append((predicted[mine], observation.measured[mine]))
+    names = [np.broadcast_to(getattr(o, "observable", o.name), o.measured.shape) for o in observations]
+    return errors_of(
+        problem,
+        np.concatenate(names),
+        np.concatenate(list(predictions)),
+        np.concatenate([o.measured for o in observations]),
+    )
+
+
+def errors_of(
+    problem: Problem, names: NDArray[Any], predicted: Array, measured: Array
+) -> list[ObservableError]:
+    """Errors of every observable out of rows of several, the one with most values first."""
     found = []
-    for name, parts in rows.items():
-        predicted, measured = (np.concatenate([p[k] for p in parts]) for k in (0, 1))
+    for name in dict.fromkeys(names.tolist()):
+        mine = names == name
         observable = problem.assembly.model.observables.get(name)
-        found.append(_error(name, observable.unit if observable else "", predicted, measured))
+        found.append(_error(name, observable.unit if observable else "", predicted[mine], measured[mine]))
     return sorted(found, key=lambda e: -e.n)
 
 

@@ -5,7 +5,7 @@ This is what every other part of the study engine works on. In short::
     problem = base_problem(model, observations)          # base effects, nuisances with their priors
     result = fit(problem)                                # specan.study.estimation.fit
     richer = problem.with_uses([Use("seal-drag")])       # its parameters free, at their defaults
-    problem.residual(theta)       # V^(-1/2) (predicted - measured), then (theta - mean) / sd of the priors
+    problem.residual(theta)       # V^(-1/2) (predicted - measured), then certificates and known ranges
     problem.jacobian(theta)       # derivative of that residual: the Gauss-Newton step is -(J'J)^-1 J'r
     richer.start(result.values)   # a start that keeps what was fitted
     problem.split(array)          # rows of a residual or Jacobian by observation; the priors come last
@@ -26,6 +26,7 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
+from specan.study.estimation.known_ranges import KnownRanges
 from specan.study.observation import Array, Observation
 
 DEAR = 2000  # rows from which an evaluation of the model is dear
@@ -54,6 +55,8 @@ class Problem:
         ``{name: other}``: the parameter always has the other's value.
     nuisances : frozenset of Use
         Uses that stand for instrument errors held by a prior.
+    ranges : bool
+        False: parameters are not held by their known ranges, to see what the data alone would take.
     """
 
     assembly: Assembly
@@ -64,6 +67,7 @@ class Problem:
     domains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     links: Mapping[str, str] = field(default_factory=dict)
     nuisances: frozenset[Use] = frozenset()
+    ranges: bool = True
 
     def __post_init__(self) -> None:
         known = self.assembly.parameters
@@ -148,8 +152,15 @@ class Problem:
 
     @cached_property
     def n_priors(self) -> int:
-        """Number of pseudo-residuals after the data."""
+        """Number of certificates: pseudo-measurements with a mean, which follow the data."""
         return len(self._prior_index)
+
+    @cached_property
+    def pseudo_rows(self) -> dict[str, int]:
+        """Row of every pseudo-measurement by its name: certificates by their element, then known ranges."""
+        held = [self.names[i] for i in self._prior_index]
+        ranged = [range_of(self.names[i]) for i in self._ranged]
+        return {name: self.n_data + k for k, name in enumerate([*held, *ranged])}
 
     # --- from theta to values ------------------------------------------------------------------
 
@@ -229,19 +240,22 @@ class Problem:
     # --- residual ------------------------------------------------------------------------------
 
     def residual(self, theta: Array) -> Array:
-        """V^(-1/2) (predicted - measured) of every observation, then (theta - mean) / sd of the priors."""
+        """V^(-1/2) (predicted - measured) of every observation, then the pseudo-measurements.
+
+        These are (theta - mean) / sd of the certificates, and the pulls of the known ranges.
+        """
         values = self.values_at(theta)
         parts = [
             o.whiten(o.predict(self.assembly, self.seen_by(o, values)) - o.measured)
             for o in self.observations
         ]
-        return np.concatenate([*parts, self._prior_residual(theta)])
+        return np.concatenate([*parts, self._prior_residual(theta), self.pulls(theta)])
 
     def jacobian(self, theta: Array) -> Array:
-        """Derivative of `residual`, shape (n_data + n_priors, len(theta))."""
+        """Derivative of `residual`, one column for each element of theta."""
         slopes = self.sensitivities(theta)
         white = [o.whiten(slope) for o, slope in zip(self.observations, slopes, strict=True)]
-        return np.concatenate([*white, self._prior_jacobian], axis=0)
+        return np.concatenate([*white, self._prior_jacobian, self._range_jacobian(theta)], axis=0)
 
     def sensitivities(self, theta: Array) -> list[Array]:
         """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences."""
@@ -332,6 +346,37 @@ class Problem:
             rows[row, i] = 1 / self.priors[self._owner[i]][1]
         return rows
 
+    # --- known ranges ----------------------------------------------------------------------------
+
+    @cached_property
+    def _ranged(self) -> list[int]:
+        """Elements of theta that are held by a known range: those without a certificate."""
+        return [i for i, owner in enumerate(self._owner) if owner not in self.priors]
+
+    @cached_property
+    def known_ranges(self) -> KnownRanges:
+        """Ranges of the elements without a certificate."""
+        ends = [self.plausible(self._owner[i]) for i in self._ranged]
+        low, high = np.array([e[0] for e in ends]), np.array([e[1] for e in ends])
+        if not self.ranges:
+            low, high = np.full(low.size, -np.inf), np.full(low.size, np.inf)
+        return KnownRanges.of(low, high, self.scale[self._ranged])
+
+    def pulls(self, theta: Array) -> Array:
+        """Standard deviations by which the elements without a certificate leave their known ranges."""
+        return self.known_ranges.pulls(np.asarray(theta, dtype=float)[self._ranged])
+
+    def pulled(self, residual: Array) -> float:
+        """Chi-square that a residual owes to known ranges, and not to data or certificates."""
+        return float(np.sum(residual[self.n_data + self.n_priors :] ** 2))
+
+    def _range_jacobian(self, theta: Array) -> Array:
+        rows = np.zeros((len(self._ranged), len(self._owner)))
+        rows[np.arange(len(self._ranged)), self._ranged] = self.known_ranges.slopes(
+            np.asarray(theta, dtype=float)[self._ranged]
+        )
+        return rows
+
     # --- other problems ------------------------------------------------------------------------
 
     def sketched(self, theta: Array) -> Problem:
@@ -391,6 +436,11 @@ class Problem:
     def over(self, observations: Sequence[Observation]) -> Problem:
         """The same model and parameters on other observations."""
         return replace(self, observations=tuple(observations))
+
+
+def range_of(name: str) -> str:
+    """Name of the pseudo-measurement that a parameter's known range is."""
+    return f"range of {name}"
 
 
 def base_problem(

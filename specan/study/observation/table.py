@@ -35,6 +35,8 @@ class TableObservation:
         False where nothing tells the uncertainty: residuals can be shown, but nothing be concluded.
     series, position
         Conditions of the whole table that these rows were taken from, and their places in it.
+    lines, cell : array of int
+        Line of each row in its file; rows that were meant to be alike share a cell.
     """
 
     name: str
@@ -53,6 +55,8 @@ class TableObservation:
     known: bool = True
     series: tuple[Mapping[str, Array], NDArray[np.intp]] | None = None
     position: NDArray[np.intp] | None = None
+    lines: NDArray[np.int_] | None = None
+    cell: NDArray[np.intp] | None = None
     kind: ClassVar[str] = "table"
 
     def __post_init__(self) -> None:
@@ -87,10 +91,19 @@ class TableObservation:
         values, vectors = np.linalg.eigh(correlation)
         if values[0] < 1e-10:
             raise InputError(
-                f"{self.name}: the rows are so strongly correlated that they cannot be told apart",
-                remedy="declare a smaller model discrepancy or a larger reading uncertainty",
+                f"{self.name}: {self._alike(correlation)} so strongly correlated that they cannot be told apart",
+                remedy="remove rows that are copies; or declare a smaller model discrepancy or a larger reading "
+                "uncertainty",
             )
         return (vectors / np.sqrt(values)) @ vectors.T / self.sigma
+
+    def _alike(self, correlation: Array) -> str:
+        """The two rows that are correlated most, by their lines."""
+        if self.lines is None:
+            return "the rows are"
+        upper = np.triu(correlation, 1)
+        first, second = np.unravel_index(int(np.argmax(upper)), upper.shape)
+        return f"lines {self.lines[first]} and {self.lines[second]}, among others, are"
 
     @cached_property
     def _diagonal(self) -> bool:
@@ -146,6 +159,8 @@ class TableObservation:
             series=self._series,
             position=self._position[keep],
             pure_dof=0.0,
+            lines=None if self.lines is None else self.lines[keep],
+            cell=None if self.cell is None else self.cell[keep],
         )
 
     @cached_property

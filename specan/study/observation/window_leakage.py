@@ -74,7 +74,7 @@ def fold(
     instrument : array (n,), optional
         Recorded instrument e of the three-channel estimator; the reference for H1.
     """
-    from scipy.sparse import csr_array
+    from scipy.sparse import csr_array, vstack
 
     driver = reference if instrument is None else instrument
     n = len(reference)
@@ -85,26 +85,31 @@ def fold(
     power = np.sum(np.conj(blocks_e) * blocks_v, axis=0)
     spectrum = np.fft.rfft(reference)
     per_line = n / block
-    turn = np.exp(2j * np.pi * np.outer(np.arange(len(spectrum)), starts) / n)
-    rows, columns, values = [], [], []
+    first = max(lines[0] - REACH, 0) * NODES_PER_LINE - _ORDER
+    numbers = np.arange(max(first, 1), (lines[-1] + REACH) * NODES_PER_LINE + _ORDER + 1)
+    made = []
     for row, line in enumerate(lines):
-        k = np.arange(max(1, int(np.ceil((line - REACH) * per_line))), int((line + REACH) * per_line) + 1)
-        k = k[k < len(spectrum)]
+        low = max(1, int(np.ceil((line - REACH) * per_line)))
+        k = np.arange(low, min(int((line + REACH) * per_line) + 1, len(spectrum)))
         seen = _hann_response(line - k / per_line, block)
-        values.append(spectrum[k] * seen * (turn[k] @ np.conj(blocks_e[:, row])) / (n * power[row]))
-        rows.append(np.full(len(k), row))
-        columns.append(k)
-    fine = csr_array(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-        shape=(len(lines), len(spectrum)),
-    )
-    first, last = (
-        max(lines[0] - REACH, 0) * NODES_PER_LINE - _ORDER,
-        (lines[-1] + REACH) * NODES_PER_LINE + _ORDER,
-    )
-    numbers = np.arange(max(first, 1), last + 1)
-    between = _interpolation(np.arange(len(spectrum)) / per_line * NODES_PER_LINE, numbers, NODES_PER_LINE)
-    return Folding(numbers * rate / (block * NODES_PER_LINE), csr_array(fine @ between))
+        turned = _sum_over_blocks(k, starts, hop, n, np.conj(blocks_e[:, row]))
+        fine = spectrum[k] * seen * turned / (n * power[row])
+        between = _interpolation(k / per_line * NODES_PER_LINE, numbers, NODES_PER_LINE)
+        made.append(csr_array(fine[None, :]) @ between)
+    return Folding(numbers * rate / (block * NODES_PER_LINE), csr_array(vstack(made)))
+
+
+def _sum_over_blocks(
+    k: NDArray[np.intp], starts: NDArray[np.intp], hop: int, n: int, factors: Complex
+) -> Complex:
+    """``sum_b factors_b exp(2 pi j k start_b / n)`` by Horner's rule: memory does not grow with the blocks."""
+    step = np.exp(2j * np.pi * (k * hop % n) / n)
+    total = np.full(len(k), factors[-1])
+    for factor in factors[-2::-1]:
+        total *= step
+        total += factor
+    found: Complex = total * np.exp(2j * np.pi * (k * int(starts[0]) % n) / n)
+    return found
 
 
 def _hann_response(offset: Real, block: int) -> Complex:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from specan.study.estimation.problem import Problem
 from specan.study.selection import cross_validation
 from specan.study.selection.f_test import improvement_probability
 from specan.study.selection.multiple_testing import Family, simulated_probability
@@ -36,23 +38,20 @@ class Passage:
     p_beyond_form: float
     delta_bic: float
     held_out_gain: float
-    plausible: bool
     level: float
 
     @property
     def passed(self) -> bool:
-        """All of: improbable by chance, decisive, predicts better what was left out, plausible."""
+        """All of: improbable by chance, decisive, predicts better what was left out.
+
+        Values outside of what is known have paid for it in chi-square.
+        """
         return self.needed and self.p_beyond_form <= self.level
 
     @property
     def needed(self) -> bool:
         """The same if the effects that are in the model already had exactly the form of their equations."""
-        return (
-            self.p_value <= self.level
-            and self.delta_bic > DECISIVE
-            and self.held_out_gain > 0
-            and self.plausible
-        )
+        return self.p_value <= self.level and self.delta_bic > DECISIVE and self.held_out_gain > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +78,13 @@ class Gate:
     level: float = LEVEL
     bootstrap: bool = False
 
-    def passage(self, extended: Refit, *, plausible: bool, tests: float | None = None) -> Passage:
+    def passage(self, extended: Refit, *, tests: float | None = None) -> Passage:
         """Fate of an extension.
 
         Parameters
         ----------
         extended : Refit
             The start, or another set with fewer effects, with further effects.
-        plausible : bool
-            Whether its parameters are (see `plausibility`).
         tests : float, optional
             Number of tests in the family, where it is not that of the directions (pairs).
         """
@@ -109,7 +106,6 @@ class Gate:
             p_beyond_form=probability(FORM**2 * self.explained / scale),
             delta_bic=start.bic(scale) - extended.bic(scale),
             held_out_gain=held_out_gain(start, extended),
-            plausible=plausible,
             level=self.level,
         )
 
@@ -154,9 +150,15 @@ def noise_dof(refit: Refit) -> float:
 
 def held_out_gain(start: Refit, extended: Refit) -> float:
     """Gain in blocked cross-validation, every level of every operating variable left out in turn."""
-    problem = start.problem
+    return cross_validation.gain(
+        start.linear, extended.linear, left_out_blocks(start.problem), extended.scale
+    )
+
+
+def left_out_blocks(problem: Problem) -> list[NDArray[np.intp]]:
+    """Rows that cross-validation leaves out together, numbered over all observations."""
     left_out, first = [], 0
     for observation in problem.observations:
         left_out += [b + first for b in cross_validation.blocks(observation.labels, observation.n)]
         first += observation.n
-    return cross_validation.gain(start.linear, extended.linear, left_out, extended.scale)
+    return left_out

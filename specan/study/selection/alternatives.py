@@ -110,7 +110,9 @@ def _alike(search: Search, best: Refit, rival: Refit) -> bool:
 
     As good is within 6, and within what an equation that is not exact may cost the right effect.
     """
-    if not search.believable(rival) or (len(rival.uses) > 1 and not search.needs_all(rival)):
+    if search.believable(best) and not search.believable(rival):  # it is named beside them, with its values
+        return False
+    if len(rival.uses) > 1 and not search.needs_all(rival):
         return False
     behind = rival.bic(best.scale) - best.bic(best.scale)
     explained = (search.base.chi2 - best.chi2) / best.scale

@@ -100,7 +100,7 @@ def candidates(problem: Problem) -> tuple[list[Candidate], dict[str, str]]:
     uses = {*model.candidates(problem.assembly), *problem.nuisances}
     found = []
     for use in sorted(uses):
-        if use.name in not_testable:
+        if use.name in not_testable or not _can_be_seen(problem, use):
             continue
         candidate = Candidate(use, problem, problem.with_uses([use]))
         if not candidate.amplitudes:
@@ -108,6 +108,20 @@ def candidates(problem: Problem) -> tuple[list[Candidate], dict[str, str]]:
             continue
         found.append(candidate)
     return found, {name: why for name, why in sorted(not_testable.items()) if not _has(problem, name)}
+
+
+def _can_be_seen(problem: Problem, use: Use) -> bool:
+    """Whether rows are kept of the element that a use acts at, where elements are the channels of the data.
+
+    The gain of a channel that is held out changes no fitted value: no candidate, and nothing invisible either.
+    """
+    model = problem.assembly.model
+    labels = [o.labels["channel"] for o in problem.observations if "channel" in o.labels]
+    if not use.at or not labels:
+        return True
+    seen = {str(name) for names in labels for name in np.unique(names)}
+    elements = {str(e) for e in model.axes.get(model.effects[use.name].at, ())}
+    return not seen <= elements or str(use.at) in seen
 
 
 def taken_for(model: Model, use: Use) -> list[Use]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from specan.study.selection.acceptance import DECISIVE, Gate
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.f_test import visible_noncentrality
 from specan.study.selection.refits import Refit
-from specan.study.selection.signatures import changes, default_value, prior_rows
+from specan.study.selection.signatures import changes, default_value
 
 POWER = 0.8
 ROUNDS = 4
@@ -63,7 +64,7 @@ def _of(start: Refit, candidate: Candidate, level: float, scale: float) -> Visib
 def _released(start: Refit, candidate: Candidate, needed: float) -> float | None:
     """Size of an instrument error: its certificate pulls it to zero until the data insist."""
     name = candidate.released[0]
-    row = prior_rows(start.problem)[name]
+    row = start.problem.pseudo_rows[name]
     step = np.zeros(start.fit.residual.size)
     step[row] = 1.0
     left = start.linear.free_chi2(step)
@@ -106,17 +107,22 @@ def _left(start: Refit, fit: Fit, candidate: Candidate, name: str, value: float)
     return None if column is None else start.linear.free_chi2(column * start.weights)
 
 
-def by_effect(found: Sequence[Visible]) -> dict[str, dict[str, float | str] | None]:
-    """Per bare effect name; of an effect at several places the least visible one's value."""
-    table: dict[str, dict[str, float | str] | None] = {}
+def by_effect(found: Sequence[Visible]) -> dict[str, dict[str, Any] | None]:
+    """Per bare effect name; of an effect at several places that of the place where it is least visible.
+
+    ``places`` then holds the size at each place, None where it is invisible there; only an effect that is invisible
+    everywhere is None as a whole.
+    """
+    groups: dict[str, list[Visible]] = {}
     for visible in found:
-        name = visible.use.split("@")[0]
-        entry: dict[str, float | str] | None = (
-            None if visible.value is None else {"value": visible.value, "unit": visible.unit}
-        )
-        before = table.get(name, entry)
-        if entry is None or before is None:
-            table[name] = None
-        else:
-            table[name] = max(before, entry, key=lambda e: abs(float(e["value"])))
-    return dict(sorted(table.items()))
+        groups.setdefault(visible.use.split("@")[0], []).append(visible)
+    return {name: _together(groups[name]) for name in sorted(groups)}
+
+
+def _together(found: Sequence[Visible]) -> dict[str, Any] | None:
+    seen = [v for v in found if v.value is not None]
+    if not seen:
+        return None
+    worst = max(seen, key=lambda v: abs(v.value or 0.0))
+    places = {v.use.split("@")[1]: v.value for v in found if "@" in v.use}
+    return {"value": worst.value, "unit": worst.unit, **({"places": places} if len(places) > 1 else {})}

@@ -26,6 +26,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.estimation.projection import Projection
 from specan.study.selection.f_test import lack_of_fit_probability
 from specan.study.selection.score_test import Scored, row_weights
+from specan.study.selection.signatures import with_rows_of
 
 Array = NDArray[np.float64]
 
@@ -94,8 +95,16 @@ class Refit:
 
     @property
     def lack(self) -> float:
-        """Chi-square that is left for them; repeats, from which the noise was estimated, hold their number."""
-        return max(self.chi2 - self.problem.pure_dof, 0.0)
+        """Chi-square that is left for them; repeats, from which the noise was estimated, hold their number.
+
+        Pulls out of known ranges are no lack of fit: they are a price, and are shown.
+        """
+        return max(self.chi2 - self.pulled - self.problem.pure_dof, 0.0)
+
+    @property
+    def pulled(self) -> float:
+        """Chi-square of the values that lie outside of what was known."""
+        return self.problem.pulled(self.fit.residual)
 
     @property
     def reduced(self) -> float:
@@ -126,17 +135,9 @@ class Refit:
         return self.chi2 / scale + self.count * float(np.log(self.problem.n_effective))
 
     def residual_like(self, other: Refit) -> Array:
-        """Weighted residual with the rows of another set: priors that this one put aside count as met."""
-        own = prior_values(self)
-        rows = [own.get(name, 0.0) for name in prior_values(other)]
-        return np.concatenate([(self.fit.residual * self.weights)[: self.problem.n_data], rows])
-
-
-def prior_values(refit: Refit) -> Mapping[str, float]:
-    """Residual of each prior of a set, by the element of theta."""
-    problem = refit.problem
-    held = [n for n in problem.names if n.split("[")[0] in problem.priors]
-    return dict(zip(held, refit.fit.residual[problem.n_data :], strict=True))
+        """Weighted residual with the rows of another set: pseudo-measurements that this one lacks count as met."""
+        own, there = self.problem, other.problem
+        return with_rows_of(self.fit.residual * self.weights, own, there)
 
 
 @dataclass(eq=False)
@@ -330,13 +331,12 @@ def _slopes(fewer: Refit | None, problem: Problem, theta: Array) -> Array | None
     if fewer is None or not problem.dear or fewer.far:
         return None
     known = {name: fewer.fit.jacobian[:, k] for k, name in enumerate(fewer.fit.names)}
-    rows = [*range(problem.n_data), *_prior_rows(fewer.problem, problem)]
     here = problem.residual(theta)
     low, high = problem.bounds()
     columns = []
     for k, name in enumerate(problem.names):
         if name in known and name.split("[")[0] in fewer.problem.free:
-            columns.append(known[name][rows])
+            columns.append(with_rows_of(known[name], fewer.problem, problem))
             continue
         step = (
             SLOPE_STEP * problem.scale[k] * (1 if theta[k] + SLOPE_STEP * problem.scale[k] <= high[k] else -1)
@@ -345,12 +345,6 @@ def _slopes(fewer: Refit | None, problem: Problem, theta: Array) -> Array | None
         moved[k] = np.clip(theta[k] + step, low[k], high[k])
         columns.append((problem.residual(moved) - here) / (moved[k] - theta[k]))
     return np.column_stack(columns)
-
-
-def _prior_rows(base: Problem, problem: Problem) -> list[int]:
-    """Rows of a problem that hold the priors of another one over it."""
-    held = [n for n in base.names if n.split("[")[0] in base.priors]
-    return [base.n_data + held.index(n) for n in problem.names if n.split("[")[0] in problem.priors]
 
 
 def start_nested(

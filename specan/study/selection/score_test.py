@@ -32,7 +32,7 @@ SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhe
 def row_weights(problem: Problem) -> Array:
     """Weight of each row: correlated lines are worth fewer than they are, priors are what they are."""
     parts = [np.full(o.n, np.sqrt(o.n_effective / o.n)) for o in problem.observations]
-    return np.concatenate([*parts, np.ones(problem.n_priors)])
+    return np.concatenate([*parts, np.ones(len(problem.pseudo_rows))])
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from specan.models import Use
 from specan.study.selection.acceptance import DECISIVE, LEVEL, Gate, Passage
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.plausibility import plausible
+from specan.study.selection.pulls import Pull, too_far
 from specan.study.selection.refits import FORM, EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, different, family, score, score_pairs
 from specan.study.selection.shape_grid import plan
@@ -97,9 +97,13 @@ class Search:
         if len(self.best.uses) == 2:
             self.third = self._best_third()
 
+    def too_far(self, refit: Refit) -> tuple[Pull, ...]:
+        """Values of a refitted set that contradict what is known, worst first."""
+        return too_far(refit, self.base)
+
     def believable(self, refit: Refit) -> bool:
-        """Whether the parameters of a refitted set are plausible."""
-        return plausible(refit, self.base)
+        """Whether no value of a refitted set contradicts what is known."""
+        return not self.too_far(refit)
 
     def passage(self, refit: Refit) -> Passage:
         """How a refitted set fares; of a pair, from the better of its parts where that was refitted."""
@@ -107,17 +111,8 @@ class Search:
             parts = [self.refits.done.get(refit.uses - {use}) for use in refit.uses]
             start = min((p for p in parts if p is not None), key=lambda r: r.chi2, default=self.base)
             gate = (self.steps.get(start.uses) or self.step(self.base)).gate
-            self.passages[refit.uses] = gate.passage(refit, plausible=self.believable(refit))
+            self.passages[refit.uses] = gate.passage(refit)
         return self.passages[refit.uses]
-
-    def implausible(self) -> list[Refit]:
-        """Single effects that would pass, had they plausible values."""
-        found = []
-        for refit in self.refits.of_size(1):
-            passage = self.passage(refit)
-            if not passage.plausible and replace(passage, plausible=True).passed:
-                found.append(refit)
-        return sorted(found, key=lambda r: r.chi2)
 
     # --- one effect ------------------------------------------------------------------------------
 
@@ -213,11 +208,10 @@ class Search:
         return best
 
     def _pair_passage(self, refit: Refit, single: Refit | None) -> Passage:
-        believable = self.believable(refit)
         if single is None:
             gate = self.step(self.base).gate
-            return gate.passage(refit, plausible=believable, tests=gate.pairs)
-        return self.step(single).gate.passage(refit, plausible=believable)
+            return gate.passage(refit, tests=gate.pairs)
+        return self.step(single).gate.passage(refit)
 
     def needs_all(self, refit: Refit) -> bool:
         """Backward: without any one of its effects BIC must rise decisively."""
@@ -239,8 +233,6 @@ class Search:
             for start in starts:
                 step = self.step(start)
                 for use, items in step.by_use.items():
-                    if single is None and use not in self.base.problem.nuisances:
-                        continue
                     value = start.chi2 - items[0].gain + price * (start.count + _count(items[0]))
                     uses = start.uses | {use}
                     if uses not in nearer or value < nearer[uses][0]:  # a refit from there falls deepest
@@ -249,14 +241,10 @@ class Search:
         return sorted(best.values(), key=lambda item: item[0])
 
     def _starts_of_pairs(self, single: Refit | None) -> list[Refit]:
-        """Single effects whose fit pairs set out from.
-
-        Where none passed and the base is far off, what would have passed with believable instruments: one of these may
-        be what else is wrong.
-        """
-        if single is not None:
-            return sorted(self.refits.of_size(1), key=lambda r: r.bic(single.scale))[:3]
-        return self.implausible()[:1] if self.refits.far else []
+        """Single effects whose fit pairs set out from: the best, where one passed."""
+        if single is None:
+            return []
+        return sorted(self.refits.of_size(1), key=lambda r: r.bic(single.scale))[:3]
 
     def _hopeless(self, reference: Refit, promised_bic: float) -> bool:
         """Whether a promised BIC is too far from passing for a refit to make up for it.
@@ -282,7 +270,7 @@ class Search:
             refit = self._extend(step, use)
             if refit is None:
                 continue
-            passage = step.gate.passage(refit, plausible=True)
+            passage = step.gate.passage(refit)
             if passage.passed:
                 passed.append(refit)
         return min(passed, key=lambda r: r.chi2, default=None)

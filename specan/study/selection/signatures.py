@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from specan.study.selection.candidates import Candidate
 
 Array = NDArray[np.float64]
 
+SAME_LINE = 0.99  # cosine between traces to both sides of nothing, above which they are one straight line
 MOST_VALUES = 4_000_000  # predicted values held at a time
 
 
@@ -98,8 +100,7 @@ def carried(seen: Sequence[Trace], old: Problem, new: Problem, uses: Collection[
     What an effect does to the residual depends little on the effects beside it, and where an evaluation is
     dear that is enough to see which ones are worth a refit.
     """
-    rows = [*range(old.n_data), *(row for name, row in prior_rows(old).items() if name in prior_rows(new))]
-    return [replace(t, columns=t.columns[rows]) for t in seen if t.use in uses]
+    return [replace(t, columns=with_rows_of(t.columns, old, new)) for t in seen if t.use in uses]
 
 
 def _trace(
@@ -117,7 +118,7 @@ def _trace(
 
 def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Trace:
     """Without its prior a nuisance is free: the same as a free step of the prior's pseudo-datum."""
-    rows = prior_rows(problem)
+    rows = problem.pseudo_rows
     columns = np.zeros((fit.residual.size, len(candidate.released)))
     for k, name in enumerate(candidate.released):
         columns[rows[name], k] = 1.0
@@ -128,10 +129,14 @@ def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Trace:
     )  # fmt: skip
 
 
-def prior_rows(problem: Problem) -> dict[str, int]:
-    """Row of the residual that holds the prior of each element of theta."""
-    held = [n for n in problem.names if n.split("[")[0] in problem.priors]
-    return {name: problem.n_data + k for k, name in enumerate(held)}
+def with_rows_of(columns: Array, old: Problem, new: Problem) -> Array:
+    """Columns over one problem's rows as columns over another's; pseudo-measurements that it lacks do not move."""
+    out = np.zeros((new.n_data + len(new.pseudo_rows), *columns.shape[1:]))
+    out[: new.n_data] = columns[: old.n_data]
+    for name, row in new.pseudo_rows.items():
+        if name in old.pseudo_rows:
+            out[row] = columns[old.pseudo_rows[name]]
+    return out
 
 
 def _several_amplitudes(
@@ -141,15 +146,41 @@ def _several_amplitudes(
     neutral = np.array([candidate.neutral(n) for n in names])
     value = np.array([default_value(candidate, n) for n in names])
     rest = dict(zip(names, neutral))
-    points = [{**s, **rest, n: v} for s in places for n, v in zip(names, value)]
+    mirrored = _inside(candidate, 2 * neutral - value)
+    both = [(n, v) for pair in zip(names, value, mirrored) for n, v in zip([pair[0]] * 2, pair[1:])]
+    points = [{**s, **rest, n: v} for s in places for n, v in both]
     columns = changes(problem, fit, candidate, points)
     for k, shapes in enumerate(places):
-        part = [c for c in columns[k * len(names) : (k + 1) * len(names)] if c is not None]
-        if len(part) == len(names):
+        part = columns[2 * k * len(names) : 2 * (k + 1) * len(names)]
+        sides = [_sides(part[2 * i], part[2 * i + 1], value[i], mirrored[i]) for i in range(len(names))]
+        for chosen in product(*sides):
             yield Trace(
-                candidate.use, np.column_stack(part), names, neutral, value - neutral, shapes,
-                (-np.inf, np.inf),
+                candidate.use, np.column_stack([c for c, _ in chosen]), names, neutral,
+                np.array([v for _, v in chosen]) - neutral, shapes, (-np.inf, np.inf),
             )  # fmt: skip
+
+
+def _inside(candidate: Candidate, values: Array) -> Array:
+    """Values inside the domains of the amplitudes."""
+    ends = [candidate.extended.domain(n.split("[")[0]) for n in candidate.amplitudes]
+    return np.array([min(max(v, low), high) for v, (low, high) in zip(values, ends)])
+
+
+def _sides(
+    there: Array | None, back: Array | None, value: float, mirrored: float
+) -> list[tuple[Array, float]]:
+    """Trace of an amplitude to one side of its neutral value, and to the other one where it is not the same line.
+
+    An error of a zero has a kink there: idle runs feel one of either sign as a load. A descent that sets out on one
+    side does not cross it.
+    """
+    if there is None:
+        return [] if back is None else [(back, mirrored)]
+    found = [(there, value)]
+    if back is not None and np.linalg.norm(back) > 0:
+        cosine = float(there @ back) / float(np.linalg.norm(there) * np.linalg.norm(back) or 1.0)
+        found += [(back, mirrored)] if cosine > -SAME_LINE else []
+    return found
 
 
 def default_value(candidate: Candidate, name: str) -> float:

@@ -313,3 +313,20 @@ def test_a_body_follows_a_ramp_late():
 
 def test_shear_thinning_lowers_the_slope_over_speed():
     assert 0 > change_of("shear-thinning", speed_rpm=500.0) > change_of("shear-thinning", speed_rpm=3000.0)
+
+
+def test_a_body_lags_behind_a_jump_and_follows_by_its_time_constant():
+    """A step of the sump between two readings of one time: the body is colder by the step, then exp(-t / tau) of it."""
+    from specan.models.worm_gear.effects.thermal_lag import lag
+
+    time = np.array([0.0, 600.0, 600.0, 1200.0, 2400.0])
+    sump = np.array([50.0, 50.0, 60.0, 60.0, 60.0])
+    expected = -10.0 * np.exp(-np.array([0.0, 600.0, 1800.0]) / 900.0)
+    np.testing.assert_allclose(lag(sump, time, 900.0), [0.0, 0.0, *expected], rtol=1e-12)
+
+
+def test_a_body_lags_behind_a_long_ramp_by_slope_times_time_constant():
+    from specan.models.worm_gear.effects.thermal_lag import lag
+
+    time = np.linspace(0.0, 36000.0, 61)
+    np.testing.assert_allclose(lag(20.0 + 0.002 * time, time, 900.0)[-1], -0.002 * 900.0, rtol=1e-6)

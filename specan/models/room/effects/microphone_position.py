@@ -4,7 +4,7 @@ import numpy as np
 
 from specan.models import Parameter, effect
 
-_AWAY = 0.05  # m, domain of a displacement
+_AWAY = 0.1  # m, domain of a displacement
 
 
 @effect(
@@ -19,9 +19,9 @@ _AWAY = 0.05  # m, domain of a displacement
 )
 def microphone_position(
     *,
-    dx=Parameter(0.005, "m", min=-0.02, max=0.02, lower=-_AWAY, upper=_AWAY, doc="along x"),
-    dy=Parameter(0.005, "m", min=-0.02, max=0.02, lower=-_AWAY, upper=_AWAY, doc="along y"),
-    dz=Parameter(0.005, "m", min=-0.02, max=0.02, lower=-_AWAY, upper=_AWAY, doc="along z"),
+    dx=Parameter(0.005, "m", min=-0.05, max=0.05, lower=-_AWAY, upper=_AWAY, doc="along x"),
+    dy=Parameter(0.005, "m", min=-0.05, max=0.05, lower=-_AWAY, upper=_AWAY, doc="along y"),
+    dz=Parameter(0.005, "m", min=-0.05, max=0.05, lower=-_AWAY, upper=_AWAY, doc="along z"),
 ):
     """One microphone reads the pressure of another place; most at the nodal planes, more with frequency."""
     return np.array([dx, dy, dz])

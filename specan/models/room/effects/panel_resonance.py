@@ -23,7 +23,7 @@ def panel_resonance(
         0.5, "1", min=0.01, max=5.0, lower=0.0, doc="vibrating part of the wall, at that mass"
     ),
     mass=Parameter(5.0, "kg/m^2", min=1.0, max=20.0, fixed=True, doc="surface mass, as known"),
-    resonance=Parameter(150.0, "Hz", min=40.0, max=400.0, doc="resonance frequency"),
+    resonance=Parameter(150.0, "Hz", min=20.0, max=800.0, doc="resonance frequency"),
     loss_factor=Parameter(0.1, "1", min=0.01, max=0.5, doc="loss factor of the panel"),
 ):
     """A panel on the air behind it is a mass on a spring: it takes sound around its resonance only.

@@ -13,7 +13,7 @@ from specan.models import Parameter, effect
     instrument=True,
 )
 def temperature(
-    *, offset=Parameter(1.0, "K", min=-5.0, max=5.0, lower=-15.0, upper=15.0, doc="true less nominal")
+    *, offset=Parameter(1.0, "K", min=-10.0, max=10.0, lower=-30.0, upper=30.0, doc="true less nominal")
 ):
     """All natural frequencies move by the same part, 0.17 % a kelvin: so they do in a room of other size."""
     return offset

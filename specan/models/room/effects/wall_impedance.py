@@ -13,7 +13,8 @@ from specan.models import Parameter, effect
     aliases=("porous-absorber", "panel-resonance"),
     separate_by="a wide band: a porous layer takes more with frequency, a panel around its resonance only; "
     "microphones near the wall",
-    reference="Kuttruff, Room Acoustics, ch. 2 (locally reacting walls); surfaces in parallel add",
+    reference="Kuttruff, Room Acoustics, ch. 2 (locally reacting walls); surfaces in parallel add. A matched lining "
+    "has a resistance of rho c to 2 rho c, a conductance of 0.5 to 1 (ibid., absorption near one)",
 )
 def wall_impedance(
     frequency,
@@ -21,7 +22,7 @@ def wall_impedance(
     sound_speed,
     third_octave_hz,
     *,
-    conductance=Parameter(0.05, "1", min=0.001, max=0.5, lower=0.0, upper=1.0, doc="rho c over resistance"),
+    conductance=Parameter(0.05, "1", min=0.001, max=1.2, lower=0.0, upper=3.0, doc="rho c over resistance"),
     mass=Parameter(0.0, "kg/m^2", min=0.0, max=500.0, lower=0.0, doc="surface mass"),
     stiffness=Parameter(0.0, "Pa/m", min=0.0, max=2e9, lower=0.0, doc="stiffness a unit area"),
 ):

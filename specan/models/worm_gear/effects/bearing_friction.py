@@ -13,13 +13,14 @@ from specan.models.worm_gear.forces import WHEEL, WORM
 def bearing_friction(
     bearing_moment,
     *,
-    scale=Parameter(1.0, "1", min=0.0, max=1.5, lower=0.0, upper=4.0, doc="measured over catalogue moment"),
+    scale=Parameter(1.0, "1", min=0.3, max=1.5, lower=0.0, upper=4.0, doc="measured over catalogue moment"),
 ):
     """Balls roll in oil and slide a little in their grooves.
 
     The SKF model gives the moment of each bearing from its radial and axial load, the speed and the viscosity:
     rolling goes with load^0.54 and (viscosity x speed)^0.6, sliding with load^1.67. A catalogue value is good to
-    some 30 %; the scale is that of all four bearings together.
+    some 30 %, and published models of the same bearing (SKF, Palmgren in Harris, Rolling Bearing Analysis, ISO/TR
+    14179-1) differ by up to a factor of three at light load; the scale is that of all four bearings together.
     """
     return {
         "worm_bearing_torque": scale * bearing_moment[WORM].sum(axis=0),

@@ -1,0 +1,45 @@
+"""Mistakes in a user's own effect or model file, told with file and line."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from specan.errors import RequestError, SpecanError
+
+PREFIX = "specan_user_"  # of the module names under which users' files are loaded
+
+
+def call(function: Callable[..., Any], name: str, /, *given: Any, **parameters: Any) -> Any:
+    """Call a quantity or an effect; an exception that a user's file raises is told as the file's own.
+
+    Parameters
+    ----------
+    function : callable
+    name : str
+        Identifier of the quantity or effect, for the message.
+    *given, **parameters
+        Its arguments.
+
+    Raises
+    ------
+    RequestError
+        The function comes from a user's file and raises; file and line are named.
+    """
+    try:
+        return function(*given, **parameters)
+    except SpecanError:
+        raise
+    except Exception as fault:
+        code = getattr(function, "__code__", None)
+        if code is None or not str(getattr(function, "__module__", "")).startswith(PREFIX):
+            raise
+        lines = [
+            f.lineno for f in traceback.extract_tb(fault.__traceback__) if f.filename == code.co_filename
+        ]
+        raise RequestError(
+            f"{code.co_filename}, line {lines[-1] if lines else code.co_firstlineno}: {name!r} fails "
+            f"({type(fault).__name__}: {fault})",
+            remedy="correct that line",
+        ) from fault

@@ -1,0 +1,168 @@
+"""Pulls: how far fitted values lie outside of what was known of them, in standard deviations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from specan.study.estimation.problem import range_of
+from specan.study.selection.refits import FORM, Refit
+
+# Standard deviations beyond which a fit holds only with a value that contradicts what is known: three, as for an
+# outlier of a normal law (p = 0.003).
+TOO_FAR = 3.0
+CERTIFIED = 2.0  # standard uncertainties of a certificate that its range is shown as (coverage factor 2)
+MOST_TOLD = 2  # operating variables that are named, in the model's order
+SHOWN = 1.0  # pulls below this are no news
+
+
+@dataclass(frozen=True)
+class Pull:
+    """One fitted value beside what was known of it.
+
+    Attributes
+    ----------
+    parameter : str
+    value : float
+    known : tuple of float
+        Range known beforehand, in `unit`.
+    pull : float
+        Standard deviations by which the value lies outside, with its sign.
+    at_bound : bool
+        The value rests on an end of its domain that lies outside the range: the data would go further.
+    """
+
+    parameter: str
+    value: float
+    known: tuple[float, float]
+    unit: str
+    pull: float
+    at_bound: bool
+
+    @property
+    def too_far(self) -> bool:
+        """Whether the fit contradicts what is known."""
+        return abs(self.pull) > TOO_FAR or self.at_bound
+
+    @property
+    def text(self) -> str:
+        """``mu = 0.22, known 0.01 to 0.12``."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        low, high = self.known
+        known = (
+            f"{low:.3g} to {high:.3g}"
+            if np.isfinite([low, high]).all()
+            else (f"above {low:.3g}" if np.isfinite(low) else f"below {high:.3g}")
+        )
+        bound = ", at the end of its domain" if self.at_bound else ""
+        return f"{self.parameter} = {self.value:.2g}{unit}, known {known}{unit}{bound}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "parameter": self.parameter,
+            "value": self.value,
+            "known": list(self.known),
+            "pull": self.pull,
+            "unit": self.unit,
+            "at_bound": self.at_bound,
+        }
+
+
+def pulls(refit: Refit) -> tuple[Pull, ...]:
+    """Every value outside of what was known of it, the worst first."""
+    found = [_pull(refit, name) for name in refit.fit.names]
+    return tuple(sorted((p for p in found if abs(p.pull) > 0 or p.at_bound), key=_worst_first))
+
+
+def too_far(refit: Refit, base: Refit) -> tuple[Pull, ...]:
+    """Values that contradict what is known, worst first.
+
+    Of a base parameter beside added effects, what the form of their equations may have pushed is taken off: what an
+    equation trusted to `FORM` of its trace leaves out has at most the length FORM sqrt(explained chi-square), and
+    moves no parameter of a least-squares fit by more standard errors than that.
+    """
+    by_form = FORM * float(np.sqrt(max(base.chi2 - refit.chi2, 0.0)))
+    own = {str(use) for use in refit.uses}
+    found = []
+    for pull in pulls(refit):
+        if pull.parameter.rpartition(".")[0] in own:
+            found += [pull] if pull.too_far else []
+            continue
+        tail = _tail(refit, pull.parameter, pull.pull)
+        pushed = by_form * refit.fit.standard_error(pull.parameter) / tail
+        found += [pull] if abs(pull.pull) - pushed > TOO_FAR or (pull.at_bound and not refit.uses) else []
+    return tuple(found)
+
+
+def stretched(refit: Refit) -> tuple[Pull, ...]:
+    """Own values of added effects that lie outside of what is known by more than their 95 % interval."""
+    own = {str(use) for use in refit.uses}
+    found = []
+    for pull in pulls(refit):
+        if pull.parameter.rpartition(".")[0] in own:
+            away = abs(pull.pull) * _tail(refit, pull.parameter, pull.pull)
+            error = refit.fit.standard_error(pull.parameter) * float(np.sqrt(refit.scale))
+            found += [pull] if away > CERTIFIED * error else []
+    return tuple(found)
+
+
+def shown(found: tuple[Pull, ...]) -> tuple[Pull, ...]:
+    """Those that a person is told of."""
+    return tuple(p for p in found if abs(p.pull) >= SHOWN or p.at_bound)
+
+
+def what_would_tell(refit: Refit) -> str:
+    """Operating variables of the model that the data hold at one value: varying them determines more.
+
+    ``a second load, a second viscosity``; empty where all vary.
+    """
+    problem = refit.problem
+    constant = []
+    for name, condition in problem.assembly.model.conditions.items():
+        if not condition.varies or condition.unit == "s":
+            continue
+        values = [o.conditions[name] for o in problem.observations if name in o.conditions]
+        if all(np.ptp(v) <= 1e-9 * np.max(np.abs(v), initial=0.0) for v in values):
+            constant.append(condition.column.rpartition("_")[0].replace("_", " ") or name)
+    return ", ".join(f"a second {name}" for name in constant[:MOST_TOLD])
+
+
+def _worst_first(pull: Pull) -> tuple[bool, float]:
+    return not pull.too_far, -abs(pull.pull)
+
+
+def _pull(refit: Refit, name: str) -> Pull:
+    problem, fit = refit.problem, refit.fit
+    plain = name.split("[")[0]
+    parameter = problem.assembly.parameters[plain]
+    value = float(fit.theta[fit.names.index(name)])
+    if plain in problem.priors:
+        mean, sd = problem.priors[plain]
+        known, pull = (mean - CERTIFIED * sd, mean + CERTIFIED * sd), (value - mean) / sd
+    else:
+        known = problem.plausible(plain)
+        pull = float(problem.pulls(fit.theta)[_place(refit, name)])
+    outside = not known[0] <= value <= known[1]
+    return Pull(
+        name, parameter.from_si(value), (parameter.from_si(known[0]), parameter.from_si(known[1])),
+        parameter.unit, pull, name in fit.at_bound and outside,
+    )  # fmt: skip
+
+
+def _place(refit: Refit, name: str) -> int:
+    """Number of a parameter's range among the ranges."""
+    problem = refit.problem
+    return problem.pseudo_rows[range_of(name)] - problem.n_data - problem.n_priors
+
+
+def _tail(refit: Refit, name: str, pull: float) -> float:
+    """Standard deviation of the tail, or of the certificate, that a value is in; SI."""
+    problem = refit.problem
+    plain = name.split("[")[0]
+    if plain in problem.priors:
+        return problem.priors[plain][1]
+    k = _place(refit, name)
+    return float((problem.known_ranges.below if pull < 0 else problem.known_ranges.above)[k])

@@ -1,0 +1,41 @@
+"""The statistics of the selection against independent references: Monte Carlo and refits."""
+
+import numpy as np
+import pytest
+
+from specan.study.estimation.projection import Projection
+from specan.study.selection import cross_validation
+from specan.study.selection.f_test import improvement_probability
+
+
+@pytest.mark.parametrize(("amplitudes", "noise_dof", "tolerated"), [(2, np.inf, 9.0), (3, 20.0, 12.0)])
+def test_what_is_tolerated_is_the_noncentrality(amplitudes, noise_dof, tolerated):
+    # Monte Carlo: q squared normal variables, the first shifted by root lambda, over the mean square of the noise.
+    rng = np.random.default_rng(3)
+    size = 400_000
+    z = rng.standard_normal((size, amplitudes))
+    z[:, 0] += np.sqrt(tolerated)
+    fall = np.sum(z**2, axis=1)
+    if np.isfinite(noise_dof):
+        fall = fall / (rng.chisquare(noise_dof, size) / noise_dof)
+    for quantile in (0.5, 0.95, 0.99):
+        value = float(np.quantile(fall, quantile))
+        told = improvement_probability(value, amplitudes, noise_dof=noise_dof, tolerated=tolerated)
+        assert told == pytest.approx(1 - quantile, rel=0.05)
+
+
+def test_a_left_out_block_is_predicted_as_by_a_refit_without_it():
+    # A block that holds nearly all that is known of one parameter: leverage 0.99.
+    rng = np.random.default_rng(4)
+    x = np.column_stack([np.ones(12), np.r_[10.0, np.full(11, 1.0) + 0.1 * np.arange(11)]])
+    y = x @ [1.0, 0.5] + rng.standard_normal(12)
+    block = np.array([0])
+    solution = np.linalg.lstsq(x, y, rcond=None)[0]
+    left = 1 - float(np.diag(x @ np.linalg.pinv(x))[0])
+    assert 1e-3 < left < 1e-1
+    rest = np.linalg.lstsq(x[1:], y[1:], rcond=None)[0]
+    variance = 1 + x[0] @ np.linalg.inv(x[1:].T @ x[1:]) @ x[0]
+    missed = y[0] - x[0] @ rest
+    want = missed**2 / variance + np.log(variance)
+    fit = Projection.of(x @ solution - y, x)
+    assert cross_validation.score(fit, [block]) == pytest.approx(want, rel=1e-6)
