@@ -5,7 +5,7 @@ import numpy as np
 from specan.models.quantity import quantity
 
 PHASES = 256  # places within a pitch at which the deflection is solved
-_ROUNDS = 30
+_HALVINGS, _NEWTON = 12, 4
 
 
 def _pairs(phase, meshes, relief):
@@ -29,12 +29,17 @@ def mesh_deflection(planet_load, contact_law, mesh_geometry, tip_relief):
     load = planet_load[:, None, :, None]
     low = np.zeros((*planet_load.shape[:1], 2, planet_load.shape[1], PHASES))
     high = low + (load / stiffness) ** (1 / exponent) + gap.min(axis=2)
-    for _ in range(_ROUNDS):  # bisection: the force rises with the approach
+    for _ in range(_HALVINGS):  # the force rises with the approach
         middle = 0.5 * (low + high)
         force = stiffness * np.sum(np.clip(middle[..., None, :] - gap, 0, None) ** exponent, axis=-2)
         below = force < load
         low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return 0.5 * (low + high)
+    for _ in range(_NEWTON):  # from above: the force is convex, no step passes the root
+        pressed = np.clip(high[..., None, :] - gap, 0, None)
+        soft = pressed ** (exponent - 1.0) * (pressed > 0)
+        excess = stiffness * np.sum(pressed * soft, axis=-2) - load
+        high = high - np.maximum(excess, 0.0) / (exponent * stiffness * np.sum(soft, axis=-2))
+    return high
 
 
 @quantity(unit="N/m", axes=("planet",))
