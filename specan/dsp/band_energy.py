@@ -158,7 +158,8 @@ class BandEnergy:
             self._sum += transform[:, 0].real
         if stage not in self._spectra:
             self._spectra[stage] = LagSpectrum(self._rows, LENGTH)
-        self._spectra[stage].add(transform, None if self._ends is None else self._ends.of(stage, block, half))
+        end = None if self._ends is None else self._ends.of(stage, block, half)
+        self._spectra[stage].add(transform, end, block.shape[1])
 
     def result(self) -> EnergySpectrum:
         """The energy spectrum; call it once, after the transform is finished."""
