@@ -14,11 +14,16 @@ from specan.data.recording import Channel
 from specan.dsp import bands
 from specan.dsp.band_energy import EnergySpectrum
 from specan.dsp.band_history import Histories
+from specan.dsp.record_ends import Fade
 from specan.dsp.weighting import WEIGHTINGS, Weighting, power_weighting
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
 
 Real = NDArray[np.float64]
 
+LEAST_FADE_CYCLES = 2.0
+"""A fade spreads a line over 1 / fade. Bands narrower than 2 / fade would see more of a neighbouring line than the
+skirts of their filters let through (the class 1 limits of IEC 61260-1 are passed by tones that are themselves faded over
+2 / bandwidth): in these the ends are counted."""
 LINEAR_SETTLING = {
     "left-out": "about the mean; the section is faded in and out over an eighth of it, 0.5 s at most, so that the cut "
     "at its ends is left out",
@@ -91,9 +96,13 @@ def band_levels(
     counted, left_out = (
         _levels_of(each, channels, settings, index) for each in (spectrum, spectrum.between_ends())
     )
-    averaged = duration
+    narrow = (upper - lower) * Fade.of(spectrum.n_samples, spectrum.sampling_rate).samples < (
+        LEAST_FADE_CYCLES * spectrum.sampling_rate
+    )
+    left_out = (np.where(narrow, counted[0], left_out[0]), left_out[1])
+    averaged = np.full(index.size, duration)
     if settings.settling == "left-out" and spectrum.inner is not None:
-        averaged = spectrum.independent / spectrum.sampling_rate
+        averaged[~narrow] = spectrum.independent / spectrum.sampling_rate
     shown, other = (counted, left_out) if settings.settling == "counted" else (left_out, counted)
     return BandLevels(
         **_common(index, channels, settings, label, file_flags, quality, notes),

@@ -192,7 +192,9 @@ class Study:
 
         def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
             return [
-                DataFile(names[e.file], self.directory / e.file, e.estimator, e.conditions, self.content.columns)
+                DataFile(
+                    names[e.file], self.directory / e.file, e.estimator, e.conditions, self.content.columns
+                )
                 for e in entries
                 if e.kind == kind
             ]

@@ -33,7 +33,8 @@ def by_order_family(problem: Problem, best: Fit) -> Localisation:
     blocks = [_block(algebra, lines, where, rows) for where, rows in _places(lines.labels)]
     passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = sorted(
-        (replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)), key=lambda b: b.p_value
+        (replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)),
+        key=lambda b: b.p_value,
     )
     fails = [b for b in marked if b.significant and set(b.where) == {"orders"}]
     whole = [b for b in marked if set(b.where) == {"orders"}]
@@ -85,7 +86,11 @@ def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], ND
             levels = np.unique(values).tolist()
             if name == "orders" or len(levels) < 2:
                 continue
-            found += [({"orders": family, name: v}, mine & (values == v)) for v in levels if np.any(mine & (values == v))]
+            found += [
+                ({"orders": family, name: v}, mine & (values == v))
+                for v in levels
+                if np.any(mine & (values == v))
+            ]
     return found
 
 
