@@ -11,7 +11,7 @@ from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
 from specan_cli.output_file import OutputFile, say_written, to_standard_output
-from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.recording_input import fed, given, opening_options, say_notes, section_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
@@ -98,8 +98,7 @@ def command(
     specan octave sample_data/recordings/knock.tdms --averaging fast --plot history.png --history
     """
     from specan.analysis.background import without_background
-    from specan.analysis.octave import Octave
-    from specan.analysis.quality import Watched
+    from specan.analysis.octave import Octave, joined_levels
     from specan.errors import RequestError
     from specan.io.open import open_recording
     from specan.schema import parse
@@ -119,9 +118,7 @@ def command(
         )
     known = {"channel_table": channel_table, "calibration": calibration, "sampling_rate": sampling_rate}
     recording = open_recording(file, **known)
-    analysis = Watched(settings.accumulator(recording))
-    feed(analysis, recording)
-    found = analysis.result()
+    found = joined_levels([fed(part, recording) for part in settings.groups(recording)])
     if background is not None:
         whole = settings.model_copy(update={"start_s": 0.0, "stop_s": None})
         found = without_background(found, whole(open_recording(background, **known)))

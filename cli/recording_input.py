@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from specan.data.recording import Channel, Recording
 
+Found = TypeVar("Found", covariant=True)
 _LONG_SAMPLES = 50_000_000  # some seconds of work
 
 
@@ -62,6 +63,14 @@ class Accumulator(Protocol):
         ...
 
 
+class Analysis(Accumulator, Protocol[Found]):
+    """One that has a result."""
+
+    def result(self) -> Found:
+        """What was found."""
+        ...
+
+
 def feed(accumulator: Accumulator, recording: Recording, piece: int = 1 << 16) -> None:
     """Read the section once; a bar on a terminal where it takes some time."""
     total = accumulator.stop - accumulator.start
@@ -75,6 +84,12 @@ def feed(accumulator: Accumulator, recording: Recording, piece: int = 1 << 16) -
         for samples in recording.blocks(accumulator.channels, piece, accumulator.start, accumulator.stop):
             accumulator.add(samples)
             bar.update(samples.shape[1])
+
+
+def fed(accumulator: Analysis[Found], recording: Recording) -> Found:
+    """The result of an analysis that `feed` has given the section."""
+    feed(accumulator, recording)
+    return accumulator.result()
 
 
 def say_notes(notes: tuple[str, ...], flags: dict[str, tuple[str, ...]]) -> None:

@@ -11,7 +11,7 @@ from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
 from specan_cli.output_file import OutputFile, say_written, to_standard_output
-from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.recording_input import fed, given, opening_options, say_notes, section_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def command(
     \b
     specan rms sample_data/recordings/knock.tdms --averaging slow
     """
-    from specan.analysis.levels import Levels
+    from specan.analysis.levels import Levels, joined_values
     from specan.io.open import open_recording
     from specan.schema import parse
 
@@ -74,9 +74,7 @@ def command(
     recording = open_recording(
         file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )
-    accumulator = settings.accumulator(recording)
-    feed(accumulator, recording)
-    found = accumulator.result()
+    found = joined_values([fed(part, recording) for part in settings.groups(recording)])
     if plot is not None:
         from specan.report.figure_style import save_figure
         from specan.report.figures_levels import figure_levels

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -80,7 +81,8 @@ def expand(paths: Sequence[Path]) -> list[Found]:
 
     found: list[Found] = []
     for path in paths:
-        inside = find_recordings([path]) if path.is_dir() else [Found(path, path.name)]
+        # os.path: Path.is_dir raises where a name is too long for the file system.
+        inside = find_recordings([path]) if os.path.isdir(path) else [Found(path, path.name)]
         if not inside:
             raise RequestError(f"the directory {path} holds no recording", expected="*.tdms or *.wav in it")
         found += inside

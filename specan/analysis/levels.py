@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from typing import Annotated, Literal
 
 import numpy as np
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.band_results import LINEAR_SETTLING, level, quality_flags
+from specan.analysis.channel_groups import joined, slices
 from specan.analysis.quality import BLOCK, QualityAccumulator
 from specan.analysis.section import constant_part, of_one_rate, section
 from specan.data.levels import SignalLevels
@@ -75,12 +78,19 @@ class Levels(Settings):
         """For a pass over the recording that serves several analyses."""
         return LevelsAccumulator(recording, self)
 
+    def groups(self, recording: Recording) -> Iterator[LevelsAccumulator]:
+        """The same for a few channels at a time, for passes one after the other; see `joined_values`."""
+        for few in slices(len(of_one_rate(recording, self.channels)[0])):
+            yield LevelsAccumulator(recording, self, few)
+
     def __call__(self, recording: Recording) -> SignalLevels:
-        """Read the recording once and return the values."""
-        accumulator = self.accumulator(recording)
-        for samples in recording.blocks(accumulator.channels, BLOCK, accumulator.start, accumulator.stop):
-            accumulator.add(samples)
-        return accumulator.result()
+        """Read the recording (once in 32 channels) and return the values."""
+        found = []
+        for part in self.groups(recording):
+            for samples in recording.blocks(part.channels, BLOCK, part.start, part.stop):
+                part.add(samples)
+            found.append(part.result())
+        return joined_values(found)
 
 
 class LevelsAccumulator:
@@ -89,10 +99,12 @@ class LevelsAccumulator:
     Channels are taken as they were measured: a displacement is not made a velocity here.
     """
 
-    def __init__(self, recording: Recording, settings: Levels) -> None:
+    def __init__(self, recording: Recording, settings: Levels, few: slice = slice(None)) -> None:
         self.recording, self.settings = recording, settings
-        self.channels, self.notes = of_one_rate(recording, settings.channels)
-        self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
+        chosen, self.notes = of_one_rate(recording, settings.channels)
+        # The section is that of all the channels that were chosen.
+        self.start, self.stop = section(recording, chosen, settings.start_s, settings.stop_s)
+        self.channels = chosen[few]
         self.sampling_rate = self.channels[0].sampling_rate
         self.duration = (self.stop - self.start) / self.sampling_rate
         self._pressure = np.array([channel.unit == "Pa" for channel in self.channels])
@@ -191,3 +203,19 @@ class LevelsAccumulator:
         if channel.unit == "m/s" and self.settings.velocity_reference == "50 nm/s":
             return VELOCITY_50_NM_S
         return level_reference(channel.unit)
+
+
+def joined_values(parts: Sequence[SignalLevels]) -> SignalLevels:
+    """The values of groups of channels as one result."""
+    alike = {
+        "label",
+        "weighting",
+        "averaging",
+        "start_s",
+        "duration_s",
+        "sampling_rate",
+        "settling",
+        "notes",
+        "settings",
+    }
+    return joined(parts, [field.name for field in fields(SignalLevels) if field.name not in alike])

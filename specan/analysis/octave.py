@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from specan.analysis.band_results import band_levels, weighted_levels
+from specan.analysis.channel_groups import joined, slices
 from specan.analysis.quality import Watched
 from specan.analysis.section import constant_part, of_one_rate, section
 from specan.data.band_levels import BandLevels
@@ -131,9 +132,14 @@ class Octave(Settings):
         """For a pass over the recording that serves several analyses."""
         return OctaveAccumulator(recording, self)
 
+    def groups(self, recording: Recording) -> Iterator[Watched[BandLevels]]:
+        """The same for a few channels at a time, for passes one after the other; see `joined_levels`."""
+        for few in slices(len(_weightable(recording, self)[0])):
+            yield Watched(OctaveAccumulator(recording, self, few))
+
     def __call__(self, recording: Recording) -> BandLevels:
-        """Read the recording once and return the band levels."""
-        return Watched(self.accumulator(recording)).over(recording)
+        """Read the recording (once in 32 channels) and return the band levels."""
+        return joined_levels([part.over(recording) for part in self.groups(recording)])
 
     def bands(self, sampling_rate: float) -> NDArray[np.int64]:
         """Numbers of the bands; see `specan.dsp.bands`.
@@ -167,6 +173,11 @@ class Octave(Settings):
 class OctaveAccumulator:
     """Takes the samples of `channels` from `start` to `stop` in pieces of any length.
 
+    Parameters
+    ----------
+    few : slice
+        Which of the chosen channels.
+
     Raises
     ------
     RequestError
@@ -175,10 +186,14 @@ class OctaveAccumulator:
         No channel has samples.
     """
 
-    def __init__(self, recording: Recording, settings: Octave) -> None:
+    def __init__(self, recording: Recording, settings: Octave, few: slice = slice(None)) -> None:
         self.recording, self.settings = recording, settings
-        self.channels, self.notes = _weightable(recording, settings)
-        self.start, self.stop = section(recording, self.channels, settings.start_s, settings.stop_s)
+        chosen, self.notes = _weightable(recording, settings)
+        # The section and the weightings are those of all the channels that were chosen.
+        self.start, self.stop = section(recording, chosen, settings.start_s, settings.stop_s)
+        pressure = any(channel.target_unit == "Pa" for channel in chosen)
+        self._overall = WEIGHTINGS if pressure else ("Z",)
+        self.channels = chosen[few]
         self.sampling_rate = self.channels[0].sampling_rate
         self.bands = settings.bands(self.sampling_rate)
         self._at_work: BandEnergyAccumulator | BandHistoryAccumulator
@@ -191,8 +206,6 @@ class OctaveAccumulator:
 
     def _history(self) -> BandHistoryAccumulator:
         settings, n = self.settings, self.stop - self.start
-        pressure = any(channel.target_unit == "Pa" for channel in self.channels)
-        self._overall = WEIGHTINGS if pressure else ("Z",)
         filters = [band_filter(int(k), settings.fraction, settings.weighting) for k in self.bands]
         filters += [weighting_filter(weighting) for weighting in self._overall]
         self._duration = n / self.sampling_rate
@@ -253,6 +266,22 @@ class OctaveAccumulator:
             quality=quality,
             notes=self.notes,
         )
+
+
+def joined_levels(parts: Sequence[BandLevels]) -> BandLevels:
+    """The band levels of groups of channels as one result."""
+    names = (
+        "channels",
+        "groups",
+        "units",
+        "references",
+        "level_db",
+        "overall_db",
+        "flags",
+        "history",
+        "other",
+    )
+    return joined(parts, names)
 
 
 def _weightable(recording: Recording, settings: Octave) -> tuple[tuple[Channel, ...], tuple[str, ...]]:

@@ -26,6 +26,10 @@ _LEAST_CORRELATION = 0.15
 # Times the noise that the mean of about five lags and sections must exceed: chance does so in 2 of 100 cases
 # (chi-square of 10 degrees of freedom).
 _ABOVE_NOISE = 3.0
+# The same for longer blocks: their noise is that of fewer averages and, at lags beyond a short block, counts
+# wholly. What chance brings is then up to ten times as large as the noise of the short blocks lets it be; it
+# is one to two orders of magnitude rarer at 4 than at 3.
+_ABOVE_NOISE_OF_LONGER = 4.0
 
 
 def leakage_bias(response: Complex, variance: Real, window_name: WindowName, ratio: int = 1) -> Complex:
@@ -76,8 +80,9 @@ def leakage_bias(response: Complex, variance: Real, window_name: WindowName, rat
     lags = np.fft.ifft(sections * bell, axis=-1)
     floor = np.mean(noise * bell**2, axis=-1, keepdims=True) / size
     energy = _neighbours(_neighbours(np.abs(lags) ** 2, -1, circular=True), -2, circular=False)
+    threshold = _ABOVE_NOISE if ratio == 1 else _ABOVE_NOISE_OF_LONGER
     with np.errstate(divide="ignore", invalid="ignore"):
-        above = np.sqrt(np.nan_to_num(np.maximum(1 - _ABOVE_NOISE * floor / energy, 0.0)))
+        above = np.sqrt(np.nan_to_num(np.maximum(1 - threshold * floor / energy, 0.0)))
     back = np.fft.fft(lags * above * lost, axis=-1)
     found = np.zeros((*response.shape[:-1], (count + 1) * hop), dtype=complex)
     for k in range(count):

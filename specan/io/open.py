@@ -122,8 +122,8 @@ def find_recordings(directories: Sequence[Path | str]) -> list[Found]:
     found = []
     prefixes = _prefixes([Path(d) for d in directories])
     for directory, prefix in zip(map(Path, directories), prefixes, strict=True):
-        if not directory.is_dir():
-            what = "is a file" if directory.exists() else "does not exist"
+        if not os.path.isdir(directory):  # Path.is_dir raises where a name is too long
+            what = "is a file" if os.path.exists(directory) else "does not exist"
             raise RequestError(f"the directory {directory} {what}", remedy="name a directory of recordings")
         found += [Found(path, prefix + path.relative_to(directory).as_posix()) for path in _below(directory)]
     return sorted(found, key=lambda f: f.label)

@@ -93,7 +93,7 @@ def check_output(path: Path, inputs: Iterable[Path] = (), *, force: bool = False
         )
     if not force and not written_by_specan(path):
         raise RequestError(
-            f"{path} exists and was not written by specan",
+            f"{path} exists and does not say that specan wrote it",
             remedy="choose another file, or replace it with --force",
         )
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from specan.analysis.levels import Levels
+from specan.analysis.octave import Octave
 from specan.data.levels import SignalLevels
 from specan.data.recording import ArraySource, Channel, Recording
 
@@ -100,3 +101,32 @@ def test_a_section_shorter_than_the_time_weighting_has_no_percentiles() -> None:
     assert np.isnan(found.minimum_db[0])
     assert np.isfinite(found.maximum_db[0])
     assert (found.start_s, found.duration_s) == (1.0, 0.5)
+
+
+def test_many_channels_are_analysed_in_groups_that_change_nothing():
+    """34 channels in groups of 32, the last one shorter: the same section, and bit for bit what one pass gives."""
+    rng, lengths = np.random.default_rng(8), [8000] * 33 + [7500]
+    channels = tuple(
+        Channel(f"c {k}", unit="Pa" if k == 33 else "V", sampling_rate=8000.0, n_samples=n)
+        for k, n in enumerate(lengths)
+    )
+    source = Recording("r", channels, ArraySource([rng.standard_normal(n) for n in lengths]))
+    single = Levels().accumulator(source)
+    single.add(source.read(channels, 0, 7500))
+    whole, parts = single.result(), Levels()(source)
+    assert parts.channels == whole.channels
+    assert parts.duration_s == whole.duration_s == 7500 / 8000
+    assert parts.percentile_db.keys() == whole.percentile_db.keys()
+    assert np.array_equal(parts.percentile_db[50.0], whole.percentile_db[50.0], equal_nan=True)
+    for name in ("rms", "peak", "crest_factor", "maximum_db"):
+        assert np.array_equal(getattr(parts, name), getattr(whole, name))
+    for averaging, fmin in (("linear", 100), ("fast", 1000)):
+        octave = Octave(averaging=averaging, fmin=fmin)
+        at_once = octave.accumulator(source)
+        at_once.add(source.read(channels, 0, 7500))
+        found, expected = octave(source), at_once.result()
+        assert found.channels == expected.channels
+        assert found.overall_db.keys() == expected.overall_db.keys()
+        assert np.array_equal(found.level_db, expected.level_db)
+        assert np.array_equal(found.overall_db["A"], expected.overall_db["A"], equal_nan=True)
+        assert found.level_db.shape[0] == len(found.flags) == 34

@@ -169,7 +169,8 @@ def test_a_motor_beside_two_analysers() -> None:
     left_out = Octave(**settings)(motor)
     low, middle = counted.nominal_hz <= 250, counted.nominal_hz <= 800
     away = counted.level_db[0] - 120.0 - dewesoft
-    # Dewesoft keeps the constant part of the record, -0.5 m/s^2, which is taken off here.
+    # Dewesoft keeps the constant part of the record, -0.5 m/s^2, which is taken off here: its cut at the ends is in one
+    # result and not in the other. Like with like, with the constant kept, the two are within 0.12 dB.
     assert np.abs(away[low]).max() < 0.15
     plain = BandEnergyAccumulator(1, RATE)
     plain.add(samples[None])

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from specan.errors import InputError, RequestError
 from specan_cli.info import command
+from specan_cli.main import main
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "io"))
 import tdms_bytes as tb
@@ -160,3 +161,10 @@ def test_time_stamps_of_properties_are_text(tmp_path):
     tb.write(path, [("c", np.zeros(300), {"wf_increment": 0.001, "wf_start_time": when})])
     content = json.loads(run(path, "--json").output)
     assert content["files"][0]["channels"][0]["properties"]["wf_start_time"].startswith("2012-03-14T09:30:00")
+
+
+@pytest.mark.parametrize("verb", [("info",), ("batch", "-o", "out")])
+def test_a_name_too_long_for_the_file_system_is_no_fault_of_specan(verb, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = CliRunner().invoke(main, [verb[0], "a" * 300 + ".tdms", *verb[1:]])
+    assert isinstance(found.exception, InputError | RequestError)

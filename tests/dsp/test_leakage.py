@@ -54,6 +54,17 @@ def test_noise_is_not_taken_for_leakage():
     assert rms(found) < 0.25 * rms(noise)  # adds 3 % to an uncertainty
 
 
+def test_noise_of_a_few_long_blocks_is_not_taken_for_leakage():
+    """What longer blocks show is judged beside the noise of the short ones, of which there are eight times as many."""
+    rng = np.random.default_rng(4)
+    noise = rng.standard_normal((20, 8 * LINES, 2)) @ [1, 1j] * 0.1
+    found = leakage_bias(1 + noise, np.full((20, 8 * LINES), 0.02), "hann", 8)
+    assert rms(found) < 0.35 * rms(noise) / np.sqrt(8)  # adds 6 % to an uncertainty
+    echo = 0.1 * np.exp(-2j * np.pi * np.arange(1, 8 * LINES + 1) * 2.5 / 8)  # 3 dB below the noise of a line
+    seen_echo = leakage_bias(1 + noise + echo, np.full((20, 8 * LINES), 0.02), "hann", 8)
+    assert 0.6 < rms(seen_echo) / 0.1 < 2.0
+
+
 def test_lines_that_are_unknown_count_as_zero():
     response = np.ones(LINES, dtype=complex)
     response[7] = np.nan

@@ -16,6 +16,7 @@ from specan.analysis.batch.result import FileResult, Kind
 from specan.analysis.batch.rms_pass import RmsPass
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.tone_lines import tone_lines, with_flags
+from specan.analysis.channel_groups import AT_ONCE
 from specan.analysis.excitation import recognise
 from specan.analysis.octave import Octave, OctaveAccumulator
 from specan.analysis.quality import QualityAccumulator
@@ -29,9 +30,6 @@ from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.open import open_recording
 
 Made = TypeVar("Made")
-# Channels whose bands are found together. A channel takes up to 8 MB for its lags and transforms at every stage of
-# decimation; the bands of one do not depend on the others.
-AT_ONCE = 32
 
 
 class QualityPass:
