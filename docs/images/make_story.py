@@ -22,13 +22,22 @@ from specan.study.study import Study
 HERE = Path(__file__).parent
 BENCH = HERE.parents[1] / "sample_data" / "worm_gear" / "study" / "bench"
 HELD_OUT = "torque=50"
-STEPS = ("tooth-friction", "bearing-friction", "churning")  # the model's own effects; then what the diagnosis names
+STEPS = (
+    "tooth-friction",
+    "bearing-friction",
+    "churning",
+)  # the model's own effects; then what the diagnosis names
 
 
 def steps(directory: Path) -> Iterator[tuple[str, Study]]:
     """The study after each step: an ideal gear, the model's own effects, the effect that the diagnosis names."""
     study = begin(
-        directory, "worm-gear", BENCH / "rig.toml", [BENCH / "measurement.csv"], hold_out=[HELD_OUT], effects=()
+        directory,
+        "worm-gear",
+        BENCH / "rig.toml",
+        [BENCH / "measurement.csv"],
+        hold_out=[HELD_OUT],
+        effects=(),
     ).study
     yield "ideal gear", study
     for name in STEPS:
@@ -89,10 +98,21 @@ def draw(drawn: dict[str, Any], path: Path) -> None:
         for k, (level, colour) in enumerate(zip(levels, COLOURS, strict=False)):
             mine = temperature == level
             shift = (k - (levels.size - 1) / 2) * 60  # side by side, to be told apart
-            axes.plot(speed[mine] + shift, np.array(residual)[mine], "o", ms=3, color=colour, label=f"{level:g}")
+            axes.plot(
+                speed[mine] + shift, np.array(residual)[mine], "o", ms=3, color=colour, label=f"{level:g}"
+            )
         axes.set(xlabel="speed / rpm", ylim=(-span, span), title=title)
     first.set_ylabel("model - measured / mN m")
-    second.legend(title="oil temperature / °C", fontsize="small", title_fontsize="small", ncols=3, loc="upper center", frameon=False, columnspacing=0.8, handletextpad=0.1)
+    second.legend(
+        title="oil temperature / °C",
+        fontsize="small",
+        title_fontsize="small",
+        ncols=3,
+        loc="upper center",
+        frameon=False,
+        columnspacing=0.8,
+        handletextpad=0.1,
+    )
     errors = np.array(drawn["held_out_N_m"]) * 1e3
     at = np.arange(errors.size)
     colours = ["0.65"] * (errors.size - 1) + [COLOURS[1]]
@@ -114,6 +134,7 @@ if __name__ == "__main__":
     found = numbers()
     draw(found, HERE / "story.svg")
     rounded = {
-        key: np.round(value, 4).tolist() if isinstance(value[0], float | list) else value for key, value in found.items()
+        key: np.round(value, 4).tolist() if isinstance(value[0], float | list) else value
+        for key, value in found.items()
     }
     (HERE / "story.json").write_text(json.dumps(rounded) + "\n", encoding="utf-8")
