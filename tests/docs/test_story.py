@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ def test_the_numbers_that_are_drawn_are_those_of_today() -> None:
 def test_the_picture_tells_the_story() -> None:
     drawn = json.loads((IMAGES / "story.json").read_text(encoding="utf-8"))
     errors, (before, after) = drawn["held_out_N_m"], np.array(drawn["residual_mN_m"])
-    assert all(later < earlier for earlier, later in zip(errors, errors[1:], strict=False))
+    assert all(later < earlier for earlier, later in pairwise(errors))
     assert np.std(after) < np.std(before) / 3
     picture = IMAGES / "story.svg"
     assert picture.stat().st_size < 150_000
