@@ -1,6 +1,6 @@
 """Draws `story.svg`, the picture of the README: a gear bench, what its model lacks, and the error once that is added.
 
-Run ``python docs/images/make_story.py`` from an environment in which specan is installed. The numbers that are drawn are
+Run ``python docs/images/make_story.py`` where specan is installed. The numbers that are drawn are
 written beside the picture (`story.json`); a test computes them anew and compares.
 """
 
