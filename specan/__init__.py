@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # for type checkers and editors: the same names as in `_PLACE
     from specan.models import quantity as quantity
     from specan.models.catalogue import load_model as load_model
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _PLACES = {
     "specan.api.recordings": (

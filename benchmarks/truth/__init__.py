@@ -1,1 +1,4 @@
-"""Truth simulators that share no formula with the models."""
+"""Truth simulators that share no formula with the models.
+
+Decisions: docs/decisions/simulators.md.
+"""

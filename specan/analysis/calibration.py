@@ -1,4 +1,7 @@
-"""From calibrator recordings to a calibration: insertions joined, uncertainties, and a verdict per channel."""
+"""From calibrator recordings to a calibration: insertions joined, uncertainties, and a verdict per channel.
+
+Decisions: docs/decisions/calibration.md.
+"""
 
 from __future__ import annotations
 

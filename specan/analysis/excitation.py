@@ -1,4 +1,7 @@
-"""Sine, noise, sweep or steps: recognised from the user, the file's properties, the generator or the vibrometer."""
+"""Sine, noise, sweep or steps: recognised from the user, the file's properties, the generator or the vibrometer.
+
+Decisions: docs/decisions/recognition.md.
+"""
 
 from __future__ import annotations
 

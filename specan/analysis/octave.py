@@ -1,4 +1,7 @@
-"""Band levels: fractional octaves, frequency weightings, averaging."""
+"""Band levels: fractional octaves, frequency weightings, averaging.
+
+Decisions: docs/decisions/bands.md.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """A first look at a recording: delays of the responses, how long they ring, and what blocks take from them.
 
-See docs/decisions/0038-lines-by-the-length-of-the-response.md.
+See docs/decisions/leakage.md.
 """
 
 from __future__ import annotations

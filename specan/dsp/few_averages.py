@@ -1,6 +1,6 @@
 """What few averages do to a stated uncertainty: Student's factor, and the scatter of a level in dB.
 
-See docs/decisions/0039-uncertainties-from-few-averages.md.
+See docs/decisions/spectra.md.
 """
 
 from __future__ import annotations

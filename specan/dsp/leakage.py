@@ -1,6 +1,6 @@
 """Bias of a transfer function whose response outlasts the block: how large it is, line by line.
 
-See docs/decisions/0038-lines-by-the-length-of-the-response.md.
+See docs/decisions/leakage.md.
 """
 
 from __future__ import annotations

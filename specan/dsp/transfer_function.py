@@ -1,4 +1,7 @@
-"""Transfer functions from averaged spectra: H1, H2, Hv, the three-channel estimator, and what each line is worth."""
+"""Transfer functions from averaged spectra: H1, H2, Hv, the three-channel estimator, and what each line is worth.
+
+Decisions: docs/decisions/spectra.md.
+"""
 
 from __future__ import annotations
 

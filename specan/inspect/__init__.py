@@ -1,1 +1,4 @@
-"""The interactive page: one recording, or one study, in the browser of this machine."""
+"""The interactive page: one recording, or one study, in the browser of this machine.
+
+Decisions: docs/decisions/page.md.
+"""

@@ -1,1 +1,4 @@
-"""Files to data and back, one file per format; headers first, samples on demand."""
+"""Files to data and back, one file per format; headers first, samples on demand.
+
+Decisions: docs/decisions/reading.md.
+"""

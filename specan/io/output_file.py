@@ -1,7 +1,7 @@
 """The one way in which a file is written: as a whole or not at all, and never over what cannot be made again.
 
 A recording is never replaced. Other files that specan did not write are replaced only when the user says so:
-a slip of tab completion must not cost a measurement. See docs/decisions/0044.
+a slip of tab completion must not cost a measurement. See docs/decisions/batch.md.
 """
 
 from __future__ import annotations

@@ -1,1 +1,4 @@
-"""The main job: a directory of recordings in, tables of results out."""
+"""The main job: a directory of recordings in, tables of results out.
+
+Decisions: docs/decisions/batch.md.
+"""

@@ -1,4 +1,7 @@
-"""A batch from its directories to its tables."""
+"""A batch from its directories to its tables.
+
+Decisions: docs/decisions/batch.md.
+"""
 
 from __future__ import annotations
 

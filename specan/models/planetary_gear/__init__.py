@@ -1,4 +1,7 @@
-"""A planetary gear with a fixed ring: meshing forces in time, order lines of the ring's acceleration."""
+"""A planetary gear with a fixed ring: meshing forces in time, order lines of the ring's acceleration.
+
+Decisions: docs/decisions/orders_and_gears.md.
+"""
 
 from specan.models.planetary_gear.build import build
 from specan.models.planetary_gear.example import EXAMPLE_RIG

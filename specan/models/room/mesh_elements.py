@@ -1,4 +1,7 @@
-"""Finite elements on tetrahedra with flat faces: Lagrange polynomials of any degree, integrated exactly."""
+"""Finite elements on tetrahedra with flat faces: Lagrange polynomials of any degree, integrated exactly.
+
+Decisions: docs/decisions/mesh.md.
+"""
 
 from __future__ import annotations
 

@@ -8,6 +8,8 @@ The finite-element solution ``(K - k^2 M + j k sum_w beta_w B_w) p = s`` is proj
 
 Both are made orthonormal by Ritz's method, so that the projected stiffness and mass are diagonal. What a
 source has beyond (its near field) is added for rigid walls, as a polynomial in ``k^2``.
+
+Decisions: docs/decisions/mesh.md.
 """
 
 from __future__ import annotations

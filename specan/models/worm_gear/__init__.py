@@ -1,4 +1,7 @@
-"""The worm gear: losses of tooth engagement, bearings and oil, and what instruments indicate of them."""
+"""The worm gear: losses of tooth engagement, bearings and oil, and what instruments indicate of them.
+
+Decisions: docs/decisions/worm_gear.md.
+"""
 
 from specan.models.worm_gear.build import build
 from specan.models.worm_gear.example import EXAMPLE_RIG

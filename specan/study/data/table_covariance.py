@@ -5,6 +5,8 @@ zero of a sensor) is not in it: those are nuisance parameters with a prior. Repe
 each time hold reading and setting together and are believed first; back-to-back repeats hold the reading
 only, so that the setting's scatter must come from the rig file - taken for the whole, they would make
 every model fail. A condition that was read and stands in the table is known, however it scatters.
+
+Decisions: docs/decisions/covariance.md.
 """
 
 from __future__ import annotations

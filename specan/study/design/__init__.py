@@ -1,1 +1,4 @@
-"""Which measurement to make next."""
+"""Which measurement to make next.
+
+Decisions: docs/decisions/localisation.md.
+"""

@@ -1,1 +1,4 @@
-"""Fitting a model to observations: least squares, starting values, intervals."""
+"""Fitting a model to observations: least squares, starting values, intervals.
+
+Decisions: docs/decisions/fits.md.
+"""

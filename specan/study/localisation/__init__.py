@@ -1,1 +1,4 @@
-"""Where a model fails."""
+"""Where a model fails.
+
+Decisions: docs/decisions/localisation.md.
+"""

@@ -1,1 +1,4 @@
-"""Which effects a model is missing: score tests, refits, acceptance, alternatives."""
+"""Which effects a model is missing: score tests, refits, acceptance, alternatives.
+
+Decisions: docs/decisions/selection.md.
+"""
