@@ -166,7 +166,7 @@ def test_an_installed_package_brings_a_kind_of_measurement(monkeypatch, place):
             return path.read_bytes().startswith(b"ORDERS")
 
     class Point:
-        name = "orders"
+        name = "strain"
 
         def load(self):
             return Orders
@@ -175,11 +175,11 @@ def test_an_installed_package_brings_a_kind_of_measurement(monkeypatch, place):
     model = load_model(SPRING, {})
     both = replace(
         model,
-        observables={**model.observables, "line": Observable("line", "stretch", "m", "Line.", kind="orders")},
+        observables={**model.observables, "line": Observable("line", "stretch", "m", "Line.", kind="strain")},
     )
     (place / "a.csv").write_bytes(b"ORDERS\0\1")
-    assert both.kinds == ("table", "orders")
-    assert kind_of(place / "a.csv", both) == "orders"
+    assert both.kinds == ("table", "strain")
+    assert kind_of(place / "a.csv", both) == "strain"
     assert kind_of(place / "spring.csv", both) == "table"
     with pytest.raises(RequestError, match="is no kind of file"):
         kind_of(place / "a.csv", model)

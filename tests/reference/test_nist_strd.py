@@ -1,4 +1,4 @@
-"""A fit against certified values: Misra1a of NIST's Statistical Reference Datasets (public domain), a nonlinear regression."""
+"""A fit against certified values: Misra1a of the Statistical Reference Datasets of NIST (public domain)."""
 
 import numpy as np
 import pytest

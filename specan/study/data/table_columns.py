@@ -20,7 +20,7 @@ MARKS = ("repeat", "setup")
 _WITH_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<a>[^]]*)\]|\((?P<b>[^)]*)\)|\s/\s*(?P<c>.+))\s*$")
 
 
-_PER_SECOND = ("1/s", "s^-1", "s-1", "hz")  # a speed in them is off by 2 pi in one reading or the other
+_PER_SECOND = ("1/s", "s^-1", "s-1", "hz")  # turns or radians: a factor of 2 pi
 
 
 @dataclass(eq=False)
