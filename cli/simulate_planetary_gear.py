@@ -152,7 +152,9 @@ def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     for name, amplitude in zip(model.axes["sensor"], lines, strict=True):
         names.append(name)
         volts.append(1e-3 * sensitivity * (amplitude @ waves).real + noise())
-        described.append({"QuantityUnit": "m/s^2", "Sensitivity": sensitivity, "SensitivityUnit": "mV/(m/s^2)"})
+        described.append(
+            {"QuantityUnit": "m/s^2", "Sensitivity": sensitivity, "SensitivityUnit": "mV/(m/s^2)"}
+        )
     ratio = 1.0 / carrier_speed_ratio(rig.gear)
     for name, angle, pulses in (
         ("Tacho sun", 2 * np.pi * ratio * turns, rig.sensors.tacho_sun_pulses),
@@ -164,7 +166,9 @@ def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
         described.append({"QuantityUnit": "V", **channel.properties})
     group = {**_described(rig), "SamplingRate": LINES_RATE}
     write_tdms(path, names, np.stack(volts), LINES_RATE, channels=described, group=group, samples="float32")
-    say(f"{len(names)} channels of {options['duration']:g} s made of {orders.size} order lines written to {path}")
+    say(
+        f"{len(names)} channels of {options['duration']:g} s made of {orders.size} order lines written to {path}"
+    )
     if options["as_json"]:
         emit_json({"effects": [str(u) for u in request.assembly.uses], "channels": names})
 

@@ -95,7 +95,9 @@ def _excitation(machine: Machine, turn: Real, torque: float) -> tuple[Real, Real
         if "tooth-crack" in hidden:
             crack = hidden["tooth-crack"]
             inside = ((on_sun - crack["place"]) % 1.0) * z_sun / machine.contact_ratio[0]
-            k_sun = k_sun * (1 - crack["softer"] * np.where(inside < 1, 0.5 - 0.5 * np.cos(2 * np.pi * inside), 0.0))
+            k_sun = k_sun * (
+                1 - crack["softer"] * np.where(inside < 1, 0.5 - 0.5 * np.cos(2 * np.pi * inside), 0.0)
+            )
         if "unequal-load-sharing" in hidden and int(hidden["unequal-load-sharing"]["planet"]) == i + 1:
             k_sun, k_ring = (k * (1 + hidden["unequal-load-sharing"]["share"]) for k in (k_sun, k_ring))
         stiffness[:, i], stiffness[:, machine.planets + i] = k_sun, k_ring

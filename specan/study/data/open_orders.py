@@ -82,13 +82,17 @@ def observe(
     sensors = tuple(n for n in model.axes[known.axis])
     missing = [n for n in sensors if n not in names]
     if missing:
-        raise InputError(f"{file.name} has no channel {missing[0]}", expected=f"channels {', '.join(sensors)}")
+        raise InputError(
+            f"{file.name} has no channel {missing[0]}", expected=f"channels {', '.join(sensors)}"
+        )
     tacho = next((t for t in known.tachos if t.channel in names), None)
     if tacho is None:
         raise InputError(
             f"{file.name} has no tacho", expected=f"a channel {' or '.join(t.channel for t in known.tachos)}"
         )
-    settings = Orders(channels=sensors, tacho=tacho.channel, ratio=tacho.ratio, orders=tuple(known.order.tolist()))
+    settings = Orders(
+        channels=sensors, tacho=tacho.channel, ratio=tacho.ratio, orders=tuple(known.order.tolist())
+    )
     found = settings(recording)
     lines = found.lines
     assert lines is not None
@@ -135,16 +139,19 @@ def observe(
     ]
 
 
-def _shown(
-    model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]
-) -> NDArray[np.bool_]:
+def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]) -> NDArray[np.bool_]:
     """Lines that the model shows without effects, (sensors, lines): only they can be shown wrongly.
 
     A line that is measured and that the model does not have is evidence, in full.
     """
-    conditions = {known.order_condition: known.order, **{c: np.full(known.order.size, v) for c, v in point.items()}}
+    conditions = {
+        known.order_condition: known.order,
+        **{c: np.full(known.order.size, v) for c, v in point.items()},
+    }
     found = np.abs(model.assemble(model.base_effects).evaluate(conditions, None, [quantity])[quantity])
-    return found > SHOWN * np.stack([found[:, known.harmonic == h].max(axis=1) for h in known.harmonic], axis=1)
+    return found > SHOWN * np.stack(
+        [found[:, known.harmonic == h].max(axis=1) for h in known.harmonic], axis=1
+    )
 
 
 def _turn_zero(recording: Recording, index: str, shaft: Shaft) -> float:
@@ -204,7 +211,9 @@ def like(
     n = int(np.argmax(clear))
     factor = np.exp(2j * np.pi * known.order * n)
     turned = replace(other, amplitude=other.amplitude * factor, shared=other.shared * factor[:, None])
-    return turned, ([f"{other.name}: begins {n} turns after {first.name} in the machine's period"] if n else [])
+    return turned, (
+        [f"{other.name}: begins {n} turns after {first.name} in the machine's period"] if n else []
+    )
 
 
 def _alike(
@@ -229,7 +238,9 @@ def _alike(
             sigma = np.hypot(first.noise[sensor, chosen], other.noise[sensor, chosen])
             if not abs(phase):
                 continue
-            turned = b[:, None] * np.exp(2j * np.pi * np.outer(order[chosen], turns)) * np.conj(phase) / abs(phase)
+            turned = (
+                b[:, None] * np.exp(2j * np.pi * np.outer(order[chosen], turns)) * np.conj(phase) / abs(phase)
+            )
             # unit vectors of what stands out of the noise, so that no strong line decides alone
             size = np.minimum(np.abs(a), np.abs(b)) / sigma
             same = np.real(np.conj(a)[:, None] * turned) / np.maximum(np.abs(a) * np.abs(b), 1e-300)[:, None]
@@ -237,12 +248,16 @@ def _alike(
     return total
 
 
-def _stated(recording: Recording, model: Model, name: str, stated: Stated, file: DataFile) -> tuple[float, str]:
+def _stated(
+    recording: Recording, model: Model, name: str, stated: Stated, file: DataFile
+) -> tuple[float, str]:
     """Value of a condition in SI, and what told it."""
     condition = model.conditions[name]
     for key in (name, condition.column):
         if key in file.conditions:
-            return float(convert(float(file.conditions[key]), condition.column_unit, condition.unit)), "as the study says"
+            return float(
+                convert(float(file.conditions[key]), condition.column_unit, condition.unit)
+            ), "as the study says"
     places: list[Any] = [recording.properties, *recording.group_properties.values()]
     for properties in places:
         for key, value in properties.items():
@@ -251,7 +266,9 @@ def _stated(recording: Recording, model: Model, name: str, stated: Stated, file:
                     number = float(str(value).replace(",", "."))
                 except ValueError:
                     continue
-                return float(convert(number, condition.column_unit, condition.unit)), f"from the property {key}"
+                return float(
+                    convert(number, condition.column_unit, condition.unit)
+                ), f"from the property {key}"
     if any(c.name == stated.channel for c in recording.channels):
         channel = recording.channel(stated.channel)
         return float(np.mean(recording.read([channel])[0])), f"from the channel {stated.channel}"

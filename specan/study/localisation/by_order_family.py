@@ -33,7 +33,8 @@ def by_order_family(problem: Problem, best: Fit) -> Localisation:
     blocks = [_block(algebra, lines, where, rows) for where, rows in _places(lines.labels)]
     passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = sorted(
-        (replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)), key=lambda b: b.p_value
+        (replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)),
+        key=lambda b: b.p_value,
     )
     fails = [b for b in marked if b.significant and set(b.where) == {"orders"}]
     whole = [b for b in marked if set(b.where) == {"orders"}]
@@ -48,7 +49,7 @@ class _Lines:
         seen = [o for o in problem.observations if isinstance(o, OrderLinesObservation)]
         self.predicted = predicted
         self.measured = np.concatenate([o.measured for o in seen])
-        self.noise = np.concatenate([o.stack(o.noise * (1 + 1j)) for o in seen])
+        self.noise = np.concatenate([o.stack((o.noise * (1 + 1j)).astype(complex)) for o in seen])
         self.labels = {name: np.concatenate([o.labels[name] for o in seen]) for name in seen[0].labels}
         self.variables = seen[0].variables
         self.middle = np.concatenate([_middle(o) for o in seen])
@@ -72,7 +73,7 @@ def _middle(o: OrderLinesObservation) -> Array:
     strongest = np.zeros(o.kept.shape)
     for group in o.groups:
         strongest[group] = np.abs(o.amplitude[group]).max() / np.sqrt(2)
-    return o.stack(strongest * (1 + 1j))
+    return o.stack((strongest * (1 + 1j)).astype(complex))
 
 
 def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], NDArray[np.bool_]]]:
@@ -85,7 +86,11 @@ def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], ND
             levels = np.unique(values).tolist()
             if name == "orders" or len(levels) < 2:
                 continue
-            found += [({"orders": family, name: v}, mine & (values == v)) for v in levels if np.any(mine & (values == v))]
+            found += [
+                ({"orders": family, name: v}, mine & (values == v))
+                for v in levels
+                if np.any(mine & (values == v))
+            ]
     return found
 
 
