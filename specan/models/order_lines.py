@@ -1,4 +1,4 @@
-"""What a model says of the order lines that it predicts: where they lie, and what a recording has to tell about them."""
+"""What a model says of the order lines that it predicts: where they lie, what a recording has to tell about them."""
 
 from __future__ import annotations
 

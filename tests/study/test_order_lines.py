@@ -95,7 +95,8 @@ def test_gains_of_a_sensor_and_harmonic_do_not_matter() -> None:
 def test_part_of_the_lines() -> None:
     found = observed(TRUTH)
     part = found.take(found.labels["channel"] == "B")
-    assert part.n == 16 and part.n_effective == 12
+    assert part.n == 16
+    assert part.n_effective == 12
     rows = np.flatnonzero(found.labels["channel"] == "B")
     assert part.covariance == pytest.approx(found.covariance[np.ix_(rows, rows)])
     gap = np.random.default_rng(0).normal(size=(32, 3))
@@ -139,7 +140,7 @@ def test_whole_turns_that_nobody_counted(begun: int) -> None:
 
 def test_noise_is_not_turned() -> None:
     rng = np.random.default_rng(3)
-    whole = ORDER == np.rint(ORDER)
+    whole = np.rint(ORDER) == ORDER
     for _ in range(50):
         one, two = (
             np.where(whole, TRUTH, 0) + rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]) for _ in range(2)

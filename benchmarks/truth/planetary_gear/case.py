@@ -89,7 +89,7 @@ def write_case(gear: Gear, folder: Path) -> tuple[list[Path], Path, Path]:
     rng = np.random.default_rng([gear.seed, 11])
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for number, run in enumerate((*gear.runs, gear.held_out)):
+    for _number, run in enumerate((*gear.runs, gear.held_out)):
         name = f"run_{run.sun_hz:.0f}Hz_{run.torque:.0f}Nm.tdms"
         channels = record(gear.machine, gear.housing, run, gear.mount_deg, rng)
         volts = [s * 0.01 if c.startswith("Acc") else s for c, s in channels.items()]

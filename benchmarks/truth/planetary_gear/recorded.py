@@ -88,7 +88,7 @@ def record(
         around = np.fft.irfft(lines, turn.size)
         closed = CubicSpline(np.append(turn, PERIOD), np.append(around, around[0]), bc_type="periodic")
         channels[f"Acc {s + 1}"] = closed(heard % PERIOD)
-    for name in [n for n in channels]:
+    for name in list(channels):
         level = housing.noise
         channels[name] = channels[name] + level * rng.standard_normal(time.size)
         if "bearing-defect" in machine.hidden:
