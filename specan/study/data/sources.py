@@ -32,12 +32,15 @@ class DataFile:
         What results call it; unique in the study.
     conditions : mapping
         Conditions of the whole file that it does not hold itself.
+    columns : mapping
+        ``{column of the model: header of the table}`` where the file has names of its own.
     """
 
     name: str
     path: Path
     estimator: str = ""
     conditions: Mapping[str, float | str] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
