@@ -122,7 +122,7 @@ def test_a_model_is_asked_for_complex_lines() -> None:
 
 STATEMENT = OrderLines(
     axis="sensor", order=ORDER, harmonic=HARMONIC, offset=OFFSET, family=("",) * 8, order_condition="order",
-    speed_condition="speed", speed_ratio=1.0, tachos=(Tacho("Tacho", 1.0),), index="Tacho", period=4,
+    rate_condition="speed", rate_ratio=1.0, tachos=(Tacho("Tacho", 1.0),), index="Tacho", period=4,
 )  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 """Torsional vibration of a planetary set with prescribed mesh stiffness, integrated by Newmark's method.
 
-Carrier and planets turn, the sun's speed is given, the ring is fixed. A pair of teeth is a linear spring whose stiffness
-is a parabola over its path of contact, highest in its middle, taken in and let go by raised cosines; a mesh is the sum
-of the pairs in contact. So the load changes no stiffness, and no pair comes late.
+Carrier and planets turn, the sun's speed is given, the ring is fixed. A pair of teeth is a linear spring whose
+stiffness is a parabola over its path of contact, highest in its middle, taken in and let go by raised cosines; a mesh
+is the sum of the pairs in contact. So the load changes no stiffness, and no pair comes late.
 """
 
 from __future__ import annotations
