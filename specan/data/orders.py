@@ -42,6 +42,11 @@ class TachoReport:
     speed_hz: tuple[float, float, float]
 
     @property
+    def mean_hz(self) -> float:
+        """Mean speed of the reference shaft."""
+        return self.speed_hz[1]
+
+    @property
     def drift_percent(self) -> float:
         """Range of the speed over its mean."""
         low, mean, high = self.speed_hz

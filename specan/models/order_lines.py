@@ -1,4 +1,4 @@
-"""What a model says of the order lines that it predicts: where they lie, and what a recording has to tell about them."""
+"""What a model says of the order lines that it predicts: where they lie, what a recording has to tell about them."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ class OrderLines:
         Order less that of its harmonic.
     family : tuple of str
         What each line is called together with those of the other harmonics: ``66h+-1``.
-    order_condition, speed_condition : str
+    order_condition, rate_condition : str
         Conditions of the model that hold a line's order and a shaft's speed.
-    speed_ratio : float
+    rate_ratio : float
         That speed over the speed of the reference shaft.
     stated : mapping
         Where a recording tells the other conditions.
@@ -81,8 +81,8 @@ class OrderLines:
     offset: Array
     family: tuple[str, ...]
     order_condition: str
-    speed_condition: str
-    speed_ratio: float
+    rate_condition: str
+    rate_ratio: float
     tachos: tuple[Tacho, ...]
     index: str
     period: int = 1

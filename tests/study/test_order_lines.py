@@ -18,7 +18,9 @@ OFFSET = ORDER - 10.0 * HARMONIC
 TRUTH = np.random.default_rng(5).normal(size=(2, 8, 2)) @ np.array([1, 1j]) + 3.0
 
 
-def observed(amplitude: np.ndarray, sigma: float = 0.1, near: float = 0.1, path: float = 0.3) -> OrderLinesObservation:
+def observed(
+    amplitude: np.ndarray, sigma: float = 0.1, near: float = 0.1, path: float = 0.3
+) -> OrderLinesObservation:
     return OrderLinesObservation(
         name="run.tdms",
         recording="run.tdms",
@@ -53,7 +55,9 @@ def test_covariance_in_closed_form() -> None:
     assert found.covariance[0, 8] == 0  # the other sensor
     # 9 and 10: hats at 8 and 12 hold 3/4 and 1/4 of the one, 1/2 and 1/2 of the other
     both = 0.1**2 * (np.sqrt(0.75 * 0.5) + np.sqrt(0.25 * 0.5))
-    assert found.covariance[1, 2] == pytest.approx(both * np.real(TRUTH[0, 1] * np.conj(TRUTH[0, 2])), rel=1e-12)
+    assert found.covariance[1, 2] == pytest.approx(
+        both * np.real(TRUTH[0, 1] * np.conj(TRUTH[0, 2])), rel=1e-12
+    )
 
 
 def test_chi_square_of_drawn_errors_has_the_stated_degrees_of_freedom() -> None:
@@ -91,12 +95,15 @@ def test_gains_of_a_sensor_and_harmonic_do_not_matter() -> None:
 def test_part_of_the_lines() -> None:
     found = observed(TRUTH)
     part = found.take(found.labels["channel"] == "B")
-    assert part.n == 16 and part.n_effective == 12
+    assert part.n == 16
+    assert part.n_effective == 12
     rows = np.flatnonzero(found.labels["channel"] == "B")
     assert part.covariance == pytest.approx(found.covariance[np.ix_(rows, rows)])
     gap = np.random.default_rng(0).normal(size=(32, 3))
     inverse = np.linalg.inv(found.covariance)
-    assert np.sum(found.whiten(gap) ** 2, axis=0) == pytest.approx(np.einsum("ik,ij,jk->k", gap, inverse, gap))
+    assert np.sum(found.whiten(gap) ** 2, axis=0) == pytest.approx(
+        np.einsum("ik,ij,jk->k", gap, inverse, gap)
+    )
 
 
 def test_a_model_is_asked_for_complex_lines() -> None:
@@ -115,7 +122,7 @@ def test_a_model_is_asked_for_complex_lines() -> None:
 
 STATEMENT = OrderLines(
     axis="sensor", order=ORDER, harmonic=HARMONIC, offset=OFFSET, family=("",) * 8, order_condition="order",
-    speed_condition="speed", speed_ratio=1.0, tachos=(Tacho("Tacho", 1.0),), index="Tacho", period=4,
+    rate_condition="speed", rate_ratio=1.0, tachos=(Tacho("Tacho", 1.0),), index="Tacho", period=4,
 )  # fmt: skip
 
 
@@ -133,8 +140,10 @@ def test_whole_turns_that_nobody_counted(begun: int) -> None:
 
 def test_noise_is_not_turned() -> None:
     rng = np.random.default_rng(3)
-    whole = ORDER == np.rint(ORDER)
+    whole = np.rint(ORDER) == ORDER
     for _ in range(50):
-        one, two = (np.where(whole, TRUTH, 0) + rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]) for _ in range(2))
+        one, two = (
+            np.where(whole, TRUTH, 0) + rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]) for _ in range(2)
+        )
         turned, _ = like(observed(one, 1.0), observed(two, 1.0), STATEMENT)
         assert np.array_equal(turned.amplitude, two)

@@ -52,7 +52,8 @@ def test_a_planet_whose_pin_lies_ahead_carries_less_by_stiffness_times_error(hea
     bent = Machine(hidden={"planet-position-error": {"planet": 2.0, "error_um": 0.5}}, ramp=0.5, drop=0.0)
     straight = Machine(ramp=0.5, drop=0.0)
     change = [
-        (ring_forces(bent, CARRIER_HZ, t)[1] - ring_forces(straight, CARRIER_HZ, t)[1]).mean(axis=1) for t in (60.0, 120.0)
+        (ring_forces(bent, CARRIER_HZ, t)[1] - ring_forces(straight, CARRIER_HZ, t)[1]).mean(axis=1)
+        for t in (60.0, 120.0)
     ]
     assert change[0] == pytest.approx(change[1], abs=0.02 * abs(change[0][1]))
     assert change[0][1] < 0
@@ -64,5 +65,7 @@ def test_a_planet_whose_pin_lies_ahead_carries_less_by_stiffness_times_error(hea
 
 def test_a_case_is_drawn_the_same_again() -> None:
     one, two = draw(3, "sun-runout"), draw(3, "sun-runout")
-    assert one.machine == two.machine and np.array_equal(one.housing.resonance, two.housing.resonance)
-    assert draw(3).machine.drop == one.machine.drop and not draw(3).machine.hidden
+    assert one.machine == two.machine
+    assert np.array_equal(one.housing.resonance, two.housing.resonance)
+    assert draw(3).machine.drop == one.machine.drop
+    assert not draw(3).machine.hidden

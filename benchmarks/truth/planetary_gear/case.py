@@ -50,14 +50,17 @@ def draw(seed: int, *effects: str, strength: float = 1.0) -> Gear:
     # Both windows have a first Fourier coefficient near three quarters of their mean, as has the rig's assumption.
     form, middle = [("gauss", 0.76), ("arc", 1.85)][int(rng.integers(2))]
     modes = [
-        [[rng.uniform(700, 2600), rng.uniform(0.04, 0.1), rng.normal(0, 1.0)] for _ in range(3)] for _ in ANGLES_DEG
+        [[rng.uniform(700, 2600), rng.uniform(0.04, 0.1), rng.normal(0, 1.0)] for _ in range(3)]
+        for _ in ANGLES_DEG
     ]
     housing = Housing(
         ANGLES_DEG, form, middle * rng.uniform(0.96, 1.04), rng.normal(0, 0.03), np.array(modes),
         noise=10 ** rng.uniform(-1.3, -0.3),
     )  # fmt: skip
     mount = rng.normal(0, 1.0)
-    hidden = {name: _size(name, strength, np.random.default_rng([seed, 7, k])) for k, name in enumerate(effects)}
+    hidden = {
+        name: _size(name, strength, np.random.default_rng([seed, 7, k])) for k, name in enumerate(effects)
+    }
     if "transmission-path" in hidden:
         housing = replace(housing, width=housing.width * hidden["transmission-path"]["narrower"])
     return Gear(seed, replace(machine, hidden=hidden), housing, mount)
@@ -86,7 +89,7 @@ def write_case(gear: Gear, folder: Path) -> tuple[list[Path], Path, Path]:
     rng = np.random.default_rng([gear.seed, 11])
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for number, run in enumerate((*gear.runs, gear.held_out)):
+    for _number, run in enumerate((*gear.runs, gear.held_out)):
         name = f"run_{run.sun_hz:.0f}Hz_{run.torque:.0f}Nm.tdms"
         channels = record(gear.machine, gear.housing, run, gear.mount_deg, rng)
         volts = [s * 0.01 if c.startswith("Acc") else s for c, s in channels.items()]

@@ -1,8 +1,8 @@
 """Torsional vibration of a planetary set with prescribed mesh stiffness, integrated by Newmark's method.
 
-Carrier and planets turn, the sun's speed is given, the ring is fixed. A pair of teeth is a linear spring whose stiffness is
-a parabola over its path of contact (Kuang and Yang, Int. Gearing Conf. 1992: highest at the pitch point), taken in and let go by
-raised cosines; a mesh is the sum of the pairs in contact. So the load changes no stiffness, and no pair comes late.
+Carrier and planets turn, the sun's speed is given, the ring is fixed. A pair of teeth is a linear spring whose
+stiffness is a parabola over its path of contact, highest in its middle, taken in and let go by raised cosines; a mesh
+is the sum of the pairs in contact. So the load changes no stiffness, and no pair comes late.
 """
 
 from __future__ import annotations
@@ -95,7 +95,9 @@ def _excitation(machine: Machine, turn: Real, torque: float) -> tuple[Real, Real
         if "tooth-crack" in hidden:
             crack = hidden["tooth-crack"]
             inside = ((on_sun - crack["place"]) % 1.0) * z_sun / machine.contact_ratio[0]
-            k_sun = k_sun * (1 - crack["softer"] * np.where(inside < 1, 0.5 - 0.5 * np.cos(2 * np.pi * inside), 0.0))
+            k_sun = k_sun * (
+                1 - crack["softer"] * np.where(inside < 1, 0.5 - 0.5 * np.cos(2 * np.pi * inside), 0.0)
+            )
         if "unequal-load-sharing" in hidden and int(hidden["unequal-load-sharing"]["planet"]) == i + 1:
             k_sun, k_ring = (k * (1 + hidden["unequal-load-sharing"]["share"]) for k in (k_sun, k_ring))
         stiffness[:, i], stiffness[:, machine.planets + i] = k_sun, k_ring

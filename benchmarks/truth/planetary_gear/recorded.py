@@ -88,13 +88,15 @@ def record(
         around = np.fft.irfft(lines, turn.size)
         closed = CubicSpline(np.append(turn, PERIOD), np.append(around, around[0]), bc_type="periodic")
         channels[f"Acc {s + 1}"] = closed(heard % PERIOD)
-    for name in [n for n in channels]:
+    for name in list(channels):
         level = housing.noise
         channels[name] = channels[name] + level * rng.standard_normal(time.size)
         if "bearing-defect" in machine.hidden:
             channels[name] += _bearing(machine.hidden["bearing-defect"], time, at, rng)
     if "speed-fluctuation" not in machine.hidden:
-        channels["Tacho sun"] = _pulses(heard * (machine.z_sun + machine.z_ring) / machine.z_sun, TACHO_SUN, 0.5)
+        channels["Tacho sun"] = _pulses(
+            heard * (machine.z_sun + machine.z_ring) / machine.z_sun, TACHO_SUN, 0.5
+        )
     channels["Tacho carrier"] = _pulses(heard + mount_deg / 360, 1, 0.1)
     return channels
 
@@ -104,7 +106,9 @@ def _turns(machine: Machine, time: Real, carrier_hz: float, rng: np.random.Gener
     begun = rng.uniform(0, PERIOD)
     wander = sum(
         a * np.sin(2 * np.pi * f * time + p) / (2 * np.pi * f)
-        for a, f, p in zip(rng.normal(0, 7e-4, 3), rng.uniform(0.1, 0.6, 3), rng.uniform(0, 6.28, 3), strict=True)
+        for a, f, p in zip(
+            rng.normal(0, 7e-4, 3), rng.uniform(0.1, 0.6, 3), rng.uniform(0, 6.28, 3), strict=True
+        )
     )
     return begun + carrier_hz * (time + wander)
 
@@ -114,7 +118,10 @@ def _flutter(machine: Machine, turns: Real, rng: np.random.Generator) -> Real:
     if "speed-fluctuation" not in machine.hidden:
         return np.zeros_like(turns)
     rms = machine.hidden["speed-fluctuation"]["rms_deg"] / 360
-    parts = [np.sin(2 * np.pi * (o * turns + p)) for o, p in zip(rng.uniform(2.3, 9.7, 12), rng.uniform(0, 1, 12), strict=True)]
+    parts = [
+        np.sin(2 * np.pi * (o * turns + p))
+        for o, p in zip(rng.uniform(2.3, 9.7, 12), rng.uniform(0, 1, 12), strict=True)
+    ]
     whole = np.sum(parts, axis=0)
     return rms * whole / whole.std()
 
@@ -124,7 +131,11 @@ def _bearing(defect: dict[str, float], time: Real, turns: Real, rng: np.random.G
     passes = turns * defect["order"]
     hits = np.flatnonzero(np.diff(np.floor(passes))) + 1
     signal = np.zeros(time.size)
-    strength = defect["peak"] * (1 + 0.6 * np.cos(2 * np.pi * turns[hits])) * (1 + 0.1 * rng.standard_normal(hits.size))
+    strength = (
+        defect["peak"]
+        * (1 + 0.6 * np.cos(2 * np.pi * turns[hits]))
+        * (1 + 0.1 * rng.standard_normal(hits.size))
+    )
     signal[hits] = strength
     ring = np.arange(round(0.01 * RATE)) / RATE
     decay = np.exp(-2 * np.pi * 0.05 * defect["hz"] * ring) * np.sin(2 * np.pi * defect["hz"] * ring)

@@ -101,7 +101,7 @@ def observe(
         zero = _turn_zero(recording, known.index, tracked_shaft(recording, tacho.channel, None, tacho.ratio))
     place = [found.channels.index(n) for n in sensors]
     amplitude = lines.amplitude[place] * np.exp(2j * np.pi * known.order * zero)
-    point, said = {known.speed_condition: found.tacho.speed_hz[1] * known.speed_ratio}, []
+    point, said = {known.rate_condition: found.tacho.mean_hz * known.rate_ratio}, []
     for name, stated in known.stated.items():
         point[name], how = _stated(recording, model, name, stated, file)
         said.append(f"{model.conditions[name].name.replace('_', ' ')} {how}")
@@ -189,21 +189,19 @@ def like(
     """A recording turned by whole turns until lines of slower families stand as in another one.
 
     Pulses of the reference shaft do not tell in which of its `period` turns a recording begins: lines at broken orders
-    are turned by ``exp(2j pi o n)``. The n is looked for in two steps, for families of one denominator each: each harmonic's
-    lines at whole orders give the gain between the recordings, and the lines at broken orders then are best alike at
-    one n. Where no n is clearly better, nothing is turned.
+    are turned by ``exp(2j pi o n)``. Lines at whole orders of each harmonic give the gain between the recordings, and
+    lines at broken orders, by denominators, then are best alike at one n. Where no n is clearly better, nothing is
+    turned.
     """
     if known.period == 1:
         return other, []
     parts = [Fraction(float(o)).limit_denominator(known.period).denominator for o in known.order]
     denominators = sorted({d for d in parts if d > 1 and known.period % d == 0})
     turns = np.arange(known.period)
-    total = np.zeros(known.period)
     clear = np.zeros(known.period)
     for d in denominators:
         mine = np.array(parts) == d
         gain = _alike(first, other, mine, known.order, turns)
-        total += gain
         if gain.max() - np.median(gain) > LIKE_ENOUGH:
             clear += gain
     if not clear.any():

@@ -49,7 +49,7 @@ class _Lines:
         seen = [o for o in problem.observations if isinstance(o, OrderLinesObservation)]
         self.predicted = predicted
         self.measured = np.concatenate([o.measured for o in seen])
-        self.noise = np.concatenate([o.stack(o.noise * (1 + 1j)) for o in seen])
+        self.noise = np.concatenate([o.stack((o.noise * (1 + 1j)).astype(complex)) for o in seen])
         self.labels = {name: np.concatenate([o.labels[name] for o in seen]) for name in seen[0].labels}
         self.variables = seen[0].variables
         self.middle = np.concatenate([_middle(o) for o in seen])
@@ -73,7 +73,7 @@ def _middle(o: OrderLinesObservation) -> Array:
     strongest = np.zeros(o.kept.shape)
     for group in o.groups:
         strongest[group] = np.abs(o.amplitude[group]).max() / np.sqrt(2)
-    return o.stack(strongest * (1 + 1j))
+    return o.stack((strongest * (1 + 1j)).astype(complex))
 
 
 def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], NDArray[np.bool_]]]:

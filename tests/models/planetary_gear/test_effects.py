@@ -37,6 +37,7 @@ def test_all_effects_of_the_catalogue_are_there():
         "planet-runout", "pitch-errors", "tooth-crack", "mesh-damping", "ring-flexibility", "backlash", "tip-relief",
         "torque-ripple", "speed-fluctuation", "tooth-friction", "housing-resonance", "shaft-flexibility",
         "harmonic-gain",
+        "tacho-angle",
     }  # fmt: skip
     for effect in MODEL.effects.values():
         assert effect.reference
