@@ -16,8 +16,12 @@ def friction(speed, coulomb, viscous):
 
 
 @effect("stribeck", adds_to="friction", neutral={"rise": 0.0})
-def stribeck(speed, *, rise=Parameter(0.3, "mN*m", min=0.03, max=2, lower=0, upper=5),
-             speed_scale=Parameter(5, "rpm", min=0.5, max=50)):
+def stribeck(
+    speed,
+    *,
+    rise=Parameter(0.3, "mN*m", min=0.03, max=2, lower=0, upper=5),
+    speed_scale=Parameter(5, "rpm", min=0.5, max=50),
+):
     """Below a certain speed the oil film breaks and friction rises."""
     return rise * np.exp(-((speed / speed_scale) ** 2))
 
@@ -35,10 +39,15 @@ def direction(speed, *, change=Parameter(0.1, min=-0.5, max=0.5, lower=-0.9, upp
 
 
 model = Model.from_function(
-    torque, friction,
+    torque,
+    friction,
     conditions={"speed": ("rpm", -200, 200)},
     observables={"torque": ("mN*m", 0.03)},
-    parameters={"coulomb": (1.4, 0, 5, "mN*m"), "viscous": (1e-3, 0, 0.1, "mN*m/rpm"), "load": (0.2, 0, 2, "mN*m")},
+    parameters={
+        "coulomb": (1.4, 0, 5, "mN*m"),
+        "viscous": (1e-3, 0, 0.1, "mN*m/rpm"),
+        "load": (0.2, 0, 2, "mN*m"),
+    },
     units={"friction": "mN*m"},
     effects=[stribeck, windage, direction],
 )

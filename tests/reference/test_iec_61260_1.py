@@ -87,7 +87,9 @@ def test_the_effective_bandwidth_is_that_of_the_band(fraction: int, rate: float)
     impulse = np.zeros(n)
     impulse[n // 3] = 1.0
     channel = Channel("impulse", unit="Pa", sampling_rate=rate, n_samples=n)
-    found = Octave(fraction=fraction, settling="counted")(Recording("impulse", (channel,), ArraySource([impulse])))
+    found = Octave(fraction=fraction, settling="counted")(
+        Recording("impulse", (channel,), ArraySource([impulse]))
+    )
     expected = 10 * np.log10((found.upper_hz - found.lower_hz) / (rate / 2) / n / 4e-10)
     # What a filter lets through above half the sampling rate is not there.
     low = found.upper_hz < 0.2 * rate
@@ -158,7 +160,9 @@ def test_levels_of_noise_are_those_of_two_other_libraries() -> None:
     rate, n = 48000, 240000
     samples = np.random.default_rng(0).standard_normal(n)
     channel = Channel("noise", unit="Pa", sampling_rate=float(rate), n_samples=n)
-    found = Octave(fmin=250, fmax=8000, settling="counted")(Recording("noise", (channel,), ArraySource([samples])))
+    found = Octave(fmin=250, fmax=8000, settling="counted")(
+        Recording("noise", (channel,), ArraySource([samples]))
+    )
     theirs = pyfar.dsp.filter.fractional_octave_bands(
         pyfar.Signal(samples, rate), num_fractions=3, frequency_range=(250, 8000)
     )
