@@ -11,13 +11,12 @@ from scipy.integrate import solve_ivp
 from specan.models.planetary_gear import contact_steps, dynamics
 from specan.models.planetary_gear.geometry import pair_mesh
 from specan.models.planetary_gear.rig import read_rig
-from specan.models.planetary_gear.tooth_contact import SLOPES
 
 DATA = Path(__file__).parents[3] / "sample_data" / "planetary_gear"
 RATE = 204800.0
 # Three planets out of phase (their number does not divide the teeth of sun and ring), so that the carrier shakes.
 UNEQUAL = {
-    "gear": {"z_sun": 31, "z_planet": 31, "z_ring": 95, "planets": 3, "module_mm": 1.0},
+    "gear": {"z_sun": 31, "z_planet": 31, "z_ring": 95, "planets": 3, "module_mm": 1.0, "backlash_mm": 0.0},
     "contact": {"K_N_mm_e": 3e5, "exponent": 1.3, "C_Ns_mm": 3000.0, "depth_mm": 0.3},
     "operation": {"sun_speed_hz": 30.0, "carrier_torque_Nm": 60.0},
 }
@@ -52,13 +51,13 @@ def advanced(system, seconds):
     return out
 
 
-def pair_force(t, x, v, rig):
+def pair_force(t, x, v, rig, mesh):
     """Equations 3 and 4 of the article for the pairs of teeth that are in reach, N; x in mm."""
-    mesh, law = pair_mesh(rig.pair), rig.contact
+    law = rig.contact
     pitch = 1e3 * mesh.base_pitch
     base = rig.pair.z_driver * rig.pair.driver_speed_hz * t % 1.0
     total = 0.0
-    for place in base + np.arange(-1, 3):
+    for place in (base - 1, base, base + 1, base + 2):
         beyond = max(-place, place - mesh.contact_ratio, 0.0) * pitch
         coefficient = mesh.gap_before if place < 0 else mesh.gap_after
         depth = x - 1e-3 * coefficient * beyond**2
@@ -72,19 +71,25 @@ def test_the_overdamped_pair_moves_as_radau_says():
     rig = pair()
     system = dynamics._system(rig)
     radius, inertia = system.sizes[0], system.sizes[3]
-    seconds, load = 0.0125, 200.0 * 21 / 24 / radius  # three mesh periods
+    seconds, load = 0.006, 200.0 * 21 / 24 / radius  # one mesh period and a half
     mass = inertia / radius**2
     found = advanced(system, seconds)[:, 0]
 
+    mesh = pair_mesh(rig.pair)
+
     def rates(t, y):
-        return [y[1], 1e3 * (load - pair_force(t, y[0], y[1], rig)) / mass]
+        return [y[1], 1e3 * (load - pair_force(t, y[0], y[1], rig, mesh)) / mass]
 
     times = np.arange(found.size) / RATE
     start = [-1e3 * radius * system.static[0], 0.0]
-    known = solve_ivp(rates, (0, seconds), start, "Radau", t_eval=times, rtol=1e-9, atol=1e-12, max_step=2e-5)
-    force = np.array([pair_force(t, x, v, rig) for t, x, v in zip(times, *known.y)])
-    assert np.ptp(force) > 0.3 * force.mean()
-    assert np.abs(found - force).max() < 1e-4 * force.max()
+    known = solve_ivp(rates, (0, seconds), start, "Radau", t_eval=times, rtol=1e-9, atol=1e-11, max_step=1e-4)
+    force = np.array([pair_force(t, x, v, rig, mesh) for t, x, v in zip(times, *known.y)])
+    # The first pairs of teeth start with the force of both and let go of it within less than a step.
+    assert force[0] == pytest.approx(2 * load, rel=1e-3)
+    settled = slice(20, None)
+    error = (found - force)[settled]
+    assert np.abs(error).max() < 5e-5 * load
+    assert error.std() < 1e-2 * force[settled].std()
 
 
 def test_planets_out_of_phase_move_as_radau_says():
@@ -92,7 +97,7 @@ def test_planets_out_of_phase_move_as_radau_says():
     numbers, loads = machine(system)
     n, seconds = system.planets, 0.002  # one mesh period and a half
     found = advanced(system, seconds)
-    forces, slopes = np.zeros(2 * n + 2), np.zeros((2 * n, SLOPES))
+    forces, slopes = np.zeros(2 * n + 2), np.zeros((2 * n, contact_steps.SLOPES))
 
     def rates(t, y):
         change = np.zeros_like(y)
@@ -107,7 +112,8 @@ def test_planets_out_of_phase_move_as_radau_says():
         rates(t, y)
         known_force.append(forces[: 2 * n].copy())
     top = np.abs(known_force).max()
-    assert np.abs(known.y[0]).max() > 1.001 * abs(known.y[0, 0])
+    apart = np.ptp(known.y[1 : n + 1], axis=0)  # planets that do not move alike
+    assert apart.max() > 0.05 * np.abs(known.y[1 : n + 1]).max()
     assert np.abs(found[:, : 2 * n] - known_force).max() < 1e-3 * top
     energy = known.y[2 * n + 2 :]
     assert found[-1, 2 * n + 3 : 2 * n + 7] == pytest.approx(energy[:, -1], rel=1e-4, abs=1e-6)
@@ -121,12 +127,12 @@ def test_linear_equations_are_those_of_the_differences(side):
     n, sizes, span, time = system.planets, system.sizes, 1e-6, 3.1e-4
     random = np.random.default_rng(1)
     state = side * started(system) * np.r_[1.5, random.uniform(1.5, 2.0, 2 * n + 5)]
-    state[n + 1 : 2 * n + 2] = 1e-2 * random.standard_normal(n + 1)
-    slopes, forces = np.zeros((2 * n, SLOPES)), np.zeros(2 * n + 2)
+    state[n + 1 : 2 * n + 2] = random.standard_normal(n + 1)
+    slopes, forces = np.zeros((2 * n, contact_steps.SLOPES)), np.zeros(2 * n + 2)
 
     def rates(t, y):
         change = np.zeros(y.size)
-        contact_steps.rates(t, *numbers, *loads, y, change, forces, np.zeros((2 * n, SLOPES)))
+        contact_steps.rates(t, *numbers, *loads, y, change, forces, np.zeros((2 * n, contact_steps.SLOPES)))
         return change
 
     contact_steps.rates(time, *numbers, *loads, state, np.zeros(state.size), forces, slopes)
@@ -143,4 +149,4 @@ def test_linear_equations_are_those_of_the_differences(side):
     slope = np.zeros(state.size)
     contact_steps.time_slope(n, sizes, system.sun_speed, slopes, slope)
     in_time = (rates(time + 1e-8, state) - rates(time - 1e-8, state)) / 2e-8
-    assert slope == pytest.approx(in_time, rel=1e-4, abs=1e-4 * np.abs(in_time).max())
+    assert slope == pytest.approx(in_time, rel=1e-4)
