@@ -28,7 +28,7 @@ from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_wou
 from specan.study.selection.refits import FORM, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.search import Search
-from specan.study.selection.suspect_rows import suspect_rows
+from specan.study.selection.suspect_rows import rows_of_two_kinds, suspect_rows
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
 LEAST_DOF = 3.0
@@ -156,7 +156,14 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
         pulls=shown(pulls(best)),
         error=_error_fall(base, best),
         remarks=tuple(
-            r for r in (suspect_rows(base), *_better_but_too_far(search, sets), *_too_good(base)) if r
+            r
+            for r in (
+                suspect_rows(base),
+                rows_of_two_kinds(base),
+                *_better_but_too_far(search, sets),
+                *_too_good(base),
+            )
+            if r
         ),
     )
 
