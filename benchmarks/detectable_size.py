@@ -3,8 +3,9 @@
     python benchmarks/detectable_size.py --cases 60 --seed 3000 --out sizes.jsonl
 
 Every case is a gear of the bench with nothing hidden. The study states the smallest visible size of every effect;
-one of them, in turn, is planted at exactly that size with the equation of the catalogue, its shapes at their defaults, on
-the fit of the base. Counted is whether the verdict on the planted data has the effect among its alternatives.
+one of them, in turn, is planted at exactly that size with the equation of the catalogue, its shapes at their
+defaults, on the fit of the base. Counted is whether the
+verdict on the planted data has the effect among its alternatives.
 """
 
 from __future__ import annotations

@@ -52,7 +52,8 @@ def rig_statement(
     ----------
     rig : mapping
         The parsed rig file. ``[limits]`` holds ``COLUMN = [low, high]``. ``[uncertainty]`` holds
-        ``COLUMN = sd`` of a reading, ``COLUMN_percent = sd`` of a reading in percent of it, ``COLUMN_setting_percent = sd`` or ``COLUMN_setting = sd`` of setting a
+        ``COLUMN = sd`` of a reading, ``COLUMN_percent = sd`` of a reading in percent of it,
+        ``COLUMN_setting_percent = sd`` or ``COLUMN_setting = sd`` of setting a
         condition, and ``model_discrepancy_percent``; values are in the column's unit.
     conditions, observables : iterable
         Those of the model.

@@ -249,8 +249,8 @@ def _of_base(search: Search) -> _Found:
         )
     if other.values and other.likelier:
         reason = (
-            f"the model fits within what is known (p = {base.lack_of_fit:.2g}), and no effect of the catalogue improves "
-            f"it; it fits better with {_values(other.values)}{_beside(other)}{_telling(base)}"
+            f"the model fits within what is known (p = {base.lack_of_fit:.2g}), and no effect of the catalogue "
+            f"improves it; it fits better with {_values(other.values)}{_beside(other)}{_telling(base)}"
         )
         return _Found("nothing-missing", reason, True)
     return _Found("nothing-missing", "the model fits, and no effect of the catalogue improves it")

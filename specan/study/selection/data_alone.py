@@ -51,8 +51,9 @@ def data_alone(base: Refit) -> DataAlone:
 
     The fall of chi-square has, if the true values lie within the ranges and k of them hold the fit, the law of
     chi-square with k degrees of freedom: the likelihood-ratio test against an ordered alternative with data-dependent
-    degrees of freedom (Susko 2013, Biometrika 100:1019). It is one test for all values together. Soft tails make it cautious.
-    The noise is known from as many degrees of freedom as in the tests of effects. Not done where an evaluation is dear.
+    degrees of freedom (Susko 2013, Biometrika 100:1019). It is one test for all values together. Soft tails make it
+    cautious. The noise is known from as many degrees of freedom as in the tests of effects. Not done where an
+    evaluation is dear.
     """
     problem = base.problem
     held = sum(

@@ -53,8 +53,8 @@ def suspect_rows(refit: Refit) -> str:
 def rows_of_two_kinds(refit: Refit) -> str:
     """A sentence on idle rows that contradict the loaded ones: the model fails on all, and meets the loaded ones.
 
-    The model is refitted without the rows near zero of a condition that `idles`. Empty where the model meets the data, where
-    one kind is missing, and where the table tells the kinds apart already (a column ``coupled`` that varies).
+    The model is refitted without the rows near zero of a condition that `idles`. Empty where the model meets the data,
+    where one kind is missing, and where the table tells the kinds apart already (a column ``coupled`` that varies).
     """
     problem, observation = refit.problem, refit.problem.observations[0]
     if len(problem.observations) > 1 or not isinstance(observation, TableObservation) or problem.dear:
@@ -70,7 +70,7 @@ def rows_of_two_kinds(refit: Refit) -> str:
         loaded = size > IDLE * size.max()
         if loaded.sum() < LEAST_ROWS or (~loaded).sum() < LEAST_ROWS:
             continue
-        part = problem.over([observation.take(np.flatnonzero(loaded))])
+        part = problem.over([observation.take(loaded)])
         rest = Refit(frozenset(), part, fit(part, start=refit.fit.theta))
         if rest.dof > 0 and rest.lack_of_fit > WHOLE:
             ask = (
@@ -78,7 +78,8 @@ def rows_of_two_kinds(refit: Refit) -> str:
                 if KINDS in conditions
                 else ""
             )
-            return f"rows without load contradict the others: without them ({_where(observation, np.flatnonzero(~loaded))}) the model fits{ask}"
+            where = _where(observation, np.flatnonzero(~loaded))
+            return f"rows without load contradict the others: without them ({where}) the model fits{ask}"
     return ""
 
 
@@ -91,8 +92,11 @@ def _fall(refit: Refit, rows: NDArray[np.intp]) -> float:
 def _where(observation: TableObservation, rows: NDArray[np.intp]) -> str:
     """Conditions and lines."""
     assert observation.lines is not None
-    place = "" if rows.size > MOST_LINES else ", ".join(f"{name} {values[rows[0]]:g}" for name, values in observation.labels.items()
-                      if np.issubdtype(np.asarray(values).dtype, np.number))  # fmt: skip
+    place = ", ".join(
+        f"{name} {values[rows[0]]:g}"
+        for name, values in observation.labels.items()
+        if np.issubdtype(np.asarray(values).dtype, np.number) and rows.size <= MOST_LINES
+    )
     lines = [str(line) for line in observation.lines[rows]]
     more = " and more" if len(lines) > MOST_LINES else ""
     word = "line" if len(lines) == 1 else "lines"

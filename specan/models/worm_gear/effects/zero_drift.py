@@ -11,7 +11,7 @@ from specan.models import Parameter, effect
     needs=("elapsed_time",),
     separate_by="read the sensor at standstill and unloaded before, during and after the campaign; "
     "randomise the order of the measurements",
-    reference="zero point drift of torque transducers over time (terms of VDI/VDE 2646); taken as straight over the campaign",
+    reference="zero drift of torque transducers over time (terms of VDI/VDE 2646); taken as straight over the campaign",
     instrument=True,
 )
 def zero_drift(
@@ -21,6 +21,7 @@ def zero_drift(
 ):
     """The sensor at the input warms up or creeps, and what it shows without torque moves on steadily.
 
-    All readings move alike, whatever the load and the speed; wear that runs in acts on the loaded flanks and comes to an end.
+    All readings move alike, whatever the load and the speed; wear that runs in acts on the loaded flanks and comes to
+    an end.
     """
     return rate * elapsed_time
