@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from specan_cli.option_groups import Grouped
 from specan_cli.output import emit_json, say, table
+from specan_cli.verbosity import is_quiet
 
 if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 SHOWN = 20  # failures named on the screen
 
 
-@click.command("batch")
+@click.command("batch", cls=Grouped)
 @click.argument("directories", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Directory for the tables."
@@ -41,6 +43,13 @@ SHOWN = 20  # failures named on the screen
 )
 @click.option("--sampling-rate", type=float, metavar="HZ", help="Of all files, instead of what they say.")
 @click.option("--lines", type=int, help="Lines of a transfer function up to fs/2.56 [default: 3200].")
+@click.option("--fraction", type=click.Choice(["1", "3", "6", "12", "24"]), help="1/N octave [default: 3].")
+@click.option(
+    "--weighting",
+    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
+    metavar="A|B|C|Z",
+    help="Of the band levels of sound pressure [default: Z].",
+)
 @click.option("--jobs", type=int, help="Number of processes [default: as many as are worth it].")
 @click.option("--cluster", metavar="ADDRESS", help="Work on a dask cluster: tcp://host:8786.")
 @click.option("--verify", is_flag=True, help="Look at every byte to see whether a file has changed.")
@@ -56,6 +65,8 @@ def command(
     channel_table: Path | None,
     sampling_rate: float | None,
     lines: int | None,
+    fraction: str | None,
+    weighting: str | None,
     jobs: int | None,
     cluster: str | None,
     verify: bool,
@@ -81,6 +92,10 @@ def command(
             "excitation": excitation,
             "sampling_rate": sampling_rate,
             "transfer_function": {"lines": lines},
+            "octave": {
+                "fraction": None if fraction is None else int(fraction),
+                "weighting": None if weighting is None else weighting.upper(),
+            },
         },
     )
     try:
@@ -146,7 +161,7 @@ def _rows(path: Path) -> int:
 
 def progress_line() -> Callable[[int, int, float], None] | None:
     """Shows files done and the time that remains, on a terminal only."""
-    if not sys.stderr.isatty():
+    if is_quiet() or not sys.stderr.isatty():
         return None
 
     def show(count: int, total: int, remaining_s: float) -> None:

@@ -13,8 +13,9 @@ import click
 from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
-from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
+from specan_cli.output_file import OutputFile, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.several_files import RecordingVerb, recording_argument
 
 PIECE = 1 << 15  # lines of a table at once
 
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from specan.data.spectrum import Spectrogram, Spectrum
 
 
-@click.command("fft", cls=Verb)
-@click.argument("file", type=click.Path(path_type=Path))
+@click.command("fft", cls=RecordingVerb)
+@recording_argument()
 @section_options
 @click.option(
     "--scaling",

@@ -7,16 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
+from specan_cli.output_file import OutputFile, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.frequency_response import FrequencyResponse
 
 
-@click.command("frf")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.command("frf", cls=RecordingVerb)
+@recording_argument()
 @click.option("--reference", metavar="CH", help="Channel of reference [default: the vibrometer].")
 @click.option(
     "--estimator",
@@ -39,7 +42,7 @@ if TYPE_CHECKING:
 @click.option("--at", "at_hz", type=float, multiple=True, metavar="HZ", help="Print this line; repeatable.")
 @plot_option()
 @click.option("--unwrap", is_flag=True, help="Draw the phase without jumps.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all lines as text.")
+@click.option("-o", "--output", type=OutputFile(), help="Write all lines as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
 @opening_options
 def command(
@@ -65,7 +68,7 @@ def command(
     calibration: Path | None,
     sampling_rate: float | None,
 ) -> int:
-    """Find the transfer functions of the microphones over the vibrometer, or over --reference.
+    """Find the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
 
     Phases are those of exp(+j w t), response over reference: a delayed response has a falling phase.
 
@@ -107,11 +110,9 @@ def command(
         write_text(found, output)
     if as_json:
         emit_json(content(found))
-    else:
+    elif not to_standard_output(output):
         show(found, at_hz)
-        for written in (plot, output):
-            if written is not None:
-                click.echo(f"Written to {written}.")
+        say_written(plot, output)
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return 0
 
@@ -230,6 +231,7 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
             )
         )
     header = [
+        f"specan {__version__} frf",
         f"transfer functions of {found.label}: {found.estimator} over {found.reference} ({found.reference_unit})",
         "magnitude in " + ", ".join(f"{u} ({n})" for n, u in zip(found.channels, found.units)),
         "phase in degrees: exp(+j w t), response over reference",

@@ -12,12 +12,12 @@ from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
 from specan_cli.output_file import Verb
 from specan_cli.recording_input import opening_options
+from specan_cli.several_files import expand
 
 if TYPE_CHECKING:
     from specan.data.excitation import Excitation
     from specan.data.levels import Quality
     from specan.data.recording import Channel, Recording
-    from specan.io.open import Found
 
 # Properties that the table of channels already shows, or that only say how the file was written.
 _SHOWN = {"unit_string", "Unit_String", "QuantityUnit", "Sensitivity", "SensitivityUnit", "name"}
@@ -56,7 +56,7 @@ def command(
 
     seen: list[dict[str, Any]] = []
     failures: list[dict[str, str]] = []
-    found = _expand(files)
+    found = expand(files)
     if plot is not None and len(found) > 1:
         raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
     for item in found:
@@ -91,19 +91,6 @@ def command(
     if as_json:
         emit_json({"files": seen, "failures": failures})
     return 1 if failures else 0
-
-
-def _expand(files: tuple[Path, ...]) -> list[Found]:
-    from specan.errors import RequestError
-    from specan.io.open import Found, find_recordings
-
-    found: list[Found] = []
-    for path in files:
-        inside = find_recordings([path]) if path.is_dir() else [Found(path, path.name)]
-        if not inside:
-            raise RequestError(f"the directory {path} holds no recording", expected="*.tdms or *.wav in it")
-        found += inside
-    return found
 
 
 def _levels(recording: Recording) -> dict[int, tuple[float, Quality]]:

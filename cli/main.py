@@ -30,6 +30,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "What a model predicts, as a table, a look-up map or a figure."),
     "study": ("study", "Model against measurement: where it fails, what is missing, what to add."),
+    "demo": ("demo", "The sample data of the examples, written to a directory."),
     "completion": ("completion", "Tab completion for bash, zsh, fish and PowerShell."),
 }
 
@@ -51,6 +52,9 @@ class LazyGroup(click.Group):
         if cmd_name not in self.verbs:
             return None
         module = importlib.import_module(f"specan_cli.{self.verbs[cmd_name][0]}")
+        from specan_cli.verbosity import add_options
+
+        add_options(module.command)
         return module.command
 
     def invoke(self, ctx: click.Context) -> Any:

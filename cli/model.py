@@ -84,24 +84,51 @@ def show(name: str, part: str | None, rig: Path | None, as_json: bool) -> None:
 @command.command("new")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE.py")
 def new(file: Path) -> None:
-    """Write a small model of your own into FILE.py, to be changed.
+    """Write a small model of your own into FILE.py, to be changed, and a table to try it on beside it.
 
     \b
     specan model new pump.py
     """
     from specan.errors import RequestError
-    from specan_cli.model_template import TEMPLATE
+    from specan.models.catalogue import load_model
+    from specan_cli.model_template import TEMPLATE, table_to_try
 
     if file.suffix != ".py":
         raise RequestError(f"{file} is no Python file", remedy="give it a name that ends in .py")
+    table_file = file.with_suffix(".csv")
+    if table_file.exists():
+        raise RequestError(f"{table_file} exists already", remedy="choose another name")
+    _write_new(file, TEMPLATE)
+    _write_new(table_file, table_to_try(load_model(file, {})))
+    click.echo(f"{file} holds a model, {table_file} a table to try it on.")
+    click.echo(f"Check it: specan model check {file}")
+    click.echo(f"Try it: specan study new DIR --model {file} --measurement {table_file}")
+
+
+def _write_new(file: Path, text: str) -> None:
+    from specan.errors import RequestError
+
     try:
         with file.open("x", encoding="utf-8", newline="\n") as stream:
-            stream.write(TEMPLATE.replace("NAME", file.stem))
+            stream.write(text)
     except FileExistsError:
         raise RequestError(f"{file} exists already", remedy="choose another name") from None
     except OSError as fault:
         raise RequestError(f"{file} cannot be written ({fault.strerror})") from None
-    click.echo(f"{file} holds a model. Check it with: specan model check {file}")
+
+
+@command.command("rig")
+@click.argument("name")
+def rig_template(name: str) -> None:
+    """Print a commented rig file for a model: limits, uncertainties, and what else it wants to know.
+
+    \b
+    specan model rig worm-gear > rig.toml
+    """
+    from specan.models.catalogue import example_model, example_rig
+    from specan.models.rig_template import rig_template
+
+    click.echo(rig_template(example_model(name), example_rig(name)), nl=False)
 
 
 @command.command("check")
@@ -110,33 +137,64 @@ def new(file: Path) -> None:
 @click.option("--rig", type=click.Path(path_type=Path), help="A rig file [default: the model's example].")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def check(name: str, file: Path | None, rig: Path | None, as_json: bool) -> None:
-    """Check the effects in a file of your own: neutral, commuting, finite, found again when planted.
+    """Check a model of your own, or effects: neutral, commuting, finite, found again when planted.
 
-    A model of your own is checked with all its effects, and may then be run by studies on this machine.
+    A model of your own is checked whole: its units, that it is finite over its limits, that some measurement
+    determines each parameter, and which effects none could tell apart. It may then be run by studies on this machine.
 
     \b
     specan model check worm-gear belt_loss.py
-    specan model check spring.py
+    specan model check pump.py
     """
     from specan.models import check_effect, conditions_over_limits
     from specan.models.catalogue import effects_from_file, is_file
 
     model = _model(name, rig)
-    conditions = conditions_over_limits(model)
-    effects = list(model.effects.values()) if file is None else effects_from_file(file)
     for note in model.notes:
         click.echo(note, err=True)
+    if file is None and is_file(name):
+        _check_whole(model, Path(name), as_json)
+        return
+    effects = list(model.effects.values()) if file is None else effects_from_file(file)
+    conditions = conditions_over_limits(model)
     for effect in effects:
         check_effect(effect, model, conditions)
-    if file is None and is_file(name):
-        from specan.study.user_effects import trust_file
-
-        trust_file(Path(name))
     if as_json:
         emit_json({"passed": [effect.name for effect in effects]})
         return
     for effect in effects:
         click.echo(f"{effect.name} keeps the rules: neutral, commutes, finite, and found again when planted.")
+
+
+def _check_whole(model: Model, file: Path, as_json: bool) -> None:
+    from dataclasses import asdict
+
+    from specan.models.check_model import check_model
+    from specan.study.user_effects import trust_file
+
+    found = check_model(model)
+    trust_file(file)
+    if as_json:
+        emit_json({"passed": list(found.effects), **asdict(found)})
+        return
+    click.echo(
+        f"{model.name} is finite at {found.rows} places within its limits; one evaluation takes "
+        f"{1000 * found.seconds:.2g} ms."
+    )
+    if found.parameters:
+        click.echo(
+            f"Some measurement within the limits determines each parameter: {', '.join(found.parameters)}."
+        )
+    for name in found.effects:
+        click.echo(f"{name} keeps the rules: neutral, commutes, finite, and found again when planted.")
+    for name in found.hidden:
+        click.echo(f"Note: the parameters of the base do all that {name} does; no measurement can show it.")
+    for one, other in found.alike:
+        click.echo(f"Note: no measurement within the limits tells {one} from {other}.")
+    if len(found.effects) > 1 and not found.alike and not found.hidden:
+        click.echo("Some measurement within the limits tells each of these effects from the others.")
+    for note in found.notes:
+        click.echo(f"Note: {note}.")
 
 
 def _model(name: str, rig: Path | None) -> Model:

@@ -1,39 +1,89 @@
-"""The file that ``specan model new`` writes: a model that keeps its promises, to be changed into another."""
+"""What ``specan model new`` writes: a model that keeps its promises, and a table to try it on."""
 
-TEMPLATE = '''"""NAME: what it is a model of, in a line."""
+from __future__ import annotations
 
-from specan.models import Condition, Model, Observable, Parameter, Words, constant, effect, quantity, rig_statement
+import csv
+import io
 
-EXAMPLE_RIG = {"limits": {"load_N": [5.0, 60.0]}, "uncertainty": {"stretch_mm": 0.2}}  # a rig file's tables
+from specan.models.model import Model
 
-CONDITIONS = [Condition("load", "N", "What is set or read, one value a row.", "load_N", "N")]
-OBSERVABLES = [Observable("stretch", "stretch", "m", "What is measured.", column="stretch_mm", column_unit="mm")]
+TEMPLATE = '''"""A centrifugal pump.
 
+Change names, units and formulas into those of your own set-up.
+"""
 
-@quantity(unit="m")
-def stretch(load, stiffness):
-    """A quantity; its arguments are the conditions and quantities that it reads, in SI."""
-    return load / stiffness
+import numpy as np
 
+from specan.models import Model, Parameter, effect
 
-@effect("give", adds_to="stretch", neutral={"compliance": 0.0})
-def give(load, *, compliance=Parameter(1e-3, "m", min=1e-5, max=1e-2, lower=-0.1, upper=0.1, doc="at 30 N")):
-    """An effect that may be missing: what it is, for whoever reads the verdict."""
-    return compliance * (load / 30.0) ** 2
+# A function is a quantity of its own name. Its arguments are conditions, parameters, or other functions.
+# It receives and returns numbers in the units given below, for arrays: one value a row of the table.
 
 
-def build(rig):
-    """The model for a rig file."""
-    nodes = [constant("stiffness", 500.0, "N/m", "A number that the model takes as known."), stretch]
-    return Model(
-        name="NAME",
-        title="What it is a model of",
-        conditions={c.name: c for c in CONDITIONS},
-        quantities={q.name: q for q in nodes},
-        effects={e.name: e for e in [give]},
-        observables={o.name: o for o in OBSERVABLES},
-        base_effects=(),  # effects that a study starts with
-        rig=rig_statement(rig, CONDITIONS, OBSERVABLES),
-        words=Words(discrepancy_of="stretch"),
-    )
+def head(flow, speed, loss, shutoff):
+    """Head of the pump."""
+    return shutoff * (speed / 2900) ** 2 - loss
+
+
+def loss(flow, friction):
+    """Head lost to friction in the passages."""
+    return friction * flow**2
+
+
+# Effects that may be missing. An effect can act on quantities that have a name: `loss` is a function of its
+# own, so that an effect can add to it, scale it or read it. Where `neutral` holds, the effect does nothing;
+# min to max is plausible, lower to upper is where a fit may look.
+
+
+@effect("cavitation", adds_to="loss", neutral={"size": 0.0})
+def cavitation(flow, *, size=Parameter(0.01, "m/(m3/h)^2", min=1e-4, max=0.1, lower=0, upper=1),
+               onset=Parameter(40, "m3/h", min=20, max=55)):  # fmt: skip
+    """Above some flow the water boils in the inlet, and the head falls ever more."""
+    return size * np.maximum(flow - onset, 0) ** 2
+
+
+@effect("slip", adds_to="head", neutral={"size": 0.0})
+def slip(flow, speed, *, size=Parameter(-0.1, "m/(m3/h)", min=-0.3, max=-0.01, lower=-1, upper=1)):
+    """The water leaves the wheel at an angle, which costs head in proportion to flow and speed."""
+    return size * flow * speed / 2900
+
+
+@effect("recirculation", adds_to="loss", neutral={"size": 0.0})
+def recirculation(flow, speed, *, size=Parameter(5, "m", min=0.5, max=15, lower=0, upper=50)):
+    """Below a third of the design flow, 13 m3/h at 2900 1/min, water turns back in the inlet."""
+    return size * np.maximum(speed / 2900 - flow / 13, 0) ** 2
+
+
+model = Model.from_function(
+    head,
+    loss,
+    conditions={"flow": ("m3/h", 5, 60), "speed": ("1/min", 1800, 2900)},  # unit, lowest, highest
+    observables={"head": ("m", 0.1)},  # unit, standard uncertainty of one reading
+    parameters={"shutoff": (32.0, 20, 50, "m"), "friction": (0.004, 0.001, 0.01, "m/(m3/h)^2")},
+    units={"loss": "m"},
+    effects=[cavitation, slip, recirculation],
+)
 '''
+
+# What was "measured": the model with cavitation in it, read with the stated uncertainty.
+FLOWS, SPEEDS = (6, 12, 18, 24, 30, 36, 42, 48, 54, 60), (2000, 2450, 2900)
+TRUTH = {"cavitation.size": 0.02, "cavitation.onset": 38.0, "head.shutoff": 33.5, "loss.friction": 0.0035}
+NOISE, REPEATS, SEED = 0.1, 2, 7
+
+
+def table_to_try(model: Model) -> str:
+    """A table for the model of `TEMPLATE`, as text, with an effect in it that the model lacks."""
+    from specan.models.prediction import grid, simulated_table
+    from specan.models.request import Request
+
+    assembly = model.assemble(["cavitation"])
+    rows = simulated_table(
+        Request(assembly, TRUTH), grid(model, {"flow": FLOWS, "speed": SPEEDS}),
+        noise=NOISE, repeats=REPEATS, seed=SEED,
+    )  # fmt: skip
+    text = io.StringIO()
+    sheet = csv.writer(text, lineterminator="\n")
+    sheet.writerow(["flow [m3/h]", "speed [1/min]", "head [m]", "repeat"])
+    for flow, speed, head, repeat in zip(*rows.values(), strict=True):
+        sheet.writerow([f"{flow:g}", f"{speed:g}", f"{head:.2f}", f"{repeat:g}"])
+    return text.getvalue()

@@ -10,8 +10,9 @@ import click
 from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
-from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
+from specan_cli.output_file import OutputFile, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.band_levels import BandLevels
@@ -34,8 +35,8 @@ class _Averaging(click.ParamType):
             )
 
 
-@click.command("octave", cls=Verb)
-@click.argument("file", type=click.Path(path_type=Path))
+@click.command("octave", cls=RecordingVerb)
+@recording_argument()
 @click.option("--fraction", type=click.Choice(["1", "3", "6", "12", "24"]), help="1/N octave.  [default: 3]")
 @click.option(
     "--weighting",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import click
@@ -23,8 +24,26 @@ def finite(value: Any) -> Any:
     return value
 
 
+_COLLECTED = "specan_cli.collected"
+
+
+@contextmanager
+def collecting(ctx: click.Context) -> Iterator[list[Any]]:
+    """What `emit_json` is given meanwhile is kept here and not printed."""
+    found: list[Any] = []
+    ctx.meta[_COLLECTED] = found
+    try:
+        yield found
+    finally:
+        del ctx.meta[_COLLECTED]
+
+
 def emit_json(content: Any) -> None:
     """Print `content` as JSON on standard output."""
+    ctx = click.get_current_context(silent=True)
+    if ctx is not None and _COLLECTED in ctx.meta:
+        ctx.meta[_COLLECTED].append(content)
+        return
     click.echo(json.dumps(finite(content), indent=2, ensure_ascii=False))
 
 

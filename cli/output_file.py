@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from specan_cli.option_groups import Grouped
+
 _STANDARD_OUTPUT = Path("-")
 _FORCE = "specan_cli.force"
 
@@ -19,7 +21,7 @@ class OutputFile(click.Path):
         super().__init__(path_type=Path)
 
 
-class Verb(click.Command):
+class Verb(Grouped):
     """A verb that writes files: its options of type `OutputFile` are checked before the work begins."""
 
     def __init__(self, *args: Any, **options: Any) -> None:

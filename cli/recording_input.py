@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import click
 
 from specan_cli.output import say
+from specan_cli.verbosity import is_quiet, is_verbose
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,7 +65,12 @@ class Accumulator(Protocol):
 def feed(accumulator: Accumulator, recording: Recording, piece: int = 1 << 16) -> None:
     """Read the section once; a bar on a terminal where it takes some time."""
     total = accumulator.stop - accumulator.start
-    hidden = not sys.stderr.isatty() or total * len(accumulator.channels) < _LONG_SAMPLES
+    if is_verbose():
+        rate = accumulator.channels[0].sampling_rate if accumulator.channels else 0.0
+        say(
+            f"Reading {recording.label}: {len(accumulator.channels)} channels, {total} samples at {rate:g} Hz."
+        )
+    hidden = is_quiet() or not sys.stderr.isatty() or total * len(accumulator.channels) < _LONG_SAMPLES
     with click.progressbar(length=total, file=sys.stderr, label=recording.label, hidden=hidden) as bar:
         for samples in recording.blocks(accumulator.channels, piece, accumulator.start, accumulator.stop):
             accumulator.add(samples)
@@ -73,7 +79,7 @@ def feed(accumulator: Accumulator, recording: Recording, piece: int = 1 << 16) -
 
 def say_notes(notes: tuple[str, ...], flags: dict[str, tuple[str, ...]]) -> None:
     """Notes and flags, on standard error."""
-    for note in notes:
+    for note in () if is_quiet() else notes:
         say(f"Note: {note}.")
     for name, words in flags.items():
         if words:

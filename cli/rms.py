@@ -10,15 +10,16 @@ import click
 from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
-from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
+from specan_cli.output_file import OutputFile, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.levels import SignalLevels
 
 
-@click.command("rms", cls=Verb)
-@click.argument("file", type=click.Path(path_type=Path))
+@click.command("rms", cls=RecordingVerb)
+@recording_argument()
 @click.option(
     "--weighting",
     type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),

@@ -12,7 +12,7 @@ from specan_cli.output_file import OutputFile, Verb
 
 @click.command("simulate", cls=Verb)
 @click.argument("model_name", metavar="MODEL")
-@click.argument("rig", type=click.Path(path_type=Path), metavar="RIG.toml")
+@click.argument("rig", type=click.Path(path_type=Path), metavar="[RIG.toml]", required=False)
 @click.option(
     "-o",
     "--output",
@@ -92,8 +92,11 @@ from specan_cli.output_file import OutputFile, Verb
     help="A measured table, drawn over the figure as points.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
-def command(model_name: str, rig: Path, **options: Any) -> None:
+def command(model_name: str, rig: Path | None, **options: Any) -> None:
     """Predict what would be measured if the rig were as MODEL says.
+
+    Any model of tables: without --grid or --conditions the conditions run over the limits. A model in a file of your
+    own needs no rig file.
 
     Worm gear: without --grid or --conditions the conditions run over the limits of the rig file.
 
@@ -106,12 +109,19 @@ def command(model_name: str, rig: Path, **options: Any) -> None:
     \b
     specan simulate worm-gear sample_data/worm_gear/rig.toml --effects seal-drag -o table.csv
     """
-    from specan.models.catalogue import effects_from_file, load_model
+    from specan.errors import RequestError
+    from specan.models.catalogue import effects_from_file, example_rig, is_file, load_model
     from specan.models.request import override
     from specan.models.rig_file import read_rig_file
     from specan_cli.simulators import simulator_of
 
-    model = load_model(model_name, override(read_rig_file(rig), options["settings"]))
+    if rig is None and not is_file(model_name):
+        raise RequestError(
+            f"the model {model_name!r} needs a rig file",
+            remedy=f"specan model rig {model_name} writes one to begin with",
+        )
+    said = read_rig_file(rig) if rig else example_rig(model_name)
+    model = load_model(model_name, override(said, options["settings"]))
     for file in options["effect_files"]:
         model = model.with_effect(*effects_from_file(file))
     simulator_of(model)(model, options)

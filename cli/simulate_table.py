@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan.errors import RequestError
-from specan_cli.output import emit_json, say, table
+from specan_cli.output import emit_json, say
+from specan_cli.output import table as print_table
 
 if TYPE_CHECKING:
     from specan.models.model import Model
@@ -60,9 +61,13 @@ def _conditions(request: Request, options: Mapping[str, Any], points: Mapping[st
 
     model = request.assembly.model
     if options["conditions"]:
+        from specan.study.data.table_columns import ColumnNames
         from specan.study.data.table_file import read_table
 
-        given = read_table(options["conditions"]).columns
+        names = ColumnNames(options["conditions"], model, lenient=True)
+        table = read_table(options["conditions"], choose=names.choose)
+        names.convert(table)
+        given = table.columns
         known = {c.column for c in model.conditions.values()}
         return {name: values for name, values in given.items() if name in known}
     axes = over_limits(model, points)
@@ -128,6 +133,6 @@ def length(rows: Columns) -> int:
 
 def _print(rows: Columns) -> None:
     shown = [[f"{value:.5g}" for value in row] for row in zip(*rows.values(), strict=True)]
-    table("", list(rows), shown[:MOST_PRINTED])
+    print_table("", list(rows), shown[:MOST_PRINTED])
     if len(shown) > MOST_PRINTED:
         click.echo(f"... and {len(shown) - MOST_PRINTED} more rows; -o FILE writes all of them")

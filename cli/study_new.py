@@ -19,6 +19,9 @@ FILE = click.Path(path_type=Path)
 @click.option("--rig", type=FILE, help="What is known of the set-up (TOML).")
 @click.option("--measurement", "measurements", multiple=True, type=FILE, required=True, metavar="FILE",
               help="Measured data to fit; repeatable.")  # fmt: skip
+@click.option("--column", "columns", multiple=True, metavar="NAME=HEADER",
+              help="Header of a column of the model in the table, with its unit: \"speed_rpm=n [1/min]\"; repeatable. "
+              "Unknown columns are passed over then.")  # fmt: skip
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
               help="Measured data that are only ever predicted; repeatable.")  # fmt: skip
 @click.option("--hold-out", multiple=True, metavar="KEY=V,V...",
@@ -33,6 +36,7 @@ def command(
     model_name: str,
     rig: Path | None,
     measurements: tuple[Path, ...],
+    columns: tuple[str, ...],
     validations: tuple[Path, ...],
     hold_out: tuple[str, ...],
     calibration: Path | None,
@@ -62,6 +66,7 @@ def command(
         hold_out=hold_out,
         calibration=calibration,
         effects=chosen,
+        columns=_named_columns(columns),
     )
     _show(begun, as_json)
     if plot is not None:
@@ -69,6 +74,20 @@ def command(
         from specan.report.figures_study import figure_compare
 
         save_figure(figure_compare(begun.study), plot)
+
+
+def _named_columns(given: tuple[str, ...]) -> dict[str, str]:
+    from specan.errors import RequestError
+
+    found = {}
+    for text in given:
+        name, equals, header = text.partition("=")
+        if not equals or not name.strip() or not header.strip():
+            raise RequestError(
+                f"--column {text!r} cannot be read", expected='NAME=HEADER, "speed_rpm=n [1/min]"'
+            )
+        found[name.strip()] = header.strip()
+    return found
 
 
 def _show(begun: object, as_json: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -59,6 +60,7 @@ def _expression(unit: str) -> str:
     plain = _SPELLINGS.get(text.lower())
     if plain is not None:
         return plain
+    text = re.sub(r"\b((?:[a-zµ]{0,2}m)|s|in|ft)([2-4])\b", r"\1^\2", text)  # m3/h
     return text.replace("²", "^2").replace("³", "^3").replace("µ", "u").replace("·", "*").replace("Nm", "N*m")
 
 
@@ -128,6 +130,26 @@ def base_unit(unit: str) -> str:
         raise RequestError(
             f"the unit {unit!r} is not known ({fault})", expected="an SI unit or a multiple"
         ) from None
+
+
+def with_unit(value: Any, unit: str) -> Any:
+    """A number that carries its unit through a formula, as an object of the unit library."""
+    return _registry().Quantity(value, _expression(unit))
+
+
+def same_dimension(value: Any, unit: str) -> str:
+    """Empty where a value is of the dimension of a unit; otherwise the unit that it has.
+
+    Examples
+    --------
+    >>> same_dimension(with_unit(2.0, "m^3/h"), "l/s"), same_dimension(with_unit(2.0, "m^3/h"), "m")
+    ('', 'm ** 3 / h')
+    """
+    registry = _registry()
+    given = value if hasattr(value, "dimensionality") else registry.Quantity(value)
+    if given.dimensionality == registry.Quantity(1.0, _expression(unit)).dimensionality:
+        return ""
+    return f"{given.units:~}" or "1"
 
 
 def often_mistaken_for(unit: str) -> tuple[str, ...]:

@@ -31,6 +31,7 @@ from specan.schema import Settings
 # Lines up to rate / 2.56: above them the converters' anti-aliasing filters fall off.
 SAMPLES_PER_LINE = 2.56
 DEFAULT_LINES, LEAST_LINES = 3200, 100
+RESPONSES = ("microphone", "accelerometer")  # roles that are responses unless channels are named
 # Share of the reference's power that is not the generator's from which on H3c is recommended: H1 is low by as much.
 _FOREIGN = 0.01
 _NEIGHBOURS = (1 / 15,) * 15
@@ -46,7 +47,7 @@ class TransferFunction(Settings):
     instrument : str or None
         For H3c, the channel that drives the system; the generator by default.
     channels : tuple of str
-        Names or patterns of the responses; by default the microphones, without any all other channels.
+        Names or patterns of the responses; by default microphones and accelerometers, without any all other channels.
     estimator : {"H1", "H2", "Hv", "H3c"}
     lines : int or None
         Number of lines up to rate/2.56; a block has 2.56 times as many samples. By default as many as the
@@ -165,7 +166,7 @@ class TransferFunctionAccumulator:
 
     def _find_responses(self, helpers: Sequence[Channel]) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
         patterns = self.settings.channels or [
-            f"{c.group}/{c.name}" for c in self.recording.by_role("microphone")
+            f"{c.group}/{c.name}" for c in self.recording.channels if c.role in RESPONSES
         ]
         chosen, notes = of_one_rate(self.recording, patterns, like=self.reference)
         responses = tuple(c for c in chosen if c not in helpers)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.result import Result, counted, full_names
 from specan.units import LevelReference
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Real = NDArray[np.float64]
 
@@ -36,8 +40,8 @@ class OtherSettling:
     overall_db: Mapping[str, Real]
 
 
-@dataclass(frozen=True)
-class BandLevels:
+@dataclass(frozen=True, repr=False)
+class BandLevels(Result):
     """Band levels of several channels of one recording, and their overall levels.
 
     Attributes
@@ -113,6 +117,34 @@ class BandLevels:
     unsettled: NDArray[np.bool_] | None = None
     low_snr: NDArray[np.bool_] | None = None
     other: OtherSettling | None = None
+
+    dimensions = ("channel", "nominal_hz")
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        held = f", {self.hold} hold" if self.hold else ""
+        return (
+            f"{self.label}, {counted(len(self.channels), 'channel')}, {self.exact_hz.size} bands of 1/{self.fraction} "
+            f"octave, weighting {self.weighting}, averaging {self.averaging}{held}"
+        )
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel and band."""
+        bands, names = self.exact_hz.size, full_names(self.channels, self.groups)
+        return {
+            "channel": np.repeat(names, bands),
+            "nominal_hz": np.tile(self.nominal_hz, len(names)),
+            "exact_hz": np.tile(self.exact_hz, len(names)),
+            "level_dB": self.level_db.ravel(),
+            "u_dB": np.tile(self.u_db, len(names)),
+            "level_reference": np.repeat([r.text for r in self.references], bands),
+            "flags": [" ".join(self.band_flags(c, b)) for c in range(len(names)) for b in range(bands)],
+        }
+
+    def overview(self) -> pd.DataFrame:
+        """Levels with a row for each band and a column for each channel."""
+        frame = self.to_dataframe().pivot(index="nominal_hz", columns="channel", values="level_dB")
+        return frame.reindex(columns=full_names(self.channels, self.groups)).reset_index()
 
     @property
     def edges(self) -> NDArray[np.bool_]:

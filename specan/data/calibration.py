@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 from specan.data.recording import Channel, PhaseCalibration, Recording, matches
 from specan.data.sensor import gain_of
 from specan.errors import InputError, RequestError
+from specan.result import Result, counted
 
 Verdict = Literal["good", "doubtful", "failed"]
 VERDICTS: tuple[Verdict, ...] = ("good", "doubtful", "failed")
@@ -97,8 +98,8 @@ class ChannelCalibration:
             )
 
 
-@dataclass(frozen=True)
-class Calibration:
+@dataclass(frozen=True, repr=False)
+class Calibration(Result):
     """Calibrations of several channels, and where they come from.
 
     Attributes
@@ -123,11 +124,45 @@ class Calibration:
     notes: tuple[str, ...] = ()
     source: str = field(default="calibration", compare=False)  # the file's name, for messages
 
+    dimensions = ("channel", "frequency_hz")
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        tone = self.calibrator_frequency_hz
+        return f"{counted(len(self.channels), 'channel')}" + (f" at {tone:.6g} Hz" if tone else "")
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel and tone."""
+        rows = [
+            {
+                "channel": c.channel,
+                "sensitivity": c.sensitivity,
+                "unit": c.unit,
+                "u_sensitivity_percent": c.u_sensitivity_percent,
+                "frequency_hz": frequency,
+                "phase_deg": phase,
+                "u_phase_deg": u_phase,
+                "scatter_percent": c.scatter_percent,
+                "drift_percent": c.drift_percent,
+                "verdict": c.verdict,
+                "reasons": "; ".join(c.reasons),
+            }
+            for c in self.channels
+            for frequency, phase, u_phase in _tones(c)
+        ]
+        return {name: [row[name] for row in rows] for name in (rows[0] if rows else {"channel": ""})}
+
     def find(self, channel: Channel) -> ChannelCalibration | None:
         """The calibration of a channel, None where there is none."""
         exact = (c for c in self.channels if c.channel in (channel.name, f"{channel.group}/{channel.name}"))
         wild = (c for c in self.channels if matches(c.channel, channel))
         return next(exact, None) or next(wild, None)
+
+
+def _tones(channel: ChannelCalibration) -> list[tuple[float | None, float | None, float | None]]:
+    if channel.phase is None:
+        return [(None, None, None)]
+    return list(zip(channel.phase.frequency_hz, channel.phase.phase_deg, channel.phase.u_phase_deg))
 
 
 def apply(calibration: Calibration, recording: Recording) -> Recording:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.result import Result, counted
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -21,8 +25,8 @@ LOW_SNR_PERCENT, LOW_COHERENCE = 10.0, 0.5
 LEAKAGE_PERCENT = 1.0
 
 
-@dataclass(frozen=True)
-class FrequencyResponse:
+@dataclass(frozen=True, repr=False)
+class FrequencyResponse(Result):
     """Transfer functions (channels, lines): response over reference, exp(+j w t).
 
     A response that is delayed by tau has the phase -360 f tau degrees.
@@ -93,6 +97,49 @@ class FrequencyResponse:
     flags: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    dimensions = ("channel", "frequency_hz")
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        return (
+            f"{self.label}, {self.estimator} of {counted(len(self.channels), 'channel')} over {self.reference}, "
+            f"{counted(self.frequency_hz.size, 'line')}, {self.n_blocks} blocks"
+        )
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel and line, as ``specan frf -o`` writes it."""
+        count = self.frequency_hz.size
+        return {
+            "channel": np.repeat(self.channels, count),
+            "frequency_hz": np.tile(self.frequency_hz, len(self.channels)),
+            "magnitude": self.magnitude.ravel(),
+            "phase_deg": self.phase_deg.ravel(),
+            "coherence": self.coherence.ravel(),
+            "u_magnitude_percent": self.u_magnitude_percent.ravel(),
+            "u_phase_deg": self.u_phase_deg.ravel(),
+            "u_leakage_percent": self.u_leakage_percent.ravel(),
+            "u_common_percent": self.u_common_percent.ravel(),
+            "u_common_phase_deg": self.u_common_phase_deg.ravel(),
+        }
+
+    def overview(self) -> pd.DataFrame:
+        """One row for each channel: its unit and the line of the largest magnitude."""
+        import pandas as pd
+
+        peak = np.argmax(np.nan_to_num(self.magnitude, nan=-1.0), axis=1)
+        rows = np.arange(len(self.channels))
+        return pd.DataFrame(
+            {
+                "channel": list(self.channels),
+                "unit": list(self.units),
+                "peak_hz": self.frequency_hz[peak],
+                "magnitude": self.magnitude[rows, peak],
+                "phase_deg": self.phase_deg[rows, peak],
+                "coherence": self.coherence[rows, peak],
+                "flags": [" ".join(words) for words in self.flags],
+            }
+        )
 
     def between(self, fmin_hz: float, fmax_hz: float) -> FrequencyResponse:
         """The lines from `fmin_hz` to `fmax_hz`.

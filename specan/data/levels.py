@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.result import Result, counted, full_names
 from specan.units import LevelReference
 
 Real = NDArray[np.float64]
@@ -52,8 +53,8 @@ class Quality:
         return tuple(word for word, holds in words.items() if holds)
 
 
-@dataclass(frozen=True)
-class SignalLevels:
+@dataclass(frozen=True, repr=False)
+class SignalLevels(Result):
     """Single-number values of several channels of one recording.
 
     Everything but `mean`, `minimum` and `maximum` is of the signal about its mean, the alternating part.
@@ -116,3 +117,29 @@ class SignalLevels:
     flags: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        stop = self.start_s + self.duration_s
+        return f"{self.label}, {counted(len(self.channels), 'channel')}, {self.start_s:g} s to {stop:g} s"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel, as ``specan rms -o`` writes it."""
+        return {
+            "channel": full_names(self.channels, self.groups),
+            "unit": list(self.units),
+            "rms": self.rms,
+            "peak": self.peak,
+            "crest_factor": self.crest_factor,
+            "mean": self.mean,
+            "minimum": self.minimum,
+            "maximum": self.maximum,
+            "level_reference": [reference.text for reference in self.references],
+            "level_dB": self.level_db,
+            "peak_dB": self.peak_db,
+            **{f"Leq_{weighting}_dB": values for weighting, values in self.equivalent_db.items()},
+            "max_dB": self.maximum_db,
+            "min_dB": self.minimum_db,
+            **{f"L{n:g}_dB": values for n, values in self.percentile_db.items()},
+            "flags": [" ".join(words) for words in self.flags],
+        }

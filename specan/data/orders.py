@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.result import Result, counted
 from specan.units import level_reference
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Real = NDArray[np.float64]
 
@@ -71,8 +75,8 @@ class OrderLines:
         return np.degrees(np.angle(self.amplitude))
 
 
-@dataclass(frozen=True)
-class OrderSpectrum:
+@dataclass(frozen=True, repr=False)
+class OrderSpectrum(Result):
     """What a recording holds per turn of a shaft.
 
     Attributes
@@ -110,6 +114,43 @@ class OrderSpectrum:
     lines: OrderLines | None = None
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    dimensions = ("channel", "order")
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        low, _, high = self.tacho.speed_hz
+        return (
+            f"{self.label}, {counted(len(self.channels), 'channel')}, {self.order.size} orders up to "
+            f"{self.order[-1]:.4g}, {self.turns} turns, {low:.4g} Hz to {high:.4g} Hz"
+        )
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel and order."""
+        count = self.order.size
+        return {
+            "channel": np.repeat(self.channels, count),
+            "order": np.tile(self.order, len(self.channels)),
+            "amplitude": self.amplitude.ravel(),
+            "level_dB": self.level_db.ravel(),
+        }
+
+    def overview(self) -> pd.DataFrame:
+        """One row for each channel: RMS, the part that repeats every turn, the highest order."""
+        import pandas as pd
+
+        rows = np.arange(len(self.channels))
+        peak = np.argmax(np.nan_to_num(self.amplitude, nan=-1.0), axis=1)
+        return pd.DataFrame(
+            {
+                "channel": list(self.channels),
+                "unit": list(self.units),
+                "rms": self.rms,
+                "synchronous_rms": self.synchronous_rms,
+                "order": self.order[peak],
+                "amplitude": self.amplitude[rows, peak],
+            }
+        )
 
     @property
     def level_db(self) -> Real:

@@ -5,12 +5,17 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError, nearest
+from specan.result import Result, counted, full_names
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other"]
 ROLES: tuple[Role, ...] = (
@@ -162,14 +167,32 @@ class Channel:
         return np.hypot(late, self.phase.u_at(f)) if self.phase is not None else late
 
 
+def _meant(name: str, channels: Sequence[Channel]) -> tuple[Channel, ...]:
+    """Channels that a name means which none has: the same in other letters, else the one whose name ends so.
+
+    ``mic 1`` means ``Mic 1``; ``ai0`` means ``cDAQ1Mod1/ai0`` where no other channel ends so.
+    """
+    wanted = name.casefold()
+    same = tuple(c for c in channels if wanted in (c.name.casefold(), f"{c.group}/{c.name}".casefold()))
+    if same or not wanted:
+        return same
+    ends = tuple(c for c in channels if _ends_with(f"{c.group}/{c.name}".casefold(), wanted))
+    return ends if len(ends) == 1 else ()
+
+
+def _ends_with(name: str, end: str) -> bool:
+    """Whether a name ends with whole words: ``ai0`` ends ``mod1/ai0``, not ``xai0``; a number alone does not do."""
+    return name.endswith(end) and not name[: -len(end)][-1:].isalnum() and not end.isnumeric()
+
+
 def matches(pattern: str, channel: Channel) -> bool:
     """Whether a shell-style pattern (``Mic *``) is or fits the channel's name or ``group/name``."""
     names = (channel.name, f"{channel.group}/{channel.name}")
     return pattern in names or any(fnmatch.fnmatchcase(name, pattern) for name in names)
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, repr=False)
+class Recording(Result):
     """Channels, properties and a source of samples.
 
     Attributes
@@ -193,9 +216,60 @@ class Recording:
     notes: tuple[str, ...] = ()
     set_aside: Mapping[str, str] = field(default_factory=dict)
 
+    def summary(self) -> str:
+        """What it is, on one line."""
+        rates = sorted({c.sampling_rate for c in self.channels})
+        longest = max((c.duration_s for c in self.channels), default=0.0)
+        at = ", ".join(f"{rate:g} Hz" for rate in rates)
+        return f"{self.label}, {counted(len(self.channels), 'channel')}, {longest:.4g} s at {at}"
+
+    def overview(self) -> pd.DataFrame:
+        """One row for each channel."""
+        import pandas as pd
+
+        rows = [
+            [c.name, c.group, c.role, c.unit, c.sampling_rate, c.n_samples, c.duration_s]
+            for c in self.channels
+        ]
+        names = ["channel", "group", "role", "unit", "sampling_rate_hz", "n_samples", "duration_s"]
+        return pd.DataFrame(rows, columns=names)
+
+    def to_dataframe(
+        self, channels: Sequence[str] = (), start_s: float = 0.0, stop_s: float | None = None
+    ) -> pd.DataFrame:
+        """The samples: a row for each instant, a column for each channel, in the units of the channels.
+
+        Parameters
+        ----------
+        channels : sequence of str
+            Names or patterns; all by default. They must have one sampling rate.
+        start_s, stop_s : float
+            Time section.
+        """
+        import pandas as pd
+
+        chosen = self.select([channels] if isinstance(channels, str) else channels)
+        rate = chosen[0].sampling_rate
+        start = round(start_s * rate)
+        samples = self.read(chosen, start, None if stop_s is None else round(stop_s * rate))
+        time = pd.Index(np.arange(start, start + samples.shape[1]) / rate, name="time_s")
+        return pd.DataFrame(
+            samples.T, index=time, columns=full_names([c.name for c in chosen], [c.group for c in chosen])
+        )
+
+    def to_xarray(self) -> xr.Dataset:
+        """The samples over ``time_s``, one variable for each channel."""
+        try:
+            return self.to_dataframe().to_xarray()
+        except ImportError:
+            raise RequestError(
+                "a data set needs xarray, which is not installed", remedy='pip install "specan[xarray]"'
+            ) from None
+
     def channel(self, name: str) -> Channel:
-        """The channel of this name, or of this ``group/name``."""
+        """The channel of this name, or of this ``group/name``; any letters and the end of its name do as well."""
         found = [c for c in self.channels if name in (c.name, f"{c.group}/{c.name}")]
+        found = found or list(_meant(name, self.channels))
         if len(found) == 1:
             return found[0]
         if found:
@@ -220,14 +294,23 @@ class Recording:
             return self.channels
         names = set(patterns)  # a thousand channels may be named one by one
         shapes = [p for p in patterns if any(mark in p for mark in "*?[")]
-        chosen = tuple(
-            c
+        chosen = [
+            c.name in names or f"{c.group}/{c.name}" in names or any(matches(p, c) for p in shapes)
             for c in self.channels
-            if c.name in names or f"{c.group}/{c.name}" in names or any(matches(p, c) for p in shapes)
-        )
-        if not chosen:
+        ]
+        exact = {name for c in self.channels for name in (c.name, f"{c.group}/{c.name}")}
+        for pattern in dict.fromkeys(p for p in patterns if p not in exact):
+            if pattern not in shapes:
+                meant = {id(c) for c in _meant(pattern, self.channels)}
+            elif not any(matches(pattern, c) for c in self.channels):
+                small = pattern.casefold()
+                meant = {id(c) for c in self.channels if fnmatch.fnmatchcase(c.name.casefold(), small)}
+            else:
+                continue
+            chosen = [was or id(c) in meant for was, c in zip(chosen, self.channels, strict=True)]
+        if not any(chosen):
             self.channel(patterns[0])  # raises, with the nearest name
-        return chosen
+        return tuple(c for was, c in zip(chosen, self.channels, strict=True) if was)
 
     def read(
         self, channels: Sequence[Channel], start: int = 0, stop: int | None = None

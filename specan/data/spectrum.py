@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.result import Result, counted
 from specan.units import level_reference
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Real = NDArray[np.float64]
 Scaling = Literal["amplitude", "rms", "psd"]
@@ -80,8 +84,8 @@ class SpectrumScale:
             return np.asarray(10 * np.log10(power / base))
 
 
-@dataclass(frozen=True)
-class Spectrum:
+@dataclass(frozen=True, repr=False)
+class Spectrum(Result):
     """Spectra of several channels on common lines.
 
     Attributes
@@ -125,6 +129,44 @@ class Spectrum:
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
 
+    dimensions = ("channel", "frequency_hz")
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        return (
+            f"{self.label}, {self.scale.scaling} of {counted(len(self.channels), 'channel')}, "
+            f"{counted(self.frequency_hz.size, 'line')} {self.scale.line_spacing_hz:.4g} Hz apart, "
+            f"{self.scale.window}, {self.n_blocks} blocks"
+        )
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel and line, as ``specan fft -o`` writes it: the value is named after the scaling."""
+        count = self.frequency_hz.size
+        found = {
+            "channel": np.repeat(self.channels, count),
+            "frequency_hz": np.tile(self.frequency_hz, len(self.channels)),
+            self.scale.scaling: self.values.ravel(),
+            "level_dB": self.level_db.ravel(),
+        }
+        return found if self.phase_deg is None else {**found, "phase_deg": self.phase_deg.ravel()}
+
+    def overview(self) -> pd.DataFrame:
+        """One row for each channel: its RMS and its highest line."""
+        import pandas as pd
+
+        rows, values = np.arange(len(self.channels)), self.values
+        peak = np.argmax(np.nan_to_num(values, nan=-1.0), axis=1)
+        return pd.DataFrame(
+            {
+                "channel": list(self.channels),
+                "unit": list(self.value_units),
+                "rms": self.rms,
+                "peak_hz": self.frequency_hz[peak],
+                self.scale.scaling: values[rows, peak],
+                "flags": [" ".join(words) for words in self.flags],
+            }
+        )
+
     @property
     def values(self) -> Real:
         """Amplitude, RMS or density (channels, n), as `scale` says."""
@@ -159,8 +201,8 @@ class Spectrum:
         return 2 * self.n_effective
 
 
-@dataclass(frozen=True)
-class Spectrogram:
+@dataclass(frozen=True, repr=False)
+class Spectrogram(Result):
     """Spectra against time.
 
     Attributes
@@ -183,6 +225,36 @@ class Spectrogram:
     blocks_per_column: int
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    dimensions = ("channel", "time_s", "frequency_hz")
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        return (
+            f"{self.label}, {self.scale.scaling} of {counted(len(self.channels), 'channel')}, "
+            f"{self.time_s.size} times, {counted(self.frequency_hz.size, 'line')}"
+        )
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel, time and line."""
+        names, times, lines = len(self.channels), self.time_s.size, self.frequency_hz.size
+        return {
+            "channel": np.repeat(self.channels, times * lines),
+            "time_s": np.tile(np.repeat(self.time_s, lines), names),
+            "frequency_hz": np.tile(self.frequency_hz, names * times),
+            self.scale.scaling: self.values.ravel(),
+            "level_dB": self.level_db.ravel(),
+        }
+
+    def overview(self) -> pd.DataFrame:
+        """One row for each channel: where its highest line stands."""
+        import pandas as pd
+
+        rows = []
+        for name, values in zip(self.channels, self.values):
+            column, line = np.unravel_index(np.argmax(np.nan_to_num(values, nan=-1.0)), values.shape)
+            rows.append([name, self.time_s[column], self.frequency_hz[line], values[column, line]])
+        return pd.DataFrame(rows, columns=["channel", "time_s", "peak_hz", self.scale.scaling])
 
     @property
     def values(self) -> Real:

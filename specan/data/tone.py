@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.result import Result, counted
 from specan.units import level_reference
 
 Real = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class ToneTable:
+@dataclass(frozen=True, repr=False)
+class ToneTable(Result):
     """One tone on several channels; arrays have one entry a channel.
 
     Attributes
@@ -86,6 +87,30 @@ class ToneTable:
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     stated: bool = True
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        over = f", phases over {self.reference}" if self.reference else ", no reference"
+        return f"{self.label}, {self.frequency_hz:.6g} Hz, {counted(len(self.channels), 'channel')}{over}"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel, with the names of ``sine.txt``."""
+        return {
+            "channel": list(self.channels),
+            "role": list(self.roles),
+            "unit": list(self.units),
+            "frequency_hz": np.full(len(self.channels), self.frequency_hz),
+            "rms": self.rms,
+            "level_dB": self.level_db,
+            "tone_rms": self.tone_rms,
+            "phase_deg": self.phase_deg,
+            "u_phase_deg": self.u_phase_deg,
+            "magnitude_re_reference": self.magnitude,
+            "u_magnitude_percent": self.u_magnitude_percent,
+            "thd_percent": self.thd_percent,
+            "noise_rms": self.noise_rms,
+            "flags": [" ".join(words) for words in self.flags],
+        }
 
     @property
     def level_db(self) -> Real:

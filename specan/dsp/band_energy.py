@@ -14,10 +14,10 @@ from specan.dsp import bands
 from specan.dsp.decimator import FACTOR
 from specan.dsp.frequency_nodes import (
     NODES_PER_OCTAVE,
+    Spread,
     node_frequencies,
     node_of_band,
     node_range,
-    spread,
 )
 from specan.dsp.lag_spectrum import LagSpectrum, total_energy
 from specan.dsp.multirate import LENGTH, MultirateTransform, Stage
@@ -158,7 +158,8 @@ class BandEnergy:
             self._sum += transform[:, 0].real
         if stage not in self._spectra:
             self._spectra[stage] = LagSpectrum(self._rows, LENGTH)
-        self._spectra[stage].add(transform, None if self._ends is None else self._ends.of(stage, block, half))
+        end = None if self._ends is None else self._ends.of(stage, block, half)
+        self._spectra[stage].add(transform, end, block.shape[1])
 
     def result(self) -> EnergySpectrum:
         """The energy spectrum; call it once, after the transform is finished."""
@@ -168,13 +169,13 @@ class BandEnergy:
         for stage in list(self._spectra):
             # Let go of each stage as soon as it is read: the lines of all of them together are large.
             spectrum = self._spectra.pop(stage)
-            place = _share(stage), stage.rate / (2 * LENGTH)
+            place = _spread(stage, first)
             lines = spectrum.energy()
             if stage.number == 0:
                 energy = total_energy(lines)
-            spread(nodes, first, lines, *place)
+            place.add(nodes, lines)
             if inner is not None:
-                spread(inner, first, spectrum.energy(faded=True), *place)
+                place.add(inner, spectrum.energy(faded=True))
         n = max(self._count, 1)
         found = EnergySpectrum(first, nodes / n, energy / n, self._sum / n, self._count, self.sampling_rate)
         if inner is None or self._fade is None:
@@ -239,7 +240,11 @@ class BandEnergyAccumulator:
         return self._energy.result()
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=8)
+def _spread(stage: Stage, first: int) -> Spread:
+    return Spread(first, _share(stage), stage.rate / (2 * LENGTH))
+
+
 def _share(stage: Stage) -> NDArray[np.float64]:
     """Factor on each line of a stage: what belongs to it, mirrored lines, its time step."""
     over_rate = np.arange(LENGTH + 1) / (2.0 * LENGTH)

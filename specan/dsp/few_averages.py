@@ -32,10 +32,12 @@ def student_factor(degrees_of_freedom: ArrayLike) -> Real:
     """
     from scipy.special import stdtrit
 
-    nu = np.asarray(degrees_of_freedom, dtype=float)
+    # The quantile is slow, and the lines of a spectrum have few different degrees of freedom.
+    nu, place = np.unique(np.asarray(degrees_of_freedom, dtype=float), return_inverse=True)
     with np.errstate(invalid="ignore"):
         found = np.where(nu > 0, stdtrit(np.maximum(nu, 1e-3), 0.975) / _NORMAL, np.inf)
-    return np.where(np.isnan(nu), np.nan, np.where(np.isposinf(nu), 1.0, found))
+    found = np.where(np.isnan(nu), np.nan, np.where(np.isposinf(nu), 1.0, found))
+    return np.asarray(found[place].reshape(np.shape(degrees_of_freedom)))
 
 
 def log_bias(averages: ArrayLike) -> Real:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,40 +37,46 @@ def node_of_band(index: NDArray[np.int64], fraction: int) -> NDArray[np.int64]:
     return index * step + (0 if fraction % 2 else step // 2)
 
 
-def spread(
-    nodes: NDArray[np.float64],
-    first: int,
-    energy: NDArray[np.float64],
-    share: NDArray[np.float64],
-    spacing: float,
-) -> None:
-    """Add lines of an energy spectrum to the nodes, in place.
+class Spread:
+    """How the lines of an energy spectrum fall to the nodes.
 
     Each line goes to the four nodes around it with the factors of cubic interpolation: the transpose of
     interpolating a response from the nodes to the lines, so that sums over nodes are sums over lines.
 
     Parameters
     ----------
-    nodes : ndarray, shape (channels, nodes)
     first : int
         Number of the first node.
-    energy : ndarray, shape (channels, lines)
     share : ndarray, shape (lines,)
         Factor on each line; the lines with a factor are contiguous.
     spacing : float
         Distance of the lines in Hz; the first lies at 0 Hz.
     """
-    used = np.flatnonzero((share > 0.0) & (np.arange(share.size) * spacing >= LOWEST_NODE))
-    if not used.size:
-        return
-    low, high = int(used[0]), int(used[-1]) + 1
-    starts, node, factors = _neighbours(low, high, spacing)
-    for tap in range(4):
-        sums = np.add.reduceat(energy[:, low:high] * (factors[tap] * share[low:high]), starts, axis=1)
-        nodes[:, node + (tap - 1 - first)] += sums
+
+    def __init__(self, first: int, share: NDArray[np.float64], spacing: float) -> None:
+        used = np.flatnonzero((share > 0.0) & (np.arange(share.size) * spacing >= LOWEST_NODE))
+        self._lines = slice(int(used[0]), int(used[-1]) + 1) if used.size else None
+        if self._lines is None:
+            return
+        self._starts, node, factors = _neighbours(self._lines.start, self._lines.stop, spacing)
+        self._factors = factors * share[self._lines]
+        self._nodes = node - first
+        # From here on no node is without lines.
+        apart = np.flatnonzero(np.diff(node) > 1)
+        self._dense = int(apart[-1]) + 1 if apart.size else 0
+
+    def add(self, nodes: NDArray[np.float64], energy: NDArray[np.float64]) -> None:
+        """Add lines, shape (channels, lines), to the nodes, shape (channels, nodes), in place."""
+        if self._lines is None:
+            return
+        sparse, first = self._nodes[: self._dense], int(self._nodes[self._dense])
+        count = self._nodes.size - self._dense
+        for tap, factor in enumerate(self._factors):
+            sums = np.add.reduceat(energy[:, self._lines] * factor, self._starts, axis=1)
+            nodes[:, sparse + (tap - 1)] += sums[:, : self._dense]
+            nodes[:, first + tap - 1 : first + tap - 1 + count] += sums[:, self._dense :]
 
 
-@lru_cache(maxsize=16)
 def _neighbours(
     low: int, high: int, spacing: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:

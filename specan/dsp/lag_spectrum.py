@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from specan.dsp.smooth_step import falling_step
 
+_UNTOUCHED = 0.75  # of a block: lags up to here keep their full weight
 _ROWS = 4  # enough to share what is common, few enough to stay in the cache
 
 
@@ -47,13 +48,19 @@ class LagSpectrum:
         self._cross = np.zeros((rows, length + 1), dtype=np.complex128)
         self._previous: NDArray[np.complex128] | None = None
         self._previous_end: NDArray[np.complex128] | None = None
+        self._blocks, self._longest = 0, 0
         # What the cross spectra of a faded record have more than those of the record itself.
         self._faded_more: NDArray[np.complex128] | None = None
         # Used again and again: fresh memory costs more than the arithmetic.
         self._buffers = np.empty((2, min(rows, _ROWS), length + 1), dtype=np.complex128)
 
-    def add(self, transform: NDArray[np.complex128], end: NDArray[np.complex128] | None = None) -> None:
-        """Take the next block: the transform of 2 L samples, shape (rows, L + 1).
+    def add(
+        self,
+        transform: NDArray[np.complex128],
+        end: NDArray[np.complex128] | None = None,
+        n_samples: int | None = None,
+    ) -> None:
+        """Take the next block: the transform of 2 L samples, shape (rows, L + 1), of which `n_samples` are the block's.
 
         `end` is the transform of what a fade takes away from the block, None for nothing. Successive
         blocks stand in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
@@ -63,6 +70,8 @@ class LagSpectrum:
             self._correlate(transform)
             self._correlate_ends(transform, end)
         self._previous, self._previous_end = transform, end
+        self._blocks += 1
+        self._longest = self.length if n_samples is None else n_samples
 
     def _correlate_ends(
         self, following: NDArray[np.complex128] | None, following_end: NDArray[np.complex128] | None
@@ -115,6 +124,10 @@ class LagSpectrum:
         Rounding leaves some 1e-17 of the energy in every band; where there is nothing else a line may be
         negative.
         """
+        if self._previous is not None and self._blocks == 1 and self._longest <= _UNTOUCHED * self.length:
+            # All lags of the record lie where nothing is faded out: the squared transform is the same.
+            end = self._previous_end if faded else None
+            return _squared(self._previous if end is None else self._previous - end)
         if self._previous is not None:
             self._correlate(None)
             self._correlate_ends(None, None)
@@ -133,9 +146,15 @@ class LagSpectrum:
 
 @lru_cache(maxsize=4)
 def _fade(length: int) -> NDArray[np.float64]:
-    fade = falling_step(np.arange(length + 1.0), 0.75 * length, length)
+    fade = falling_step(np.arange(length + 1.0), _UNTOUCHED * length, length)
     fade.flags.writeable = False
     return fade
+
+
+def _squared(transform: NDArray[np.complex128]) -> NDArray[np.float64]:
+    squared = np.square(transform.real)
+    squared += np.square(transform.imag)
+    return np.asarray(squared)
 
 
 def total_energy(lines: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,10 +5,12 @@ See docs/decisions/0038-lines-by-the-length-of-the-response.md.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.windows import WindowName, window_correlation
+from specan.dsp.windows import WindowName, window_correlations
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -67,23 +69,29 @@ def leakage_bias(response: Complex, variance: Real, window_name: WindowName, rat
     n = response.shape[-1]
     size = min(SECTION_LINES * ratio, 1 << (n.bit_length() - 1))
     hop, bell = size // 2, _bell(size)
+    lost = _lost_of_seen(size, ratio, window_name)
     count = -(-n // hop) + 1  # each line lies in two sections
     sections = _cut(np.where(np.isfinite(response), response, 0.0), size, hop, count)
     noise = _cut(np.where(np.isfinite(variance), variance, 0.0), size, hop, count)
     lags = np.fft.ifft(sections * bell, axis=-1)
-    lag = np.arange(size) / size
-    lag = np.where(lag < 1 - _BEFORE, lag, lag - 1)
     floor = np.mean(noise * bell**2, axis=-1, keepdims=True) / size
     energy = _neighbours(_neighbours(np.abs(lags) ** 2, -1, circular=True), -2, circular=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         above = np.sqrt(np.nan_to_num(np.maximum(1 - _ABOVE_NOISE * floor / energy, 0.0)))
-    seen = np.maximum(_correlation(lag, window_name), _LEAST_CORRELATION)
-    lost = (1 - _correlation(lag * ratio, window_name)) / seen
     back = np.fft.fft(lags * above * lost, axis=-1)
     found = np.zeros((*response.shape[:-1], (count + 1) * hop), dtype=complex)
     for k in range(count):
         found[..., k * hop : k * hop + size] += back[..., k, :]
     return found[..., hop : hop + n]
+
+
+@lru_cache(maxsize=16)
+def _lost_of_seen(size: int, ratio: int, window_name: WindowName) -> Real:
+    """(1 - rho) / rho of each lag: what the judged blocks lose, over what is seen of it."""
+    lag = np.arange(size) / size
+    lag = np.where(lag < 1 - _BEFORE, lag, lag - 1)
+    seen = np.maximum(window_correlations(window_name, lag), _LEAST_CORRELATION)
+    return np.asarray((1 - window_correlations(window_name, lag * ratio)) / seen)
 
 
 def _bell(size: int) -> Real:
@@ -116,8 +124,3 @@ def _neighbours(values: Real, axis: int, *, circular: bool) -> Real:
         before = np.take(values, np.maximum(np.arange(n) - 1, 0), axis)
         after = np.take(values, np.minimum(np.arange(n) + 1, n - 1), axis)
     return (before + 2 * values + after) / 4
-
-
-def _correlation(lag: Real, name: WindowName) -> Real:
-    """`window_correlation` of every lag, zero from one block on."""
-    return np.array([window_correlation(name, float(shift)) for shift in np.abs(lag)])

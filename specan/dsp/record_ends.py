@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,9 +45,12 @@ class Fade:
         """Factors on `count` samples from the number `first` on."""
         if not self.samples:
             return np.ones(count)
-        place = np.arange(first, first + count) + 0.5
-        end = np.minimum(place, self.n_samples - place)
-        return 1.0 - falling_step(end, 0.0, float(self.samples))
+        place = np.arange(first, first + count)
+        end = np.minimum(place, self.n_samples - 1 - place)
+        rise, weights = _rise(self.samples), np.ones(count)
+        faded = end < self.samples
+        weights[faded] = rise[end[faded]]
+        return weights
 
     def touches(self, first: int, count: int) -> bool:
         """Whether some of these samples are faded."""
@@ -65,6 +69,11 @@ class Fade:
     def _sum(self, power: int) -> float:
         faded = self.weights(0, self.samples)
         return self.n_samples - 2.0 * self.samples + 2.0 * float(np.add.reduce(faded**power))
+
+
+@lru_cache(maxsize=4)
+def _rise(samples: int) -> NDArray[np.float64]:
+    return 1.0 - falling_step(np.arange(samples) + 0.5, 0.0, float(samples))
 
 
 class RecordEnds:

@@ -13,6 +13,10 @@ FAST, SLOW = 0.125, 1.0
 IMPULSE, IMPULSE_DECAY = 0.035, 1.5
 """Time constants in s of the average and of the peak holder behind it; IEC 60651, 7.2 (ANSI S1.4-1983, 6.2)."""
 
+# A piece that is summed up at once: at most this many time constants, so that the powers do not overflow, and so
+# many samples, which stay in the cache.
+_GROWTH, _LONGEST_PIECE = 200.0, 2048
+
 
 class TimeWeighting:
     """Running exponential average of a squared signal, whatever the pieces in which it comes.
@@ -43,18 +47,29 @@ class TimeWeighting:
         self, rows: int, sampling_rate: float, time_constant: float, decay: float | None = None
     ) -> None:
         self._keep = math.exp(-1.0 / (sampling_rate * time_constant))
+        # y(i) = keep y(i - 1) + (1 - keep) x(i), as a sum of positive terms: keep^i [keep y(-1) + (1 - keep) sum of
+        # x(j) keep^-j], which loses nothing to rounding.
+        length = min(max(1, int(_GROWTH * sampling_rate * time_constant)), _LONGEST_PIECE)
+        self._rise = np.power(self._keep, -np.arange(float(length)))
+        # keep y(-1) of the next piece.
         self._state = np.zeros((rows, 1))
         self._fall = 0.0 if decay is None else 1.0 / (sampling_rate * decay)
         self._peak = np.zeros((rows, 1))
 
     def __call__(self, squared: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weighted mean square at every sample; `squared` has the shape (rows, n)."""
-        from scipy.signal import lfilter
-
-        keep = self._keep
-        average, self._state = lfilter([1.0 - keep], [1.0, -keep], squared, axis=1, zi=self._state)
-        # A sum of squares is not negative; the rounding of a decaying one may be.
-        average = np.maximum(average, 0.0)
+        average = np.empty(squared.shape)
+        for start in range(0, squared.shape[1], self._rise.size):
+            piece = squared[:, start : start + self._rise.size]
+            rise = self._rise[: piece.shape[1]]
+            sums = np.cumsum(
+                piece * ((1.0 - self._keep) * rise), axis=1, out=average[:, start : start + rise.size]
+            )
+            sums += self._state
+            sums /= rise
+            self._state = self._keep * sums[:, -1:]
+        # A mean square may be negative by its rounding.
+        np.maximum(average, 0.0, out=average)
         return self._hold(average) if self._fall else average
 
     def without(

@@ -144,13 +144,15 @@ def smoothed_noise(noise: Real, freedom: float, width: int = SMOOTHED_LINES) -> 
     neighbourhood by five standard deviations (hum) keeps its own value.
     """
     n = noise.shape[-1]
-    line, reach = np.arange(n), _reach(n, width)
     logarithm = np.log(np.maximum(noise, np.finfo(float).tiny))
     total, count = np.zeros(noise.shape), np.zeros(n)
     for offset in range(-(width // 2), width // 2 + 1):
-        inside = (np.abs(offset) <= reach) & (line + offset >= 0) & (line + offset < n)
-        total += np.where(inside, logarithm[..., np.clip(line + offset, 0, n - 1)], 0.0)
-        count += inside
+        # The lines whose mean takes in the one that is `offset` away; see `_reach`.
+        far = abs(offset) if abs(offset) > 1 else 0
+        low, high = max(far, -offset), n - max(far, offset)
+        if low < high:
+            total[..., low:high] += logarithm[..., low + offset : high + offset]
+            count[low:high] += 1
     level = np.exp(total / count - log_bias(freedom))
     return np.where(noise > level * (1 + 5 / np.sqrt(freedom)), noise, level)
 

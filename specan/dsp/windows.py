@@ -108,20 +108,39 @@ def window_correlation(name: WindowName, shift: float) -> float:
     >>> round(window_correlation("hann", 0.5), 4), window_correlation("rectangular", 0.25)
     (0.1667, 0.75)
     """
-    if abs(shift) >= 1:
-        return 0.0
-    n = 4096
-    position = np.arange(n) / n
+    return float(window_correlations(name, np.array([shift]))[0])
+
+
+def window_correlations(name: WindowName, shifts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`window_correlation` of many shifts; 0 from one window length on.
+
+    With w(t) = sum_m c_m cos(2 pi m t), s the shift and L = 1 - s the common part, it is the sum over all m and k
+    of c_m c_k / 2 times the integrals from 0 to L of cos(2 pi ((k + m) t + k s)) and cos(2 pi ((k - m) t + k s)),
+    over the power of the window.
+
+    Examples
+    --------
+    >>> window_correlations("hann", np.array([0.0, 0.5, 1.0])).round(4).tolist()
+    [1.0, 0.1667, 0.0]
+    """
     a = _COEFFICIENTS[name]
+    shift = np.minimum(np.abs(shifts), 1.0)
+    common = np.zeros(shift.shape)
+    for m, first in enumerate(a):
+        for k, second in enumerate(a):
+            factor = (-1) ** (m + k) * first * second / 2
+            common += factor * (_cosine_integral(k + m, k, shift) + _cosine_integral(k - m, k, shift))
+    return np.asarray(common / (a[0] ** 2 + sum(c**2 for c in a[1:]) / 2))
 
-    def at(t: NDArray[np.float64]) -> NDArray[np.float64]:
-        return sum((c * (-1) ** m * np.cos(2 * np.pi * m * t) for m, c in enumerate(a)), np.zeros(n))
 
-    # Midpoint rule over the common part: exact enough (1e-7) for every window here.
-    overlap = (1 - abs(shift)) * (position + 0.5 / n)
-    common = (1 - abs(shift)) * np.mean(at(overlap) * at(overlap + abs(shift)))
-    power = a[0] ** 2 + sum(c**2 for c in a[1:]) / 2
-    return float(common / power)
+def _cosine_integral(turns: int, lead: int, shift: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Integral of cos(2 pi (turns t + lead shift)) over t from 0 to 1 - shift."""
+    begin = 2 * np.pi * lead * shift
+    if turns == 0:
+        return np.asarray((1 - shift) * np.cos(begin))
+    # sin(a + b) - sin(a) = 2 cos(a + b/2) sin(b/2)
+    half = np.pi * turns * (1 - shift)
+    return np.asarray(np.cos(begin + half) * np.sin(half) / (np.pi * turns))
 
 
 def line_correlation(name: WindowName) -> float:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan.errors import RequestError, nearest
 from specan.io.output_file import text_file
 from specan.io.text_cell import cells, escaped, plain, word
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["cells", "plain", "word"]
 
@@ -26,6 +31,23 @@ COLUMNS = {
     "other.txt": ("file", "channel", "role", "unit", "band_hz", "rms", "level_dB", "u_dB", "flags"),
     "skipped.txt": ("file", "channel", "kind", "reason"),
 }  # fmt: skip
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """A table that a batch wrote, as a data frame.
+
+    Raises
+    ------
+    RequestError
+        No batch writes a table of that name, or it is not there.
+    """
+    import pandas as pd
+
+    if path.name not in COLUMNS or not path.is_file():
+        raise RequestError(f"there is no table {path}", remedy=nearest(path.name, COLUMNS))
+    with path.open(encoding="utf-8") as file:
+        header = next((n for n, line in enumerate(file) if not line.startswith("#")), 0)
+    return pd.read_csv(path, sep="\t", skiprows=header, encoding="utf-8")
 
 
 def fixed(values: ArrayLike, decimals: int) -> list[str]:

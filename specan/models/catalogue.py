@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
+import traceback
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -67,7 +68,8 @@ def model_from_file(path: Path, rig: Mapping[str, Any], content: bytes | None = 
     """
     module = _module_from(path, "model", content)
     build = getattr(module, "build", None)
-    found: list[Model] = [value for value in vars(module).values() if isinstance(value, Model)]
+    held = {id(value): value for value in vars(module).values() if isinstance(value, Model)}
+    found: list[Model] = list(held.values())
     if callable(build):
         found = []
         _run(lambda: found.append(build(rig)), path, "model")
@@ -75,18 +77,25 @@ def model_from_file(path: Path, rig: Mapping[str, Any], content: bytes | None = 
         raise RequestError(
             f"the model file {path} holds {len(found) or 'no'} model{'s' * (len(found) > 1)}",
             expected="one Model, or a function build(rig) that returns one",
+            remedy="" if found else "specan model new FILE.py writes one to begin with",
         )
-    return found[0]
+    return found[0].with_rig(rig) if rig and not callable(build) else found[0]
 
 
 def example_model(name: str) -> Model:
     """Build a model for the example rig that comes with it: to look at, not to compare with anything."""
+    return load_model(name, example_rig(name))
+
+
+def example_rig(name: str) -> Mapping[str, Any]:
+    """The content of the example rig file that comes with a model; empty for a file that states none."""
     if is_file(name):
-        return load_model(name, getattr(_module_from(Path(name), "model"), "EXAMPLE_RIG", {}))
-    rig = getattr(_package(name), "EXAMPLE_RIG", None)
-    if rig is None:
+        rig: Mapping[str, Any] = getattr(_module_from(Path(name), "model"), "EXAMPLE_RIG", {})
+        return rig
+    found: Mapping[str, Any] | None = getattr(_package(name), "EXAMPLE_RIG", None)
+    if found is None:
         raise RequestError(f"the model {name!r} comes with no example rig", remedy="name a rig file")
-    return load_model(name, rig)
+    return found
 
 
 def model_summary(name: str) -> str:
@@ -169,13 +178,22 @@ def _run(load: Callable[[], None], path: Path, what: str) -> None:
         load()
     except RequestError as fault:
         raise RequestError(
-            f"the {what} file {path}: {fault.found}", expected=fault.expected, remedy=fault.remedy
-        ) from None
+            f"the {what} file {path}{_line_in(path, fault)}: {fault.found}",
+            expected=fault.expected, remedy=fault.remedy,
+        ) from None  # fmt: skip
     except Exception as fault:  # whatever a user's file raises is the file's fault, and is said as such
         raise RequestError(
-            f"the {what} file {path} fails when it is loaded ({type(fault).__name__}: {fault})",
+            f"the {what} file {path}{_line_in(path, fault)} fails when it is loaded "
+            f"({type(fault).__name__}: {fault})",
             remedy="correct it",
         ) from None
+
+
+def _line_in(path: Path, fault: BaseException) -> str:
+    """The line of a user's file at which something was raised, as it goes on behind the file's name."""
+    frames = traceback.extract_tb(fault.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
+    return f", line {lines[-1]}" if lines else ""
 
 
 def _effects_of(module: Any) -> list[Effect]:

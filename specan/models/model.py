@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
+from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
 from specan.models.graph import components
 from specan.models.observable import Observable
+from specan.models.order_lines import OrderLines
 from specan.models.quantity import Condition, Quantity
 from specan.models.receivers import Receivers
-from specan.models.rig_statement import RigStatement
+from specan.models.rig_statement import RigStatement, rig_statement
 from specan.models.table_rules import TableRules
 
 
@@ -92,6 +94,8 @@ class Model:
         What its tables obey, and which of their columns follow from others.
     receivers : Receivers, optional
         Where it predicts transfer functions: the channels and their places.
+    order_lines : OrderLines, optional
+        Where it predicts order lines: which, and what a recording tells about them.
     settings : mapping
         The checked rig file, for the model's own simulation and figures; a study never reads it.
     law : LawSpace, optional
@@ -100,6 +104,8 @@ class Model:
         Effects that such models know and this rig rules out: ``{name: reason}``.
     notes : tuple of str
         What a user should know before a study starts: size, cost.
+    declared_units : bool
+        Its functions receive numbers in the declared units of conditions and parameters, not in SI.
     """
 
     name: str
@@ -115,10 +121,12 @@ class Model:
     words: Words = field(default_factory=Words)
     table_rules: TableRules | None = None
     receivers: Receivers | None = None
+    order_lines: OrderLines | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     law: LawSpace | None = None
     unsuited: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    declared_units: bool = False
 
     def __post_init__(self) -> None:
         known = {*self.quantities, *self.conditions}
@@ -158,9 +166,111 @@ class Model:
 
     def with_effect(self, *more: Effect) -> Model:
         """The same model with further effects in its catalogue (a user's own)."""
-        from dataclasses import replace
+        own = [as_declared(e) for e in more] if self.declared_units else more
+        return replace(self, effects={**self.effects, **{e.name: e for e in own}})
 
-        return replace(self, effects={**self.effects, **{e.name: e for e in more}})
+    def with_rig(self, rig: Mapping[str, Any]) -> Model:
+        """The same model with what a rig file says of limits and uncertainties, which comes first."""
+        said = rig_statement(rig, self.conditions.values(), self.observables.values())
+        old = self.rig
+        return replace(
+            self,
+            rig=replace(
+                old,
+                limits={**old.limits, **said.limits},
+                setting={**old.setting, **said.setting},
+                reading={**old.reading, **said.reading},
+                discrepancy_percent=said.discrepancy_percent or old.discrepancy_percent,
+            ),
+        )
+
+    @classmethod
+    def from_function(
+        cls,
+        function: Callable[..., Any],
+        *parts: Callable[..., Any],
+        conditions: Mapping[str, Any],
+        observables: Mapping[str, Any],
+        parameters: Mapping[str, Any] | None = None,
+        units: Mapping[str, str] | None = None,
+        effects: Sequence[Effect] = (),
+        base_effects: Sequence[str] = (),
+        uncertainty: Mapping[str, float] | None = None,
+        law: LawSpace | None = None,
+        name: str = "",
+        title: str = "",
+    ) -> Model:
+        """Make a model of plain functions, in the units that they are written in.
+
+        Each function is a quantity of its own name; its arguments are conditions, parameters, and other functions.
+        All of them, effects too, receive and return numbers in the declared units; nothing is converted to SI.
+        *An effect can act on quantities that have a name*: to let one act on a part of a formula, split that part
+        off as a function of its own and read it by its name.
+
+        Parameters
+        ----------
+        function : callable
+            What is measured as a function of conditions and parameters, for arrays.
+        *parts : callable
+            Further functions that it, or an effect, reads.
+        conditions : mapping
+            ``{name: unit}``, ``{name: (unit, lowest, highest)}`` or ``{name: Condition}``. A table holds a condition
+            in the column of that name: ``flow``, or ``flow [l/s]`` in another unit.
+        observables : mapping
+            ``{name: unit}`` or ``{name: (unit, standard uncertainty of a reading)}`` of functions that are measured.
+        parameters : mapping, optional
+            ``{name: value}``, ``(value, low, high)``, ``(value, low, high, unit)``, ``dict(value=, min=, max=, vary=,
+            unit=)`` or a Parameter. An argument with a default in the signature need not be named.
+        units : mapping, optional
+            Units of the functions in `parts`.
+        effects : sequence of Effect, optional
+            Candidates that may be missing; see `specan.models.effect.effect`.
+        base_effects : sequence of str, optional
+            Those that a new study begins with.
+        uncertainty : mapping, optional
+            What ``[uncertainty]`` of a rig file may hold, see `specan.models.rig_statement.rig_statement`.
+        law : LawSpace, optional
+            Where a law is looked for when something unknown is missing; by default what the first observable lacks,
+            over all conditions that have limits above zero.
+        name, title : str, optional
+
+        Raises
+        ------
+        RequestError
+            An argument that is nothing known, a unit that is none, a circle.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> def cooling(time, start, rate):
+        ...     return 20 + (start - 20) * np.exp(-rate * time)
+        >>> model = Model.from_function(
+        ...     cooling, conditions={"time": ("min", 0, 60)}, observables={"cooling": ("degC", 0.1)},
+        ...     parameters={"start": (90, 60, 100), "rate": (0.05, 0.01, 0.2)},
+        ... )
+        >>> found = model.assemble().evaluate({"time": np.array([0.0, 20.0])})
+        >>> found["cooling"].round(1).tolist()
+        [90.0, 45.8]
+        """
+        fields = fields_from_functions(
+            (function, *parts),
+            conditions,
+            observables,
+            parameters or {},
+            units or {},
+            effects,
+            uncertainty or {},
+        )
+        first = next(iter(observables))
+        name = name or name_of(function) or first
+        title = title or title_of(function) or first
+        if law is None:
+            positive = [n for n, (low, _) in fields["rig"].limits.items() if low >= 0]
+            law = LawSpace(first, {n: n for n in positive}) if positive else None
+        return cls(
+            name, title, **fields, base_effects=tuple(base_effects), law=law, declared_units=True,
+            words=Words(discrepancy_of=fields["observables"][first].quantity.replace("_", " ")),
+        )  # fmt: skip
 
     def assemble(self, uses: Iterable[Use | str] = ()) -> Assembly:
         """Switch effects on."""

@@ -35,6 +35,9 @@ class Parameter:
     needs : tuple of str
         Conditions that must take several values in the data for the parameter to be determined. Where one
         does not, the parameter is held: it says nothing there (a power of a viscosity that never changes).
+    as_declared : bool
+        The function that owns the parameter receives it in `unit`, not in SI: so in a model that
+        `specan.models.model.Model.from_function` makes.
 
     Examples
     --------
@@ -53,6 +56,7 @@ class Parameter:
     fixed: bool = False
     per: str = ""
     needs: tuple[str, ...] = ()
+    as_declared: bool = False
 
     def __post_init__(self) -> None:
         low, high = self.domain
@@ -79,20 +83,29 @@ class Parameter:
         return SiRange(*(self.to_si(value) for value in (self.default, self.min, self.max, low, high)))
 
     def to_si(self, value: float) -> float:
-        """A value in `unit` as SI."""
+        """A value in `unit` as the function receives it."""
         return (
             value
-            if self.unit == "1" or math.isinf(value)
-            else float(convert(value, self.unit, _si(self.unit)))
+            if self._plain or math.isinf(value)
+            else float(convert(value, self.unit, self.received_unit))
         )
 
     def from_si(self, value: float) -> float:
-        """An SI value in `unit`."""
+        """A value as the function receives it in `unit`."""
         return (
             value
-            if self.unit == "1" or math.isinf(value)
-            else float(convert(value, _si(self.unit), self.unit))
+            if self._plain or math.isinf(value)
+            else float(convert(value, self.received_unit, self.unit))
         )
+
+    @property
+    def received_unit(self) -> str:
+        """Unit in which the function that owns the parameter receives it."""
+        return self.unit if self._plain else _si(self.unit)
+
+    @property
+    def _plain(self) -> bool:
+        return self.as_declared or self.unit == "1"
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Use
 from specan.models.model import Assembly, Model
-from specan.units import base_unit, convert
+from specan.units import convert
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def _value(assembly: Assembly, full: str, text: str) -> float:
         raise RequestError(
             f"{full} = {text!r} is no number", expected=f"a number, in {parameter.unit}, or with its unit"
         ) from None
-    value = float(convert(given, unit, base_unit(parameter.unit))) if unit else parameter.to_si(given)
+    value = float(convert(given, unit, parameter.received_unit)) if unit else parameter.to_si(given)
     if not parameter.si.lower <= value <= parameter.si.upper:
         low, high = parameter.domain
         raise RequestError(

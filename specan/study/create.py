@@ -46,6 +46,7 @@ def begin(
     hold_out: Sequence[str] = (),
     calibration: Path | None = None,
     effects: Sequence[str] | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> Begun:
     """Make a study directory.
 
@@ -64,6 +65,8 @@ def begin(
     calibration : Path, optional
     effects : sequence of str, optional
         Effects to begin with; the model's base effects by default.
+    columns : mapping, optional
+        ``{column of the model: header of the table}`` where the tables have names of their own.
 
     Raises
     ------
@@ -80,6 +83,8 @@ def begin(
         content["rig"] = relative_to(directory, rig)
     if calibration is not None:
         content["calibration"] = relative_to(directory, calibration)
+    if columns:
+        content["columns"] = dict(columns)
     content["measurement"] = [_data_entry(directory, path, model) for path in measurements]
     if validations:
         content["validation"] = [_data_entry(directory, path, model) for path in validations]

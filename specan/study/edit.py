@@ -6,12 +6,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from specan.errors import RequestError, SpecanError, nearest
 from specan.models import Use
 from specan.models.catalogue import effects_from_file
+from specan.result import Result
 from specan.study.build_problem import undetermined
 from specan.study.commit import changing, commit
 from specan.study.create import effect_entry, hold_undetermined
@@ -24,8 +26,8 @@ WIDTH = 1.96
 SAME = 0.005  # relative change of an error below which it counts as not having moved
 
 
-@dataclass(frozen=True, eq=False)
-class Change:
+@dataclass(frozen=True, eq=False, repr=False)
+class Change(Result):
     """A step that changed the model.
 
     Attributes
@@ -47,6 +49,32 @@ class Change:
     intervals: dict[str, tuple[float, float]]
     held: tuple[str, ...]
     remarks: tuple[str, ...]
+
+    dimensions = ("data",)
+
+    def summary(self) -> str:
+        """What was changed, and what that did to the errors."""
+        rows = self.columns()
+        falls = [
+            f"{data} {before:.3g} -> {after:.3g} {unit}"
+            for data, before, after, unit in zip(*(rows[n] for n in ("data", "before", "after", "unit")))
+        ]
+        return f"{self.after.action} {self.after.effect}, " + ", ".join([*falls, *self.remarks])
+
+    def columns(self) -> dict[str, Any]:
+        """Errors before and after, on fitted and on held-out data."""
+        pairs = {
+            "fitted": (self.before.fit_error, self.after.fit_error),
+            "held-out": (self.before.held_out_error, self.after.held_out_error),
+        }
+        known = {data: (one, two) for data, (one, two) in pairs.items() if one and two}
+        return {
+            "data": list(known),
+            "metric": [two["metric"] for _, two in known.values()],
+            "before": [one["value"] for one, _ in known.values()],
+            "after": [two["value"] for _, two in known.values()],
+            "unit": [two["unit"] for _, two in known.values()],
+        }
 
 
 def add_effect(study: Study, effect: str, because: str = "") -> Change:

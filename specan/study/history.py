@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from specan.errors import RequestError
+from specan.result import Result, counted
 
 NAME = "history.jsonl"
 
@@ -63,12 +64,33 @@ def line_of(step: Step) -> str:
     return json.dumps(_finite(step.as_dict()), ensure_ascii=False, sort_keys=True) + "\n"
 
 
-class History:
+class History(Result):
     """The steps that were taken in a directory."""
 
     def __init__(self, directory: Path) -> None:
         self.path = directory / NAME
         self.steps = self._read()
+
+    dimensions = ("step",)
+
+    def summary(self) -> str:
+        """Where it is kept, and what the last step did."""
+        last = f", last: {self.last.action} {self.last.effect}".rstrip() if self.last else ""
+        return f"{self.path.parent}, {counted(len(self.steps), 'step')}{last}"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each step; errors are RMS in `unit`."""
+        return {
+            "step": [s.step for s in self.steps],
+            "action": [s.action for s in self.steps],
+            "effect": [s.effect for s in self.steps],
+            "because": [s.because for s in self.steps],
+            "fit_error": [s.fit_error["value"] for s in self.steps],
+            "held_out_error": [s.held_out_error["value"] if s.held_out_error else None for s in self.steps],
+            "unit": [s.fit_error["unit"] for s in self.steps],
+            "reduced_chi2": [s.reduced_chi2 for s in self.steps],
+            "held_out_reduced_chi2": [s.held_out_reduced_chi2 for s in self.steps],
+        }
 
     @property
     def last(self) -> Step | None:

@@ -14,6 +14,7 @@ from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
 from specan.models.rig_file import read_rig_file
+from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.commit import changing, commit, recover
 from specan.study.data.sources import DataFile, DataRequest, open_data
@@ -56,8 +57,8 @@ BENT = 10.0
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result):
     """A model fitted and held against the measurement.
 
     Attributes
@@ -72,6 +73,21 @@ class Comparison:
     errors: tuple[ObservableError, ...]
     localisation: Localisation | None
     parameters: Mapping[str, Mapping[str, Any]]
+
+    dimensions = ("parameter",)
+
+    def summary(self) -> str:
+        """Errors, and how well the model fits."""
+        errors = ", ".join(f"RMS of {e.observable} {e.rms:.3g} {e.unit}" for e in self.errors)
+        if self.localisation is None:
+            return errors
+        return f"{errors}, reduced chi-square {self.fit.reduced_chi2:.3g}, p {self.fit.p_value:.2g}"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each fitted parameter, with its 95 % interval."""
+        names = ("value", "low", "high", "unit", "plausible", "at_bound")
+        rows = self.parameters.values()
+        return {"parameter": list(self.parameters), **{n: [row[n] for row in rows] for n in names}}
 
 
 class Study:
@@ -107,6 +123,10 @@ class Study:
         for file in named:
             try_effects(file, self.model, self.data.fitted)
         self._keep(named)
+
+    def __repr__(self) -> str:
+        effects = ", ".join(self.model_effects) or "no effects"
+        return f"<Study: {self.directory}, {self.model.name} with {effects}, {len(self.history.steps)} steps>"
 
     # --- files ------------------------------------------------------------------------------------
 
@@ -172,7 +192,7 @@ class Study:
 
         def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
             return [
-                DataFile(names[e.file], self.directory / e.file, e.estimator, e.conditions)
+                DataFile(names[e.file], self.directory / e.file, e.estimator, e.conditions, self.content.columns)
                 for e in entries
                 if e.kind == kind
             ]

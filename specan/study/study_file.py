@@ -80,6 +80,7 @@ class StudyFile(Settings):
     model_sha256: str | None = None
     rig: str = ""
     calibration: str | None = None
+    columns: dict[str, str] = Field(default_factory=dict)
     measurement: tuple[DataEntry, ...] = Field(min_length=1)
     validation: tuple[DataEntry, ...] = ()
     hold_out: tuple[HoldOutEntry, ...] = ()
@@ -178,7 +179,7 @@ class StudyText:
         text = cls(path, document)
         for key, value in content.items():
             if not isinstance(value, list):
-                document.add(key, value)
+                document.add(key, _inline(value))
         document.add(tomlkit.nl())
         for key, value in content.items():
             for entry in value if isinstance(value, list) else ():

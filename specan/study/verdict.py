@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from specan.result import Result
 from specan.study.estimation.prediction_error import ObservableError
 from specan.study.selection.pulls import Pull
 from specan.study.selection.residual_law import ResidualLaw
@@ -116,8 +117,8 @@ class LackOfFit:
     n_effective: float
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result):
     """Verdict, what it rests on, and what could be measured next. See docs/diagnosis.md for each number.
 
     Attributes
@@ -157,6 +158,24 @@ class Diagnosis:
     pulls: tuple[Pull, ...] = ()
     error: ErrorFall | None = None
     remarks: tuple[str, ...] = ()
+
+    dimensions = ("effects",)
+
+    def summary(self) -> str:
+        """The verdict, and its reason."""
+        names = " or ".join(" with ".join(members) for members in self.alternatives)
+        return f"{self.verdict}{': ' if names else ''}{names} ({self.reason})"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each set of effects that was tried, the likeliest first."""
+        plain = ("delta_bic", "p_value", "held_out_gain", "error_after", "plausible", "at_bound")
+        return {
+            "effects": [" + ".join(row.effects) for row in self.ranking],
+            "at": [
+                "; ".join(f"{n}@{p}" for n, places in row.at.items() for p in places) for row in self.ranking
+            ],
+            **{name: [getattr(row, name) for row in self.ranking] for name in plain},
+        }
 
     @property
     def effects(self) -> tuple[str, ...]:

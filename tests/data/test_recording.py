@@ -92,3 +92,43 @@ def test_a_name_with_brackets_is_itself_before_it_is_a_pattern():
     odd = Recording("a", (Channel("Mic [1]"), Channel("Mic 1")), ArraySource([]))
     assert [c.name for c in odd.select(["Mic [1]"])] == ["Mic [1]", "Mic 1"]
     assert odd.channel("Mic [1]").name == "Mic [1]"
+
+
+def _named(*names: str) -> Recording:
+    channels = tuple(
+        Channel(n.rpartition("/")[2], n.rpartition("/")[0], sampling_rate=8.0, n_samples=4) for n in names
+    )
+    return Recording("a.tdms", channels, ArraySource([np.zeros(4)] * len(names)))
+
+
+@pytest.mark.parametrize(
+    ("said", "meant"),
+    [
+        ("mic 1", "Mic 1"),
+        ("g/MIC 11", "Mic 11"),
+        ("ai0", "cDAQ1Mod1/ai0"),
+        ("cdaq1mod2/AI1", "cDAQ1Mod2/ai1"),
+    ],
+)
+def test_a_name_in_other_letters_or_its_end_is_enough(said: str, meant: str) -> None:
+    names = ("Mic 1", "Mic 11", "cDAQ1Mod1/ai0", "cDAQ1Mod1/ai1", "cDAQ1Mod2/ai1")
+    channels = tuple(Channel(n, "G", sampling_rate=8.0, n_samples=4) for n in names)
+    recording = Recording("a.tdms", channels, ArraySource([np.zeros(4)] * len(names)))
+    assert recording.channel(said).name == meant
+    assert [c.name for c in recording.select([said])] == [meant]
+
+
+def test_the_end_of_several_names_or_of_a_word_is_none() -> None:
+    recording = _named("A/ai1", "B/xai1", "B/Mic 2", "B/Mic 11", "C/ai1")
+    for said in ("ai1", "1", "2", "c 11", ""):
+        with pytest.raises(RequestError):
+            recording.channel(said)
+
+
+def test_exact_names_come_first_and_patterns_may_be_in_other_letters() -> None:
+    recording = _named("G/mic 1", "G/Mic 1", "G/Mic 2")
+    assert [c.name for c in recording.select(["mic 1"])] == ["mic 1"]
+    assert recording.channel("Mic 1").name == "Mic 1"
+    assert [c.name for c in recording.select(["MIC *"])] == ["mic 1", "Mic 1", "Mic 2"]
+    assert [c.name for c in recording.select(["Mic *"])] == ["Mic 1", "Mic 2"]
+    assert [c.name for c in recording.select(["Mic 2", "MIC 1"])] == ["mic 1", "Mic 1", "Mic 2"]

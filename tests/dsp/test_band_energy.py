@@ -10,6 +10,7 @@ from scipy.fft import next_fast_len, rfft
 
 from specan.dsp import bands
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
+from specan.dsp.lag_spectrum import LagSpectrum
 from specan.dsp.multirate import LENGTH
 from specan.dsp.weighting import power_weighting
 
@@ -116,3 +117,14 @@ def test_silence_is_nothing() -> None:
     spectrum = collected(np.zeros((1, 5000)))
     assert spectrum.mean_square[0] == 0.0
     assert (spectrum.band_mean_square([0, 3], 3) == 0.0).all()
+
+
+def test_a_short_record_has_the_spectrum_of_its_correlation() -> None:
+    length, n = 64, 48
+    x, taken = np.random.default_rng(5).standard_normal((2, 3, n))
+    short, general = LagSpectrum(3, length), LagSpectrum(3, length)
+    pair = np.fft.rfft(x, 2 * length), np.fft.rfft(taken, 2 * length)
+    short.add(*pair, n)
+    general.add(*pair)  # not known to be short: by way of the lags
+    for faded in (False, True):
+        np.testing.assert_allclose(short.energy(faded=faded), general.energy(faded=faded), atol=1e-11)

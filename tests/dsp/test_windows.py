@@ -7,6 +7,7 @@ from specan.dsp.windows import (
     line_correlation,
     window,
     window_correlation,
+    window_correlations,
     window_properties,
 )
 
@@ -44,3 +45,12 @@ def test_correlation_is_that_of_the_samples(name, shift):
 def test_hann_neighbours_are_correlated_four_ninths():
     assert line_correlation("hann") == pytest.approx(4 / 9)
     assert line_correlation("rectangular") == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", WINDOWS)
+def test_the_closed_form_of_the_correlation_is_that_of_a_sampled_window(name) -> None:
+    n = 4096
+    shape = window(name, n)
+    lags = np.array([0, 1, 100, 1365, 2048, 4000, 4096])
+    sampled = [np.sum(shape[lag:] * shape[: n - lag]) / np.sum(shape**2) for lag in lags]
+    np.testing.assert_allclose(window_correlations(name, lags / n), sampled, atol=2e-5)

@@ -106,9 +106,16 @@ def test_the_model_is_shown_and_checked(place):
 
 def test_the_template_keeps_the_rules_and_is_not_overwritten(place):
     run("model", "new", place / "pump.py")
-    assert "give keeps the rules" in run("model", "check", place / "pump.py")
+    assert "cavitation keeps the rules" in run("model", "check", place / "pump.py")
+    assert written_lines(place / "pump.py") <= 40
+    assert written_lines(Path(__file__).parents[2] / "sample_data/worm_drive/worm_drive.py") <= 40
     assert run("model", "show", place / "pump.py").startswith("pump: ")
     assert "exists already" in refused("model", "new", place / "pump.py")
+
+
+def written_lines(path: Path) -> int:
+    lines = [line.strip() for line in path.read_text("utf-8").splitlines()]
+    return sum(bool(line) and not line.startswith("#") for line in lines)
 
 
 def test_a_recording_is_no_table_whatever_its_name(place):

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
 from specan.analysis.batch.inputs import Input, claim, find_inputs
@@ -23,7 +24,11 @@ from specan.data.calibration import Calibration
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import read_channel_table
-from specan.io.results_text import COLUMNS
+from specan.io.results_text import COLUMNS, read_table
+from specan.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STORE = ".specan"
 # Below this many bytes of recordings another process costs more than it gains.
@@ -31,8 +36,8 @@ WORTH_A_PROCESS = 100_000_000
 Progress = Callable[[int, int, float], None]
 
 
-@dataclass(frozen=True)
-class BatchReport:
+@dataclass(frozen=True, repr=False)
+class BatchReport(Result):
     """What a batch has done.
 
     Attributes
@@ -48,6 +53,36 @@ class BatchReport:
     results: tuple[FileResult, ...]
     tables: tuple[Path, ...]
     resumed: int = 0
+
+    dimensions = ("file",)
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        counts = ", ".join(
+            f"{len(self.of_kind(kind))} {words}"
+            for kind, words in (("done", "analysed"), ("aside", "put aside"), ("failed", "failed"))
+        )
+        return f"{counts}; tables in {self.tables[0].parent}"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each file."""
+        return {
+            "file": [r.label for r in self.results],
+            "kind": [r.kind for r in self.results],
+            "reason": [r.reason for r in self.results],
+        }
+
+    def table(self, name: str) -> pd.DataFrame:
+        """One of the tables that were written: ``sine``, ``noise``, ``bands``, ``other`` or ``skipped``.
+
+        Raises
+        ------
+        RequestError
+            There is no table of that name.
+        """
+        return read_table(
+            next((p for p in self.tables if p.stem == name), self.tables[0].with_name(f"{name}.txt"))
+        )
 
     def of_kind(self, kind: str) -> tuple[FileResult, ...]:
         """Results that are "done", "aside" or "failed"."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from specan.models.quantity import quantity
+from specan.models.room.air_absorption import iso_9613_1
 
 ZERO_CELSIUS = 273.15  # K
 GAS_CONSTANT_AIR = 287.05  # J/(kg K), dry air
@@ -25,8 +26,7 @@ def density(air_temperature, air_pressure):
 @quantity(unit="1/m", reference="ISO 9613-1:1993, eq. 5")
 def air_attenuation(frequency, air_temperature, air_pressure, relative_humidity):
     """Attenuation of the sound pressure in air, Np/m."""
-    from acoustics.standards import iso_9613_1_1993 as iso
-
+    iso = iso_9613_1()
     oxygen, nitrogen = _relaxation_hz(air_temperature, air_pressure, relative_humidity)
     decibel = iso.attenuation_coefficient(
         air_pressure / 1000,  # that library counts in kPa
@@ -63,8 +63,7 @@ def air_dispersion(frequency, sound_speed, air_temperature, air_pressure, relati
 
 def _relaxation_hz(temperature: float, pressure: float, humidity: float) -> tuple[float, float]:
     """Relaxation frequencies of oxygen and nitrogen (ISO 9613-1:1993, eqs 3 and 4)."""
-    from acoustics.standards import iso_9613_1_1993 as iso
-
+    iso = iso_9613_1()
     kilopascal = pressure / 1000
     water = iso.molar_concentration_water_vapour(
         humidity * 100, iso.saturation_pressure(temperature), kilopascal

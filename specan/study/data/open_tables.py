@@ -11,23 +11,27 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.models import Model, SettingError
+from specan.models.trial import is_own, try_model
 from specan.study.data.operating_table import Rows, check_varied, grouping_of, join
 from specan.study.data.sources import DataFile, DataRequest, OpenedData
 from specan.study.data.table_covariance import uncertainty
 from specan.study.data.table_reader import Measurement, read_measurement
 from specan.units import convert
 
-TITLE = "a table (text with a header line)"
+TITLE = "a table (text with a header line, .xlsx, Parquet)"
+WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is no table
 
 
 def reads(path: Path) -> bool:
-    """Whether a file is text, whatever its name."""
+    """Whether a file is text, a workbook or Parquet, whatever its name."""
     try:
         with path.open("rb") as file:
             start = file.read(4096)
     except OSError:
         return False
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
+        return True
+    if start.startswith(b"PAR1") or (start.startswith(b"PK") and path.suffix.lower() in WORKBOOKS):
         return True
     return bool(start) and b"\0" not in start and not start.startswith((b"RIFF", b"TDSm", b"PK"))
 
@@ -45,6 +49,8 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
     fitted = [_read(f, model) for f in request.measurements]
     checked = [_read(f, model) for f in request.validations]
     rows = join([*fitted, *checked], model)
+    if is_own(model):
+        try_model(model, rows.conditions)
     aside = rows.recording >= len(fitted)
     for file, where in request.hold_out:
         aside |= matching(rows, model, where, file)
@@ -91,7 +97,7 @@ def _read(file: DataFile, model: Model) -> Measurement:
         if isinstance(value, str):
             raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")
         numbers[column] = value
-    return read_measurement(file.path, model, numbers, name=file.name)
+    return read_measurement(file.path, model, numbers, name=file.name, columns=file.columns)
 
 
 def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> NDArray[np.bool_]:

@@ -14,7 +14,11 @@ from specan.models import Model
 from specan.study.observation import Observation
 
 # kind -> module with `reads(path) -> bool`, `TITLE` and `open_data(model, request) -> OpenedData`
-KINDS = {"table": "specan.study.data.open_tables", "frf": "specan.study.data.open_recordings"}
+KINDS = {
+    "table": "specan.study.data.open_tables",
+    "frf": "specan.study.data.open_recordings",
+    "orders": "specan.study.data.open_orders",
+}
 ENTRY_POINTS = "specan.measurement_kinds"  # of installed packages: name = such a module
 
 
@@ -28,12 +32,15 @@ class DataFile:
         What results call it; unique in the study.
     conditions : mapping
         Conditions of the whole file that it does not hold itself.
+    columns : mapping
+        ``{column of the model: header of the table}`` where the file has names of its own.
     """
 
     name: str
     path: Path
     estimator: str = ""
     conditions: Mapping[str, float | str] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,17 @@
-"""Tables as laboratories write them: CSV, TSV or semicolons, decimal point or comma."""
+"""Tables as laboratories write them: CSV, TSV or semicolons, decimal point or comma, workbooks, Parquet."""
 
 from __future__ import annotations
 
 import csv
 import math
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from specan.errors import InputError
+from specan.errors import InputError, RequestError
 from specan.study.observation import Array
 
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
@@ -27,12 +29,15 @@ class TableFile:
         Header to the step in which the values are printed (0.01 for 0.72, 0.7, 0.81).
     lines : array of int
         Line number of each row, for messages.
+    cell_units : dict
+        Header to the unit that stands behind the numbers themselves: ``percent`` for ``85 %``.
     """
 
     path: Path
     columns: dict[str, Array]
     steps: dict[str, float]
     lines: np.ndarray
+    cell_units: dict[str, str] = field(default_factory=dict)
 
     def rows(self, mask: np.ndarray, most: int = 5) -> str:
         """The lines of some rows in words: ``line 4, 7 and 12 more``."""
@@ -41,14 +46,32 @@ class TableFile:
         return f"line{'s' if len(found) > 1 else ''} {text}"
 
 
-def read_table(path: Path, content: bytes | None = None) -> TableFile:
+@dataclass(frozen=True)
+class _Sheet:
+    """Cells of a table as text; the first row is the header."""
+
+    cells: list[list[str]]
+    lines: list[int]
+    decimal_comma: bool = False
+
+
+def read_table(
+    path: Path,
+    content: bytes | None = None,
+    choose: Callable[[Iterable[str]], dict[str, str]] | None = None,
+) -> TableFile:
     """Read a table with one header line; ``#`` begins a comment line.
+
+    A second line that holds units only, ``[m3/h];[m]``, belongs to the header. Workbooks (.xlsx, the first sheet)
+    and Parquet files are read through pandas.
 
     Parameters
     ----------
     path : Path
     content : bytes, optional
         The file's content where it has been read (and hashed) already.
+    choose : callable, optional
+        Given the headers, returns ``{header: name}`` of the columns to read; all under their own names by default.
 
     Raises
     ------
@@ -57,36 +80,111 @@ def read_table(path: Path, content: bytes | None = None) -> TableFile:
     """
     try:
         raw = path.read_bytes() if content is None else content
-        text = raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"the table {path} does not exist", remedy="check the path") from None
-    except (OSError, UnicodeDecodeError) as fault:
+    except OSError as fault:
+        raise InputError(f"the table {path} cannot be read ({fault})") from None
+    sheet = _frame_sheet(path, raw) if raw[:4] in (b"PK\x03\x04", b"PAR1") else _text_sheet(path, raw)
+    if len(sheet.cells) < 2:
+        raise InputError(f"the table {path} holds no rows", expected="a header line and rows of numbers")
+    header, cells, lines = _header(sheet)
+    doubled = sorted({name for name in header if name and header.count(name) > 1})
+    if doubled:
+        raise InputError(f"{path}: the column {doubled[0]!r} stands there twice", remedy="rename one")
+    _check_lengths(path, header, cells, lines)
+    kept = [name for name in header if name and not name.startswith("note")]
+    names = {name: name for name in kept} if choose is None else choose(kept)
+    columns, steps, units = {}, {}, {}
+    for k, title in enumerate(header):
+        name = names.get(title)
+        if name is None:
+            continue
+        words = [row[k].strip() if k < len(row) else "" for row in cells]
+        if any(word.endswith("%") for word in words):
+            words, units[name] = [word.removesuffix("%").strip() for word in words], "percent"
+        columns[name] = np.array(
+            [
+                _number(word, path, title, line, sheet.decimal_comma)
+                for word, line in zip(words, lines, strict=True)
+            ]
+        )
+        steps[name] = printed_step(words)
+    return TableFile(path, columns, steps, np.array(lines), units)
+
+
+def _text_sheet(path: Path, raw: bytes) -> _Sheet:
+    try:
+        text = raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
+    except UnicodeDecodeError as fault:
         raise InputError(
             f"the table {path} cannot be read ({fault})", expected="a text file in UTF-8"
         ) from None
     numbered = [
         (n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")
     ]
-    if len(numbered) < 2:
-        raise InputError(f"the table {path} holds no rows", expected="a header line and rows of numbers")
+    if not numbered:
+        return _Sheet([], [])
     delimiter = _delimiter(numbered[0][1])
     cells = [next(csv.reader([line], delimiter=delimiter)) for _, line in numbered]
-    header = [name.strip() for name in cells[0]]
-    doubled = sorted({name for name in header if name and header.count(name) > 1})
-    if doubled:
-        raise InputError(f"{path}: the column {doubled[0]!r} stands there twice", remedy="rename one")
-    _check_lengths(path, header, cells, [n for n, _ in numbered])
-    kept = [k for k, name in enumerate(header) if name and not name.startswith("note")]
-    columns, steps = {}, {}
-    for k in kept:
-        words = [row[k].strip() if k < len(row) else "" for row in cells[1:]]
-        values = [
-            _number(word, path, header[k], n, comma=delimiter != ",")
-            for word, (n, _) in zip(words, numbered[1:], strict=True)
-        ]
-        columns[header[k]] = np.array(values)
-        steps[header[k]] = printed_step(words)
-    return TableFile(path, columns, steps, np.array([n for n, _ in numbered[1:]]))
+    return _Sheet(cells, [n for n, _ in numbered], decimal_comma=delimiter != ",")
+
+
+def _frame_sheet(path: Path, raw: bytes) -> _Sheet:
+    """The first sheet of a workbook, or a Parquet file, through pandas."""
+    import io
+
+    import pandas as pd
+
+    workbook = raw[:2] == b"PK"
+    try:
+        if workbook:
+            frame = pd.read_excel(io.BytesIO(raw), header=None, dtype=object)
+        else:
+            frame = pd.read_parquet(io.BytesIO(raw))
+    except ImportError:
+        needed = "xlsx" if workbook else "parquet"
+        raise InputError(
+            f"the table {path} needs another package to be read",
+            remedy=f'pip install "specan[{needed}]", or save the table as CSV',
+        ) from None
+    except Exception as fault:  # whatever the reader of such a file finds wrong with it
+        raise InputError(f"the table {path} cannot be read ({fault})", remedy="save it as CSV") from None
+    rows = [["" if pd.isna(cell) else str(cell) for cell in row] for row in frame.itertuples(index=False)]
+    if not workbook:
+        rows.insert(0, [str(name) for name in frame.columns])
+    kept = [(n, row) for n, row in enumerate(rows, 1) if any(row) and not row[0].startswith("#")]
+    return _Sheet([row for _, row in kept], [n for n, _ in kept])
+
+
+def _header(sheet: _Sheet) -> tuple[list[str], list[list[str]], list[int]]:
+    """Titles with their units, and the rows below them."""
+    titles = [name.strip() for name in sheet.cells[0]]
+    below = [cell.strip() for cell in sheet.cells[1]]
+    if not any(below) or any(_is_number(cell) for cell in below if cell) or not _are_units(below):
+        return titles, sheet.cells[1:], sheet.lines[1:]
+    below += [""] * (len(titles) - len(below))
+    marked = [
+        f"{t} [{u.strip('[]() ')}]" if u.strip("[]() -") else t for t, u in zip(titles, below, strict=False)
+    ]
+    return marked, sheet.cells[2:], sheet.lines[2:]
+
+
+def _is_number(word: str) -> bool:
+    return re.fullmatch(r"[-+]?\d*[.,]?\d+([eE][-+]?\d+)?\s*%?", word) is not None
+
+
+def _are_units(words: list[str]) -> bool:
+    from specan.units import base_unit
+
+    for word in words:
+        plain = word.strip("[]() ")
+        if not plain or plain == "-":
+            continue
+        try:
+            base_unit(plain)
+        except RequestError:
+            return False
+    return True
 
 
 def _delimiter(header: str) -> str:
@@ -94,7 +192,7 @@ def _delimiter(header: str) -> str:
 
 
 def _check_lengths(path: Path, header: list[str], cells: list[list[str]], lines: list[int]) -> None:
-    for row, line in zip(cells[1:], lines[1:], strict=True):
+    for row, line in zip(cells, lines, strict=True):
         if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
             raise InputError(
                 f"{path}, line {line}: {len(row)} cells",

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError, nearest
 from specan.models import Condition, Model, Observable, TableFault, TableRules
+from specan.study.data.table_columns import ColumnNames
 from specan.study.data.table_file import TableFile, read_table
 from specan.study.observation import Array
 from specan.units import convert, scale_to
-
-MARKS = ("repeat", "setup")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +58,7 @@ def read_measurement(
     constants: Mapping[str, float] | None = None,
     content: bytes | None = None,
     name: str = "",
+    columns: Mapping[str, str] | None = None,
 ) -> Measurement:
     """Read a table as a measurement of what a model predicts.
 
@@ -73,19 +73,24 @@ def read_measurement(
         The file's content where it has been read already.
     name : str, optional
         For messages; the file's name by default.
+    columns : mapping, optional
+        ``{column of the model: header of the table}`` where the table has names of its own; headers that are nothing
+        known are passed over then.
 
     Raises
     ------
     InputError
         Columns that are missing, unknown or contradict each other; values that cannot be.
     """
-    table = read_table(path, content)
+    names = ColumnNames(path, model, columns or {})
+    table = read_table(path, content, names.choose)
+    names.convert(table)
     known = {c.column: c for c in model.conditions.values() if c.column}
     measurable = {o.header: o for o in model.observables.values() if o.kind == "table"}
     _check_columns(table, known, measurable, model.table_rules)
     _add_constants(table, constants or {}, known)
     steps = {n: np.full(table.lines.size, s) for n, s in table.steps.items()}
-    notes: list[str] = []
+    notes = [*names.notes]
     if model.table_rules is not None:
         notes += _complete(table, model.table_rules, steps)
     chosen, measured, step = _choose(table, measurable, steps)
@@ -122,23 +127,19 @@ def _check_columns(
     measurable: Mapping[str, Observable],
     rules: TableRules | None,
 ) -> None:
-    allowed = {*known, *measurable, *MARKS}
-    for name in table.columns:
-        if name not in allowed:
-            stem = [other for other in allowed if other.rsplit("_", 1)[0] == name.rsplit("_", 1)[0]]
-            hint = f"the unit belongs to the name: give {stem[0]!r}" if stem else nearest(name, allowed)
-            raise InputError(
-                f"{table.path}: unknown column {name!r}",
-                remedy=f"{hint.rstrip('?')}; a column whose name begins with 'note' is passed over",
-            )
+    missing = []
     for column, condition in known.items():
         sources = rules.derivable.get(column) if rules else None
         derivable = sources is not None and sources <= set(table.columns)
         if column not in table.columns and condition.default is None and not derivable:
-            raise InputError(
-                f"{table.path}: the column {column!r} is missing (found: {', '.join(table.columns)})",
-                remedy="add it",
-            )
+            missing.append(column)
+    if missing:
+        names = ", ".join(map(repr, missing))
+        raise InputError(
+            f"{table.path}: the column{'s' if len(missing) > 1 else ''} {names} "
+            f"{'are' if len(missing) > 1 else 'is'} missing (found: {', '.join(table.columns)})",
+            remedy=f'add it, or say which header it has: --column "{missing[0]}=HEADER"',
+        )
     if not any(name in table.columns for name in measurable):
         raise InputError(
             f"{table.path} holds nothing that the model predicts",

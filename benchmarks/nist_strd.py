@@ -1,0 +1,155 @@
+"""The optimiser held to certified answers: the nonlinear regressions of NIST's Statistical Reference Datasets.
+
+    python benchmarks/nist_strd.py DIRECTORY
+
+DIRECTORY holds the .dat files as NIST publishes them (public domain). Each is a model made from its
+formula, fitted from both starts. Printed are the certified digits, -log10 of the relative error, of the worst
+parameter and of the worst standard error (after scaling by the residual standard deviation, as NIST does):
+of a fit, of a fit repeated from where it ended, and of scipy's curve_fit (MINPACK) from the same start.
+A fit of specan stops where another step promises 0.001 of chi-square or less, so that digits beyond the
+uncertainty are not asked for; what the first column shows is that it ends in the certified minimum.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+import warnings
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from specan.errors import SpecanError
+from specan.models import Model
+from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
+from specan.study.observation.table import TableObservation
+
+MOST_DIGITS = 11.0  # to which NIST certifies
+ENOUGH = 6.0
+
+
+@dataclass(frozen=True)
+class Case:
+    name: str
+    formula: str
+    predictors: dict[str, np.ndarray]
+    y: np.ndarray
+    starts: np.ndarray  # (2, parameters)
+    certified: np.ndarray
+    errors: np.ndarray
+
+    @property
+    def names(self) -> list[str]:
+        return [f"b{k + 1}" for k in range(self.certified.size)]
+
+    def function(self):
+        """The formula as a function of predictors and parameters."""
+        names = ", ".join([*self.predictors, *self.names])
+        place = {"exp": np.exp, "cos": np.cos, "sin": np.sin, "arctan": np.arctan, "pi": np.pi}
+        exec(f"def y({names}):\n    return {self.formula}\n", place)
+        return place["y"]
+
+
+def read(path: Path) -> Case:
+    """A file of NIST: formula, starts, certified values, data."""
+    lines = path.read_text().splitlines()
+    rows = [
+        [float(w) for w in m.group(1).split()]
+        for line in lines
+        if (m := re.match(r"\s*b\d+ =\s+(.*)$", line)) and len(m.group(1).split()) == 4
+    ]
+    numbers = np.array(rows)
+    first = next(k for k, line in enumerate(lines) if re.match(r"\s*(log\[y\]|y)\s+=", line))
+    formula = []
+    for line in lines[first:]:
+        if not line.strip():
+            break
+        formula.append(line.strip())
+    text = " ".join(formula).split("=", 1)[1].rsplit("+ e", 1)[0].rsplit("+  e", 1)[0]
+    text = text.replace("[", "(").replace("]", ")").strip().rstrip("+").strip()
+    start = max(k for k, line in enumerate(lines) if line.startswith("Data:")) + 1
+    data = np.array([[float(w) for w in line.split()] for line in lines[start:] if line.strip()])
+    names = ["x"] if data.shape[1] == 2 else [f"x{k}" for k in range(1, data.shape[1])]
+    y = np.log(data[:, 0]) if any("log[y]" in line for line in formula) else data[:, 0]
+    return Case(
+        path.stem,
+        text,
+        dict(zip(names, data.T[1:], strict=True)),
+        y,
+        numbers[:, :2].T,
+        numbers[:, 2],
+        numbers[:, 3],
+    )
+
+
+def with_specan(case: Case, start: np.ndarray, again: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    model = Model.from_function(
+        case.function(), conditions=dict.fromkeys(case.predictors, "1"), observables={"y": "1"},
+        parameters=dict(zip(case.names, map(float, start), strict=True)), name=case.name,
+    )  # fmt: skip
+    rows = TableObservation(
+        "nist", np.full(case.y.size, "y"), case.y, case.predictors, np.eye(case.y.size),
+        available=frozenset(case.predictors),
+    )  # fmt: skip
+    problem = base_problem(model, (rows,))
+    found = fit(problem, max_evaluations=2000)
+    for _ in range(again):
+        found = fit(problem, found.theta, max_evaluations=2000)
+    order = [found.names.index(f"y.{n}") for n in case.names]
+    scale = np.sqrt(found.chi2 / (case.y.size - start.size))
+    return found.theta[order], scale * np.sqrt(np.diag(found.covariance))[order]
+
+
+def with_scipy(case: Case, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.optimize import curve_fit
+
+    function, x = case.function(), tuple(case.predictors.values())
+    theta, covariance = curve_fit(
+        lambda given, *b: function(*given, *b),
+        x,
+        case.y,
+        p0=start,
+        maxfev=20000,
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    return theta, np.sqrt(np.diag(covariance))
+
+
+def digits(found: np.ndarray, certified: np.ndarray) -> float:
+    """Certified digits of the worst value."""
+    error = np.max(np.abs(found - certified) / np.abs(certified))
+    return float(np.clip(-np.log10(max(error, 1e-300)), 0.0, MOST_DIGITS)) if np.isfinite(error) else 0.0
+
+
+def main(directory: Path) -> None:
+    solvers = {"specan": with_specan, "again": partial(with_specan, again=5), "scipy": with_scipy}
+    print(f"{'':10}" + "".join(f"{s + ', start ' + str(k):>20}" for s in solvers for k in (1, 2)))
+    passed = {(s, k): 0 for s in solvers for k in (0, 1)}
+    paths, began = sorted(directory.glob("*.dat")), time.process_time()
+    for path in paths:
+        case = read(path)
+        line = f"{case.name:10}"
+        for solver, run in solvers.items():
+            for k, start in enumerate(case.starts):
+                with warnings.catch_warnings(), np.errstate(all="ignore"):
+                    warnings.simplefilter("ignore")
+                    try:
+                        theta, errors = run(case, start)
+                        both = digits(theta, case.certified), digits(errors, case.errors)
+                    except (SpecanError, RuntimeError, ValueError):
+                        both = 0.0, 0.0
+                passed[solver, k] += min(both) >= ENOUGH
+                line += f"{both[0]:14.1f}{both[1]:6.1f}"
+        print(line, flush=True)
+    print(f"{'6 digits':10}" + "".join(f"{n:>14} of {len(paths):2}" for n in passed.values()))
+    print(f"{time.process_time() - began:.1f} CPU s")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,85 @@
+"""``specan demo``: the sample data of the examples."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import click
+
+# Below `sample_data`: what the examples of --help and of the README name.
+SAMPLES = (
+    "recordings/knock.tdms",
+    "recordings/noise/noise_24_microphones.tdms",
+    "recordings/sine/*.tdms",
+    "recordings/calibration/insertion_1.tdms",
+    "worm_gear/*",
+    "worm_gear/study/*/*",
+    "planetary_gear/*",
+)
+
+
+@click.command("demo")
+@click.argument("directory", type=click.Path(path_type=Path), metavar="DIR", default=Path("sample_data"))
+def command(directory: Path) -> None:
+    """Write the sample data of the examples to DIR, by default sample_data.
+
+    Recordings of a simulated box with microphones and of a calibrator, a gear's table and rig. Files that are there
+    already stay as they are.
+
+    \b
+    specan demo
+    specan batch sample_data/recordings -o results
+    """
+    written = copy_samples(directory)
+    click.echo(
+        f"{written} files written to {directory}."
+        if written
+        else f"{directory} holds the sample data already."
+    )
+    click.echo(f"Go on with: specan info {directory / 'recordings' / 'knock.tdms'}")
+
+
+def sample_place() -> Path:
+    """Where the sample data are: in the installed package, or beside it in a clone.
+
+    Raises
+    ------
+    RequestError
+        They are in neither.
+    """
+    from specan.errors import RequestError
+
+    here = Path(__file__).resolve().parent
+    for place in (here / "sample_data", here.parent / "sample_data"):
+        if (place / SAMPLES[0]).is_file():
+            return place
+    raise RequestError(
+        "the sample data are not installed", remedy="install specan again, or clone the project"
+    )
+
+
+def copy_samples(directory: Path) -> int:
+    """Copy the sample data; returns how many files were written.
+
+    Raises
+    ------
+    RequestError
+        The directory cannot be written to.
+    """
+    from specan.errors import RequestError
+
+    source, written = sample_place(), 0
+    for path in sorted({p for pattern in SAMPLES for p in source.glob(pattern) if p.is_file()}):
+        target = directory / path.relative_to(source)
+        if target.exists():
+            continue
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, target)
+        except OSError as fault:
+            raise RequestError(
+                f"{target} cannot be written ({fault.strerror})", remedy="choose another directory"
+            ) from None
+        written += 1
+    return written

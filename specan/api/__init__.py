@@ -1,0 +1,1 @@
+"""What `import specan` offers; see `specan.__init__` for the names."""

@@ -1,0 +1,66 @@
+"""Figures of results: which function of `specan.report` draws which class."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from specan.errors import RequestError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# class -> where its figure is drawn; by name, so that neither matplotlib nor the class is loaded for it.
+FIGURES = {
+    "Recording": "specan.report.figures_waveforms:figure_waveforms",
+    "BandLevels": "specan.report.figures_bands:figure_band_levels",
+    "Spectrum": "specan.report.figures_spectra:figure_spectrum",
+    "Spectrogram": "specan.report.figures_spectra:figure_spectrogram",
+    "FrequencyResponse": "specan.report.figures_spectra:figure_frequency_response",
+    "SignalLevels": "specan.report.figures_levels:figure_levels",
+    "OrderSpectrum": "specan.report.figures_orders:figure_orders",
+    "Calibration": "specan.report.figures_calibration:figure_calibration",
+    "Diagnosis": "specan.report.figures_diagnosis:figure_diagnosis",
+}
+
+
+def plot(result: Any, path: str | Path | None = None, **options: Any) -> Figure:
+    """Draw a result as ``--plot`` of its verb does.
+
+    Parameters
+    ----------
+    result : Recording, or a result of specan
+    path : str or Path, optional
+        Also save it there: .png, .svg or .pdf.
+    **options
+        Of the figure: ``channels``, ``start_s`` and ``stop_s`` of waveforms, ``unwrapped`` of transfer functions.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    RequestError
+        There is no figure of it.
+    """
+    name = type(result).__name__
+    if name not in FIGURES:
+        raise RequestError(
+            f"there is no figure of a {name}",
+            expected="one of " + ", ".join(FIGURES),
+            remedy="use its data frame",
+        )
+    module, _, function = FIGURES[name].partition(":")
+    figure: Figure = getattr(importlib.import_module(module), function)(result, **options)
+    return saved(figure, path)
+
+
+def saved(figure: Figure, path: str | Path | None) -> Figure:
+    """The figure, written to a file if one is named."""
+    if path is not None:
+        from specan.report.figure_style import save_figure
+
+        save_figure(figure, Path(path))
+    return figure

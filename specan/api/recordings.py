@@ -1,0 +1,294 @@
+"""Analyses of recordings, one function each: settings are keyword arguments, a recording may be a path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from specan.data.recording import Recording
+from specan.io.open import open_recording
+
+if TYPE_CHECKING:
+    from specan.analysis.batch.run import BatchReport
+    from specan.data.band_levels import BandLevels
+    from specan.data.calibration import Calibration
+    from specan.data.frequency_response import FrequencyResponse
+    from specan.data.levels import SignalLevels
+    from specan.data.orders import OrderSpectrum
+    from specan.data.spectrum import Spectrogram, Spectrum
+    from specan.data.tone import ToneTable
+    from specan.schema import Settings
+
+Source: TypeAlias = Recording | str | Path
+
+
+def read(
+    path: str | Path,
+    *,
+    channel_table: str | Path | None = None,
+    calibration: Calibration | str | Path | None = None,
+    sampling_rate: float | None = None,
+) -> Recording:
+    """Open a recording; samples are read when they are asked for.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file in TDMS or WAV.
+    channel_table : path, optional
+        Roles, units and sensitivities; by default ``channels.toml`` or ``channels.csv`` beside the file.
+    calibration : Calibration or path, optional
+        What `calibrate` returned, or a ``calibration.toml``.
+    sampling_rate : float, optional
+        In hertz, instead of what the file says.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    InputError
+        The file is missing or is no recording.
+
+    Examples
+    --------
+    >>> specan.read("noise.tdms")  # doctest: +SKIP
+    <Recording: noise.tdms, 26 channels, 3.5 s at 8000 Hz>
+    """
+    return open_recording(
+        path, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
+    )
+
+
+def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:
+    """Levels in octave or fractional-octave bands (IEC 61260-1 class 1), and overall levels.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    fraction : {1, 3, 6, 12, 24}
+        1/N octave.
+    **settings
+        ``weighting``, ``averaging``, ``hold``, ``interval_s``, ``fmin``, ``fmax``, ``band``, ``channels``,
+        ``start_s``, ``stop_s``, ``velocity_reference``, ``settling``: see `specan.analysis.octave.Octave`.
+
+    Returns
+    -------
+    BandLevels
+    """
+    from specan.analysis.octave import Octave
+
+    return _settings(Octave, "octave", fraction=fraction, **settings)(_opened(recording))
+
+
+def fft(recording: Source, **settings: Any) -> Spectrum:
+    """Magnitude and phase spectra: amplitude, RMS or power spectral density.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    **settings
+        ``channels``, ``scaling``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``, ``fmax_hz``,
+        ``start_s``, ``stop_s``, ``whole``, ``averaging``, ``n_exponential``, ``reference``: see
+        `specan.analysis.spectrum.FourierSpectrum`.
+
+    Returns
+    -------
+    Spectrum
+    """
+    from specan.analysis.spectrum import FourierSpectrum
+
+    return _settings(FourierSpectrum, "fft", **settings)(_opened(recording))
+
+
+def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
+    """Spectra against time.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    **settings
+        ``columns``, ``channels``, ``scaling``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``,
+        ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
+
+    Returns
+    -------
+    Spectrogram
+    """
+    from specan.analysis.spectrogram import SpectrogramSettings
+
+    return _settings(SpectrogramSettings, "spectrogram", **settings)(_opened(recording))
+
+
+def frf(recording: Source, reference: str | None = None, **settings: Any) -> FrequencyResponse:
+    """Transfer functions of the responses over a reference, with coherence and uncertainty.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    reference : str, optional
+        Channel; the vibrometer by default.
+    **settings
+        ``instrument``, ``channels``, ``estimator``, ``lines``, ``window``, ``overlap``, ``align``, ``start_s``,
+        ``stop_s``: see `specan.analysis.transfer_function.TransferFunction`.
+
+    Returns
+    -------
+    FrequencyResponse
+    """
+    from specan.analysis.transfer_function import TransferFunction
+
+    return _settings(TransferFunction, "frf", reference=reference, **settings)(_opened(recording))
+
+
+def rms(recording: Source, **settings: Any) -> SignalLevels:
+    """RMS, level, peak, crest factor, equivalent and percentile levels of every channel.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    **settings
+        ``weighting``, ``averaging``, ``percentiles``, ``channels``, ``start_s``, ``stop_s``,
+        ``velocity_reference``, ``settling``: see `specan.analysis.levels.Levels`.
+
+    Returns
+    -------
+    SignalLevels
+    """
+    from specan.analysis.levels import Levels
+
+    return _settings(Levels, "rms", **settings)(_opened(recording))
+
+
+def tones(recording: Source, reference: str | None = None, **settings: Any) -> ToneTable:
+    """Frequency of a sine recording, and amplitude, phase and distortion of every channel (IEEE 1057 fit).
+
+    Parameters
+    ----------
+    recording : Recording or path
+    reference : str, optional
+        Channel over which phases stand; the vibrometer by default.
+    **settings
+        ``channels``, ``frequency_hz``, ``harmonics``, ``start_s``, ``stop_s``: see `specan.analysis.tone.Tone`.
+
+    Returns
+    -------
+    ToneTable
+    """
+    from specan.analysis.tone import Tone
+
+    return _settings(Tone, "tones", reference=reference, **settings)(_opened(recording))
+
+
+def orders(recording: Source, **settings: Any) -> OrderSpectrum:
+    """Order spectrum, order lines and time-synchronous average against a tacho or a known speed.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    **settings
+        ``channels``, ``tacho``, ``pulses_per_turn``, ``ratio``, ``speed_hz``, ``max_order``, ``turns``,
+        ``average_turns``, ``orders``, ``mesh``, ``harmonics``, ``sidebands``, ``quantity``, ``envelope_hz``,
+        ``columns``, ``start_s``, ``stop_s``: see `specan.analysis.orders.Orders`.
+
+    Returns
+    -------
+    OrderSpectrum
+    """
+    from specan.analysis.orders import Orders
+
+    return _settings(Orders, "orders", **settings)(_opened(recording))
+
+
+def calibrate(
+    recordings: Source | Sequence[Source], *, output: str | Path | None = None, **settings: Any
+) -> Calibration:
+    """Sensitivity and phase of every microphone that stood in the calibrator.
+
+    Parameters
+    ----------
+    recordings : Recording, path, or several
+        All insertions of one calibration; those that share a microphone are chained in phase.
+    output : path, optional
+        Where to write the ``calibration.toml``; a file that specan did not write is not replaced.
+    **settings
+        ``level_dB``, ``frequency_hz``, ``windows``, ``u_level_dB``, ``u_insertion_dB``, ``u_insertion_deg``,
+        ``channels``, ``phase_model``: see `specan.analysis.calibrator_tone.CalibrationSettings`.
+
+    Returns
+    -------
+    Calibration
+        `read` takes it.
+    """
+    from specan.analysis.calibration import calibrate as evaluate
+    from specan.analysis.calibrator_tone import CalibrationSettings
+    from specan.io.calibration_file import write_calibration
+    from specan.io.output_file import check_output
+
+    sources = [recordings] if isinstance(recordings, (Recording, str, Path)) else recordings
+    found = evaluate(
+        [_opened(one) for one in sources], _settings(CalibrationSettings, "calibrate", **settings)
+    )
+    if output is not None:
+        check_output(Path(output), [Path(one) for one in sources if not isinstance(one, Recording)])
+        write_calibration(found, Path(output))
+    return found
+
+
+def batch(
+    directories: str | Path | Sequence[str | Path],
+    output: str | Path,
+    *,
+    calibration: str | Path | None = None,
+    channel_table: str | Path | None = None,
+    jobs: int | None = None,
+    **settings: Any,
+) -> BatchReport:
+    """Analyse every recording below one or several directories and write the result tables.
+
+    Parameters
+    ----------
+    directories : path or sequence of paths
+    output : path
+        Directory for the tables; results that an earlier batch left there are kept where nothing has changed.
+    calibration, channel_table : path, optional
+        For all files.
+    jobs : int, optional
+        Number of processes; more than one only in a script with ``if __name__ == "__main__"``.
+    **settings
+        ``reference``, ``excitation``, ``sampling_rate``, and as dicts ``tone``, ``transfer_function``, ``octave``,
+        ``calibration``: see `specan.analysis.batch.settings.BatchSettings`.
+
+    Returns
+    -------
+    BatchReport
+        `BatchReport.to_dataframe` reads a table.
+    """
+    from specan.analysis.batch.run import run_batch
+    from specan.analysis.batch.settings import BatchSettings
+
+    places = [directories] if isinstance(directories, (str, Path)) else directories
+    return run_batch(
+        [Path(place) for place in places],
+        Path(output),
+        _settings(BatchSettings, "batch", **settings),
+        calibration=None if calibration is None else Path(calibration),
+        channel_table=None if channel_table is None else Path(channel_table),
+        jobs=jobs,
+    )
+
+
+def _opened(recording: Source) -> Recording:
+    return recording if isinstance(recording, Recording) else read(recording)
+
+
+def _settings(kind: type[Settings], where: str, **given: Any) -> Any:
+    """The settings of an analysis; one channel or percentile may be given without a tuple around it."""
+    from specan.schema import parse
+
+    for name in ("channels", "percentiles", "orders"):
+        if isinstance(given.get(name), (str, float, int)):
+            given[name] = (given[name],)
+    return parse(kind, {name: value for name, value in given.items() if value is not None}, f"specan.{where}")

@@ -1,0 +1,257 @@
+"""A study for work in Python: what ``specan study`` does, one method a verb."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from specan.api.drawing import saved
+from specan.errors import RequestError
+from specan.result import Result, counted
+from specan.study.study import Study as OpenedStudy
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from specan.models import Model
+    from specan.study.edit import Change
+    from specan.study.history import History
+    from specan.study.study import Comparison
+    from specan.study.verdict import Diagnosis
+
+
+@dataclass(frozen=True, repr=False)
+class NextMeasurements(Result):
+    """Measurements that would decide, the best first.
+
+    Attributes
+    ----------
+    rows : tuple of mapping
+        As ``specan study next --json`` gives them; each has a ``text``.
+    """
+
+    rows: tuple[Mapping[str, Any], ...]
+
+    def summary(self) -> str:
+        """How many there are."""
+        return counted(len(self.rows), "proposal") if self.rows else "nothing is left to decide"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each measurement, in words."""
+        return {"place": list(range(1, len(self.rows) + 1)), "text": [row["text"] for row in self.rows]}
+
+    dimensions = ("place",)
+
+    def plot(self, **options: Any) -> Figure:
+        """What the rivals expect of each reading."""
+        from specan.report.figures_diagnosis import figure_next
+
+        return saved(figure_next([dict(row) for row in self.rows]), options.get("path"))
+
+
+class Study:
+    """A study directory: a model, measurements, and the steps that were taken.
+
+    An object follows its directory: after `add` or `drop` it is the study as it is then.
+
+    Parameters
+    ----------
+    directory : str or Path
+    effects : sequence of paths
+        Files with effects of your own, to take in, or to trust where the study comes from elsewhere.
+    accept_changes : bool
+        Go on although measured files have changed.
+
+    Raises
+    ------
+    RequestError, InputError
+        The directory holds no study, or what it names is missing or has changed.
+    """
+
+    def __init__(
+        self, directory: str | Path, *, effects: Sequence[str | Path] = (), accept_changes: bool = False
+    ) -> None:
+        self._opened = OpenedStudy(Path(directory), accept_changes, [Path(e) for e in effects])
+        self._diagnosis: dict[bool, Diagnosis] = {}
+
+    @classmethod
+    def new(
+        cls,
+        directory: str | Path,
+        model: str | Path,
+        measurement: str | Path | Sequence[str | Path],
+        *,
+        rig: str | Path | None = None,
+        validation: str | Path | Sequence[str | Path] = (),
+        hold_out: str | Sequence[str] = (),
+        calibration: str | Path | None = None,
+        effects: Sequence[str] | None = None,
+    ) -> Study:
+        """Make a study directory and fit the model once.
+
+        Parameters
+        ----------
+        directory : path
+            Made if it does not exist; must not hold a study yet.
+        model : str or path
+            Name of a model, or a Python file that holds one.
+        measurement, validation : path or sequence of paths
+            Data to fit, and data that are only ever predicted.
+        rig : path, optional
+        hold_out : str or sequence of str
+            Rows or channels to put aside: ``"torque=50"``.
+        calibration : path, optional
+            Of recordings.
+        effects : sequence of str, optional
+            Effects to begin with; the model's base effects by default.
+
+        Returns
+        -------
+        Study
+            `assumptions` says what was found and assumed about the measurement.
+        """
+        from specan.study.create import begin
+
+        begun = begin(
+            Path(directory),
+            str(model),
+            None if rig is None else Path(rig),
+            _paths(measurement),
+            validations=_paths(validation),
+            hold_out=[hold_out] if isinstance(hold_out, str) else list(hold_out),
+            calibration=None if calibration is None else Path(calibration),
+            effects=effects,
+        )
+        made = cls.__new__(cls)
+        made._now(begun.study)
+        return made
+
+    @property
+    def directory(self) -> Path:
+        """Where it is."""
+        return self._opened.directory
+
+    @property
+    def model(self) -> Model:
+        """The model, with the study's own effects."""
+        return self._opened.model
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that the model has now."""
+        return self._opened.model_effects
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What was found and assumed about the measurement; all conclusions rest on it."""
+        return tuple(self._opened.data.statements)
+
+    def compare(self) -> Comparison:
+        """Fit the parameters that the model has, and find where it fails."""
+        return self._opened.compare()
+
+    def diagnose(
+        self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
+    ) -> Diagnosis:
+        """Find out which effect is missing; see `specan.diagnose`."""
+        if bootstrap not in self._diagnosis:
+            self._diagnosis[bootstrap] = self._opened.diagnose(bootstrap=bootstrap, progress=progress)
+        return self._diagnosis[bootstrap]
+
+    def add(self, effect: str | Path, because: str = "") -> Change:
+        """Add an effect, or a file with one, refit and keep the step.
+
+        Parameters
+        ----------
+        effect : str or path
+            Name, with its place where it acts at one: ``wall-impedance@z1``.
+        because : str
+            Reason, for the history.
+        """
+        from specan.study.edit import add_effect
+
+        return self._changed(add_effect(self._opened, str(effect), because))
+
+    def drop(self, effect: str, because: str = "") -> Change:
+        """Take an effect out, refit and keep the step."""
+        from specan.study.edit import drop_effect
+
+        return self._changed(drop_effect(self._opened, effect, because))
+
+    def history(self) -> History:
+        """The steps with their errors on fitted and on held-out data."""
+        return self._opened.history
+
+    def next(self) -> NextMeasurements:
+        """The measurements, within the rig's limits, that best separate what could be missing."""
+        self._opened.require_uncertainty("next")
+        return NextMeasurements(tuple(self.diagnose().to_json()["next_measurement"]))
+
+    def report(self, path: str | Path) -> Path:
+        """Write everything on one self-contained HTML page.
+
+        Raises
+        ------
+        RequestError
+            The directory of `path` does not exist, or it is a measured file or one that specan did not write.
+        """
+        from specan.io.output_file import check_output, text_file
+        from specan.report.study_report import study_report
+
+        path = Path(path)
+        if not path.absolute().parent.is_dir():
+            raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+        check_output(path, [], force=False)
+        page = study_report(self._opened)
+        with text_file(path) as file:
+            file.write(page)
+        return path
+
+    def plot(self, path: str | Path | None = None, *, channel: str | None = None) -> Figure:
+        """Measured and model, as ``specan study compare --plot`` draws them; of recordings, one channel."""
+        from specan.report.figures_study import figure_compare
+
+        return saved(figure_compare(self._opened, channel), path)
+
+    def __repr__(self) -> str:
+        return repr(self._opened)
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(repr(self))}</p>{self.history()._repr_html_()}"
+
+    def _changed(self, change: Change) -> Change:
+        self._now(change.study)
+        return change
+
+    def _now(self, opened: OpenedStudy) -> None:
+        self._opened, self._diagnosis = opened, {}
+
+
+def diagnose(study: Study | str | Path, *, bootstrap: bool = False) -> Diagnosis:
+    """Find out which physical effect the model of a study is missing. Held-out data are not looked at.
+
+    Parameters
+    ----------
+    study : Study or path
+    bootstrap : bool
+        Family-wise probabilities by simulation (slower).
+
+    Returns
+    -------
+    Diagnosis
+        Its data frame holds what was tried, the likeliest first.
+
+    Raises
+    ------
+    RequestError
+        Nothing tells how uncertain the measurement is.
+    """
+    opened = study if isinstance(study, Study) else Study(study)
+    return opened.diagnose(bootstrap=bootstrap)
+
+
+def _paths(given: str | Path | Sequence[str | Path]) -> list[Path]:
+    return [Path(given)] if isinstance(given, (str, Path)) else [Path(path) for path in given]

@@ -1,0 +1,256 @@
+"""A model made of plain functions: their arguments are conditions, parameters and each other's results."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from specan.errors import RequestError, nearest
+from specan.models.effect import Effect
+from specan.models.observable import Observable
+from specan.models.parameter import Parameter
+from specan.models.quantity import Condition, Quantity, SettingError
+from specan.models.rig_statement import rig_statement
+from specan.models.user_code import PREFIX
+from specan.units import base_unit, convert
+
+_FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"
+
+
+class ByName:
+    """A function called with its arguments by name, in whatever order it declares them."""
+
+    def __init__(self, function: Callable[..., Any], reads: tuple[str, ...]) -> None:
+        self.function, self.reads = function, reads
+        self.__code__ = getattr(function, "__code__", None)  # messages name the user's file and line
+        self.__module__ = str(function.__module__)
+
+    def __call__(self, *given: Any, **parameters: Any) -> Any:
+        """The function's value."""
+        return self.function(**dict(zip(self.reads, given, strict=True)), **parameters)
+
+
+def fields_from_functions(
+    functions: Sequence[Callable[..., Any]],
+    conditions: Mapping[str, Any],
+    observables: Mapping[str, Any],
+    parameters: Mapping[str, Any],
+    units: Mapping[str, str],
+    effects: Sequence[Effect],
+    uncertainty: Mapping[str, float],
+) -> dict[str, Any]:
+    """Fields of the model that `specan.models.model.Model.from_function` makes; see there."""
+    named = _named(functions, observables)
+    known = {name: _condition(name, given) for name, given in conditions.items()}
+    measured = {name: _observable(name, given, named[name]) for name, given in observables.items()}
+    starts = {name: _parameter(name, given) for name, given in parameters.items()}
+    for function in named.values():
+        for argument, start in _defaults(function).items():
+            if argument not in known and argument not in named:
+                starts.setdefault(argument, _parameter(argument, start))
+    _check_names(named, known, starts)
+    effects = [as_declared(effect) for effect in effects]
+    shared = _shared(named, starts, effects)
+    quantities = {name: _of_parameter(name, starts[name]) for name in shared}
+    for name, function in named.items():
+        own = {p: starts[p] for p in _arguments(function) if p in starts and p not in shared}
+        reads = tuple(a for a in _arguments(function) if a not in own)
+        for argument in reads:
+            if argument not in known and argument not in named and argument not in shared:
+                raise RequestError(
+                    f"{place_of(function)}: {name!r} reads {argument!r}, which is no condition and no parameter",
+                    expected="each argument in conditions=, in parameters=, or a function of that name",
+                    remedy=nearest(argument, [*known, *starts, *named]),
+                )
+        unit = _unit_of(name, measured, units)
+        doc = (inspect.getdoc(function) or name).split("\n")[0]
+        quantities[name] = Quantity(name, unit, doc, ByName(function, reads), reads, own)
+    rig = {
+        "limits": {n: list(given[1:3]) for n, given in conditions.items() if _is_span(given)},
+        "uncertainty": {
+            **{
+                n: given[1] for n, given in observables.items() if isinstance(given, tuple) and len(given) > 1
+            },
+            **uncertainty,
+        },
+    }
+    return {
+        "conditions": known,
+        "quantities": quantities,
+        "effects": {effect.name: effect for effect in effects},
+        "observables": measured,
+        "rig": rig_statement(rig, known.values(), measured.values()),
+    }
+
+
+def as_declared(effect: Effect) -> Effect:
+    """The effect with parameters that it receives in the units that they are declared in."""
+    return replace(effect, parameters={n: replace(p, as_declared=True) for n, p in effect.parameters.items()})
+
+
+def name_of(function: Callable[..., Any]) -> str:
+    """Name of the file that a user's function comes from; empty for one that comes from elsewhere."""
+    module = str(function.__module__)
+    return module.removeprefix(f"{PREFIX}model_") if module.startswith(PREFIX) else ""
+
+
+def title_of(function: Callable[..., Any]) -> str:
+    """First line of what a user's file, or else the function, says of itself."""
+    file = getattr(function, "__globals__", {})
+    own = file.get("__doc__") if str(function.__module__).startswith(PREFIX) else None
+    return ((own or function.__doc__ or "").strip().split("\n")[0]).rstrip(".")
+
+
+def place_of(function: Any) -> str:
+    """File and line of a function, for messages."""
+    function = getattr(function, "function", function)
+    code = getattr(function, "__code__", None)
+    return f"{code.co_filename}, line {code.co_firstlineno}" if code else repr(function)
+
+
+def _named(functions: Sequence[Callable[..., Any]], observables: Mapping[str, Any]) -> dict[str, Any]:
+    """Functions by the names of their quantities; a single unknown one is called by the observable."""
+    named = {function.__name__: function for function in functions}
+    lacking = [name for name in observables if name not in named]
+    free = [name for name in named if name not in observables]
+    if len(lacking) == 1 and functions[0].__name__ in free:
+        named = {lacking[0]: functions[0], **{f.__name__: f for f in functions[1:]}}
+        lacking = []
+    if lacking:
+        raise RequestError(
+            f"the observable {lacking[0]!r} has no function",
+            expected=f"a function of that name beside {', '.join(named)}",
+            remedy="return one quantity a function",
+        )
+    return named
+
+
+def _check_names(named: Mapping[str, Any], known: Mapping[str, Any], starts: Mapping[str, Any]) -> None:
+    for name in named:
+        if name in known or name in starts:
+            raise RequestError(f"{name!r} names a function and something else", remedy="rename one")
+    for name in starts:
+        if name in known:
+            raise RequestError(
+                f"{name!r} is a condition and a parameter", remedy="leave it out of parameters="
+            )
+
+
+def _arguments(function: Callable[..., Any]) -> list[str]:
+    kinds = inspect.Parameter
+    found = []
+    for name, argument in inspect.signature(function).parameters.items():
+        if argument.kind not in (kinds.POSITIONAL_OR_KEYWORD, kinds.KEYWORD_ONLY):
+            raise RequestError(
+                f"{place_of(function)}: *args, **kwargs and positional-only arguments hide what is read",
+                remedy="name the arguments",
+            )
+        found.append(name)
+    return found
+
+
+def _defaults(function: Callable[..., Any]) -> dict[str, Any]:
+    """Arguments with a starting value in the signature, as lmfit takes them."""
+    arguments = inspect.signature(function).parameters.values()
+    return {a.name: a.default for a in arguments if a.default is not inspect.Parameter.empty}
+
+
+def _shared(
+    named: Mapping[str, Any], starts: Mapping[str, Parameter], effects: Sequence[Effect]
+) -> list[str]:
+    """Parameters that several functions read, or an effect: each a quantity of its own."""
+    readers = [set(_arguments(function)) for function in named.values()]
+    readers += [{*effect.reads, *effect.changes} for effect in effects]
+    acted = {name for effect in effects for name in (*effect.reads, *effect.changes)}
+    return [n for n in starts if n in acted or sum(n in names for names in readers) > 1]
+
+
+def _of_parameter(name: str, parameter: Parameter) -> Quantity:
+    def value(*, value: float) -> float:
+        return value
+
+    return Quantity(name, parameter.unit, parameter.doc or name, value, (), {"value": parameter})
+
+
+def _is_span(given: Any) -> bool:
+    return isinstance(given, tuple) and len(given) == 3
+
+
+def _condition(name: str, given: Any) -> Condition:
+    if isinstance(given, Condition):
+        return given
+    if not isinstance(given, str) and not _is_span(given):
+        raise RequestError(
+            f"the condition {name!r} is {given!r}", expected="a unit, or (unit, lowest, highest)"
+        )
+    unit = given if isinstance(given, str) else given[0]
+    _require_unit(unit, f"the condition {name!r}")
+    offset = convert(0.0, unit, base_unit(unit)) != 0.0  # a scale whose zero is arbitrary: no percentages
+    usual = SettingError(absolute=1.0) if offset else SettingError(relative=0.02)
+    return Condition(name, unit, name.replace("_", " "), name, unit, usual_setting=usual)
+
+
+def _observable(name: str, given: Any, function: Callable[..., Any]) -> Observable:
+    if isinstance(given, Observable):
+        return given
+    unit = given[0] if isinstance(given, tuple) else given
+    if not isinstance(unit, str):
+        raise RequestError(f"the observable {name!r} is {given!r}", expected="a unit, or (unit, uncertainty)")
+    _require_unit(unit, f"the observable {name!r}")
+    doc = (inspect.getdoc(function) or name).split("\n")[0]
+    return Observable(name, name, unit, doc, column=name, column_unit=unit)
+
+
+def _unit_of(name: str, measured: Mapping[str, Observable], units: Mapping[str, str]) -> str:
+    declared = units.get(name)
+    if name in measured:
+        unit = measured[name].unit
+        if declared is not None and declared != unit:
+            raise RequestError(
+                f"the observable {name!r} is in {unit}, its function in {declared}", expected="one unit"
+            )
+        return unit
+    if declared is not None:
+        _require_unit(declared, f"the quantity {name!r}")
+    return declared or "1"
+
+
+def _require_unit(unit: str, owner: str) -> None:
+    try:
+        base_unit(unit)
+    except RequestError as fault:
+        raise RequestError(f"{owner}: {fault.found}", expected=fault.expected) from None
+
+
+def _parameter(name: str, given: Any) -> Parameter:
+    if isinstance(given, Parameter):
+        made = replace(given, as_declared=True)
+    else:
+        made = Parameter(**_as_words(name, given), doc=name.replace("_", " "), as_declared=True)
+    _require_unit(made.unit, f"the parameter {name!r}")
+    return made
+
+
+def _as_words(name: str, given: Any) -> dict[str, Any]:
+    """Keyword arguments of a Parameter from what a user wrote."""
+    if isinstance(given, Mapping):
+        unknown = set(given) - {"value", "min", "max", "vary", "unit"}
+        if "value" in given and not unknown:
+            low, high = given.get("min", -math.inf), given.get("max", math.inf)
+            return {
+                "default": float(given["value"]), "min": low, "max": high, "unit": given.get("unit", "1"),
+                "fixed": not given.get("vary", True),
+            }  # fmt: skip
+    elif isinstance(given, (int, float)) and not isinstance(given, bool):
+        return {"default": float(given)}
+    elif isinstance(given, tuple) and len(given) in (3, 4) and all(_is_number(v) for v in given[:3]):
+        unit = given[3] if len(given) == 4 else "1"
+        return {"default": given[0], "min": given[1], "max": given[2], "unit": unit}
+    raise RequestError(f"the parameter {name!r} is {given!r}", expected=_FORMS)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

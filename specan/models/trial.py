@@ -1,0 +1,183 @@
+"""A first evaluation of a user's own model: finite, of the right shape, repeatable, in time, without side effects."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+import threading
+import types
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import RequestError
+from specan.models.evaluation import Evaluation
+from specan.models.from_function import place_of
+from specan.models.model import Assembly, Model
+from specan.models.user_code import PREFIX
+from specan.units import convert
+
+LIMIT_S = 20.0  # of one evaluation: a diagnosis takes hundreds
+
+Conditions = Mapping[str, NDArray[np.float64]]
+
+
+def is_own(model: Model) -> bool:
+    """Whether a model is a user's: made of functions, or of a file."""
+    return model.declared_units or any(
+        str(getattr(q.function, "__module__", "")).startswith(PREFIX) for q in model.quantities.values()
+    )
+
+
+def try_model(model: Model, conditions: Conditions, limit_s: float | None = None) -> None:
+    """Evaluate a model's base twice and see that it keeps what every study rests on.
+
+    Parameters
+    ----------
+    model : Model
+    conditions : mapping
+        Arrays of one length, as the model's functions receive them.
+    limit_s : float, optional
+        Longest time of one evaluation, in seconds; `LIMIT_S` by default.
+
+    Raises
+    ------
+    RequestError
+        File and line of the function that gives values that are not finite or of another shape, that takes too long,
+        gives other values when it is called again, or changes a variable outside itself.
+    """
+    try_assembly(model.assemble(model.base_effects), conditions, limit_s)
+
+
+def try_assembly(assembly: Assembly, conditions: Conditions, limit_s: float | None = None) -> None:
+    """`try_model` for a model with chosen effects."""
+    given = {name: np.array(values) for name, values in conditions.items()}
+    for values in given.values():
+        values.flags.writeable = False  # a function that writes into its arguments fails at that line
+    before = _state(assembly.model)
+
+    def evaluate() -> Evaluation:
+        with np.errstate(all="ignore"):
+            return assembly.evaluate(given)
+
+    first = _within(evaluate, LIMIT_S if limit_s is None else limit_s)
+    _check_values(assembly.model, first, given)
+    second = evaluate()
+    _check_same(assembly.model, first, second)
+    _check_state(before, _state(assembly.model))
+
+
+def _within(evaluate: Callable[[], Evaluation], limit_s: float) -> Evaluation:
+    """The result, or an error that says in which line of a user's file the time ran out."""
+    found: list[Evaluation] = []
+    failed: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            found.append(evaluate())
+        except BaseException as fault:
+            failed.append(fault)
+
+    worker = threading.Thread(target=work, daemon=True)  # a daemon: it does not keep the program from ending
+    worker.start()
+    worker.join(limit_s)
+    if failed:
+        raise failed[0]
+    if not found:
+        frame, place = sys._current_frames().get(worker.ident or 0), "the model"
+        while frame is not None:
+            if str(frame.f_globals.get("__name__", "")).startswith(PREFIX):
+                place = f"{frame.f_code.co_filename}, line {frame.f_lineno}"
+                break
+            frame = frame.f_back
+        raise RequestError(
+            f"{place}: one evaluation of the model takes longer than {limit_s:g} s",
+            expected="well under a second, since a diagnosis takes hundreds",
+            remedy="make it faster, or give the study a table of its results",
+        )
+    return found[0]
+
+
+def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> None:
+    size = next((v.size for v in conditions.values()), 1)
+    for name, node in model.quantities.items():
+        if node.collection or node.opaque or node.axes or name not in found.values:
+            continue
+        values = found.values[name]
+        try:
+            numbers = np.asarray(values, dtype=complex)
+        except (TypeError, ValueError):
+            raise RequestError(
+                f"{place_of(node.function)}: {name!r} gives {type(values).__name__}, which is no number"
+            ) from None
+        if numbers.shape not in ((), (size,)):
+            raise RequestError(
+                f"{place_of(node.function)}: {name!r} gives the shape {numbers.shape} for {size} rows",
+                expected=f"one value a row, the shape ({size},)",
+            )
+        wrong = ~np.isfinite(numbers)
+        if np.any(wrong):
+            raise RequestError(
+                f"{place_of(node.function)}: {name!r} is not finite in {int(np.sum(wrong))} of {numbers.size} rows"
+                + _first_place(model, conditions, wrong),
+                remedy="correct the equation, or narrow the limits to where it holds",
+            )
+
+
+def _first_place(model: Model, conditions: Conditions, wrong: NDArray[np.bool_]) -> str:
+    if not wrong.ndim or not conditions:
+        return ""
+    row = int(np.argmax(wrong))
+    places = []
+    for name, values in conditions.items():
+        known = model.conditions[name]
+        shown = convert(float(values[row]), known.unit, known.column_unit or known.unit)
+        places.append(f"{known.column or name} = {shown:.6g}")
+    return ", the first at " + ", ".join(places)
+
+
+def _check_same(model: Model, first: Evaluation, second: Evaluation) -> None:
+    for name, node in model.quantities.items():
+        if node.collection or node.opaque or name not in first.values:
+            continue
+        if not np.array_equal(first.values[name], second.values[name], equal_nan=True):
+            raise RequestError(
+                f"{place_of(node.function)}: {name!r} gives other values when it is called again",
+                expected="the same values for the same conditions and parameters",
+                remedy="take randomness and counters out of the model",
+            )
+
+
+def _state(model: Model) -> dict[str, bytes]:
+    """Variables outside the functions of a user's own file, as bytes to compare; the generator of random numbers."""
+    found = {
+        "the state of numpy.random": pickle.dumps(np.random.get_state()),  # noqa: NPY002
+        "the working directory": os.getcwd().encode(),
+        "numpy's error settings": repr(np.geterr()).encode(),
+    }
+    functions = [q.function for q in model.quantities.values()] + [e.function for e in model.effects.values()]
+    for function in functions:
+        function = getattr(function, "function", function)
+        place = getattr(function, "__globals__", {})
+        if not str(place.get("__name__", "")).startswith(PREFIX):
+            continue
+        for name, value in place.items():
+            if name.startswith("__") or isinstance(value, types.ModuleType) or callable(value):
+                continue
+            try:
+                found[f"the variable {name!r} of {place['__file__']}"] = pickle.dumps(value)
+            except Exception:  # what cannot be copied cannot be compared
+                continue
+    return found
+
+
+def _check_state(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> None:
+    for name in after:
+        if before.get(name) != after[name]:
+            raise RequestError(
+                f"evaluating the model changes {name}",
+                expected="functions that change nothing outside themselves",
+                remedy="keep results with functools.cache, or work them out anew",
+            )

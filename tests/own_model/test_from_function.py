@@ -1,0 +1,79 @@
+"""A model of plain functions: units as declared, shared parameters, named parts for effects."""
+
+import numpy as np
+import pytest
+
+from specan.errors import RequestError
+from specan.models import Model, Parameter, effect
+from specan.models.catalogue import example_model, example_rig, load_model, model_names
+
+
+def outlet(flow, inlet, ua, wall, cp):
+    return wall + (inlet - wall) * np.exp(-ua / (flow * cp))
+
+
+def ua(flow, cp, transfer):
+    return transfer * cp * flow**0
+
+
+HEAT = {
+    "conditions": {"flow": ("kg/min", 1, 10), "inlet": ("degC", 20, 80)},
+    "observables": {"outlet": ("degC", 0.1)},
+    "parameters": {"transfer": (2.0, 0.1, 10), "wall": {"value": 15.0, "vary": False, "unit": "degC"}, "cp": 4.18},
+}  # fmt: skip
+
+
+def test_functions_receive_the_declared_units():
+    model = Model.from_function(outlet, ua, **HEAT)
+    found = model.assemble().evaluate({"flow": np.array([2.0]), "inlet": np.array([55.0])})
+    assert found["outlet"] == pytest.approx(15 + 40 * np.exp(-2.0 / 2.0))
+    assert model.assemble().parameters["outlet.wall"].fixed
+
+
+def test_a_parameter_of_two_functions_is_one_parameter():
+    assert set(Model.from_function(outlet, ua, **HEAT).assemble().parameters) == {
+        "cp.value", "outlet.wall", "ua.transfer",
+    }  # fmt: skip
+
+
+def test_an_effect_acts_on_a_part_with_a_name_in_declared_units():
+    @effect("fouling", scales="ua", neutral={"layer": 0.0})
+    def fouling(flow, *, layer=Parameter(5.0, "mm", min=0.1, max=9, lower=0, upper=10)):
+        "Dirt insulates."
+        return 1 / (1 + layer * flow)
+
+    model = Model.from_function(outlet, ua, effects=[fouling], **HEAT)
+    found = model.assemble(["fouling"]).evaluate({"flow": np.array([2.0]), "inlet": np.array([55.0])})
+    assert found["ua"] == pytest.approx(2 * 4.18 / (1 + 5.0 * 2.0))  # 5, not 0.005
+
+
+def test_starting_values_in_the_signature_are_parameters():
+    model = Model.from_function(
+        lambda x, slope=2.0, offset=1.0: offset + slope * x, conditions={"x": "s"}, observables={"y": "m"}
+    )
+    assert model.assemble().evaluate({"x": np.array([3.0])})["y"] == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"parameters": {"wall": 15.0}}, "'outlet' reads 'cp', which is no condition and no parameter"),
+        ({"parameters": {"wall": "warm"}}, "the parameter 'wall' is 'warm'"),
+        ({"observables": {"outlet": "furlung"}}, "the observable 'outlet'.*furlung"),
+        ({"observables": {"outlet": "K"}, "units": {"outlet": "degC"}}, "is in K, its function in degC"),
+        ({"conditions": {"flow": 3}}, "the condition 'flow' is 3; expected a unit"),
+    ],
+)
+def test_what_cannot_be_is_refused(change, said):
+    with pytest.raises(RequestError, match=said):
+        Model.from_function(outlet, ua, **{**HEAT, **change})
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_a_rig_template_is_a_rig_file(tmp_path, name):
+    from specan.models.rig_file import read_rig_file
+    from specan.models.rig_template import rig_template
+
+    (tmp_path / "rig.toml").write_text(rig_template(example_model(name), example_rig(name)), encoding="utf-8")
+    found = load_model(name, read_rig_file(tmp_path / "rig.toml"))
+    assert found.rig == example_model(name).rig

@@ -1,0 +1,154 @@
+"""One table in many forms gives one measurement; headers that are nothing known are told all at once."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from specan.errors import InputError
+from specan.models import Model
+from specan.models.catalogue import example_model
+from specan.study.data.table_reader import read_measurement
+from specan.study.study_file import read_study_file
+from specan_cli.main import main
+
+
+def lift(flow, speed, share, scale):
+    return scale * flow * speed * (1 - share)
+
+
+@pytest.fixture
+def pump():
+    return Model.from_function(
+        lift, conditions={"flow": "m3/h", "speed": "1/min", "share": "1"}, observables={"head": "m"},
+        parameters={"scale": 1.0},
+    )  # fmt: skip
+
+
+FORMS = {
+    "units in brackets": "flow [l/s];speed (rps);share [%];head [cm]\n1,5;50;20;250\n3;25;5;1,5e2\n",
+    "units in a second row": "flow\tspeed\tshare\thead\n[l/s]\t[rps]\t[%]\t[cm]\n1.5\t50\t20\t250\n3\t25\t5\t150\n",
+    "units without brackets below": "flow;speed;share;head\nl/s;rps;%;cm\n1,5;50;20;250\n3;25;5;150\n",
+    "units behind a stroke": "flow / (l/s),speed / (rps),share,head / cm\n1.5,50,20 %,250\n3,25,5 %,150\n",
+    "the model's own": "flow,speed,share,head\n5.4,3000,0.2,2.5\n10.8,1500,0.05,1.5\n",
+    "capitals": "Flow [l/s],Speed [rps],Share [1],Head [m]\n1.5,50,0.2,2.5\n3,25,0.05,1.5\n",
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_is_the_same_measurement(tmp_path, pump, form):
+    path = tmp_path / "t.csv"
+    path.write_text(FORMS[form], encoding="utf-8")
+    same(read_measurement(path, pump))
+
+
+def same(found):
+    # 1.5 and 3 l/s, 50 and 25 turns a second, 20 and 5 percent, 250 and 150 cm
+    assert found.conditions["flow"] == pytest.approx([5.4, 10.8])
+    assert found.conditions["speed"] == pytest.approx([3000, 1500])
+    assert found.conditions["share"] == pytest.approx([0.2, 0.05])
+    assert found.measured == pytest.approx([2.5, 1.5])
+
+
+def test_the_printed_step_goes_with_the_unit(tmp_path, pump):
+    path = tmp_path / "t.csv"
+    path.write_text(FORMS["units in brackets"], encoding="utf-8")
+    assert read_measurement(path, pump).steps["flow"] == pytest.approx(0.1 * 3.6)
+
+
+@pytest.mark.parametrize("ending", ["xlsx", "parquet"])
+def test_workbooks_and_parquet(tmp_path, pump, ending):
+    pytest.importorskip({"xlsx": "openpyxl", "parquet": "pyarrow"}[ending])
+    frame = pd.DataFrame(
+        {
+            "flow [l/s]": [1.5, 3.0],
+            "speed [rps]": [50.0, 25.0],
+            "share [%]": [20.0, 5.0],
+            "head [cm]": [250.0, 150.0],
+        }
+    )
+    path = tmp_path / f"t.{ending}"
+    frame.to_excel(path, index=False) if ending == "xlsx" else frame.to_parquet(path)
+    same(read_measurement(path, pump))
+
+
+def test_a_workbook_without_its_reader_names_the_extra(tmp_path, pump, monkeypatch):
+    (tmp_path / "t.xlsx").write_bytes(b"PK\x03\x04")
+
+    def missing(*given, **more):
+        raise ImportError
+
+    monkeypatch.setattr(pd, "read_excel", missing)
+    with pytest.raises(InputError, match=r'pip install "specan\[xlsx\]"'):
+        read_measurement(tmp_path / "t.xlsx", pump)
+
+
+def test_chosen_columns_and_those_passed_over(tmp_path):
+    gear = example_model("worm-gear")
+    path = tmp_path / "t.csv"
+    path.write_text("n [1/min];M2 [N m];M1 [N m];who\n1500;40;7,5;Anna\n2000;20;3,9;Ben\n", encoding="utf-8")
+    columns = {"speed_rpm": "n [1/min]", "output_torque_Nm": "M2 [N m]", "input_torque_Nm": "M1 [N m]"}
+    found = read_measurement(path, gear, columns=columns)
+    assert found.conditions["worm_speed"] == pytest.approx(2 * np.pi * np.array([25.0, 100 / 3]))
+    assert found.measured == pytest.approx([7.5, 3.9])
+    assert "columns passed over: who" in found.notes
+    path.write_text("n;M2_Nm;M1\n1500;40000;7,5\n2000;20000;3,9\n", encoding="utf-8")
+    named = {"speed_rpm": "n [1/min]", "output_torque_Nm": "M2_Nm [mN*m]", "input_torque_Nm": "M1"}
+    again = read_measurement(path, gear, columns=named)  # the unit is the user's word
+    assert again.conditions["worm_speed"] == pytest.approx(found.conditions["worm_speed"])
+    assert any("'M1' says no unit: taken to be in N*m" in note for note in again.notes)
+    with pytest.raises(InputError, match=r"has no column 'M2 \[N m\]'.*did you mean 'M2_Nm'"):
+        read_measurement(path, gear, columns=columns)
+
+
+def test_all_unknown_columns_in_one_message(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("n [1/min];M2 [Nm];eta [%]\n1500;40;90\n", encoding="utf-8")
+    with pytest.raises(InputError) as fault:
+        read_measurement(path, example_model("worm-gear"))
+    said = str(fault.value)
+    assert all(name in said for name in ("'n [1/min]'", "'M2 [Nm]'", "'eta [%]'", "--column"))
+
+
+def test_a_unit_that_does_not_fit(tmp_path, pump):
+    path = tmp_path / "t.csv"
+    path.write_text("flow [bar],speed,share,head\n1,2,3,4\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"'flow' is in 'bar'; expected a unit of flow.*m3/h"):
+        read_measurement(path, pump)
+
+
+def test_a_speed_per_second_is_ambiguous(tmp_path, pump):
+    path = tmp_path / "t.csv"
+    path.write_text("flow,speed [1/s],share,head\n1,2,0.3,4\n", encoding="utf-8")
+    with pytest.raises(InputError, match="may be turns or radians a second; write rps or rad/s"):
+        read_measurement(path, pump)
+
+
+def test_two_headers_for_one_column(tmp_path, pump):
+    path = tmp_path / "t.csv"
+    path.write_text("flow,flow [l/s],speed,share,head\n1,2,3,4,5\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"'flow' and 'flow \[l/s\]' are both"):
+        read_measurement(path, pump)
+
+
+def test_missing_columns_all_at_once(tmp_path, pump):
+    path = tmp_path / "t.csv"
+    path.write_text("flow,head\n1,2\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"the columns 'speed', 'share' are missing \(found: flow, head\)"):
+        read_measurement(path, pump)
+
+
+def test_the_study_keeps_the_choice_of_columns(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))
+    run = CliRunner().invoke
+    assert run(main, ["model", "new", "pump.py"]).exit_code == 0
+    text = (tmp_path / "pump.csv").read_text("utf-8").replace("flow [m3/h]", "Q [m3/h]")
+    (tmp_path / "pump.csv").write_text(text, encoding="utf-8")
+    new = ["study", "new", "s", "--model", "pump.py", "--measurement", "pump.csv"]
+    assert run(main, new).exit_code != 0
+    begun = run(main, [*new, "--column", "flow=Q [m3/h]"], catch_exceptions=False)
+    assert begun.exit_code == 0
+    assert read_study_file(tmp_path / "s").columns == {"flow": "Q [m3/h]"}
+    found = run(main, ["study", "diagnose", "s"], catch_exceptions=False)
+    assert "Missing: cavitation" in found.output
