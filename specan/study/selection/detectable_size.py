@@ -34,8 +34,8 @@ def smallest_visible(start: Refit, gate: Gate, scale: float) -> list[Visible]:
 
     An effect of this size, its shapes at their defaults, leaves a chi-square lambda on the refitted model
     without it. In 80 % of repetitions the fall then exceeds what the gate asks for: the larger of the F-test at the
-    single-test level that the family-wise one leaves, and BIC (Saris, Satorra & van der Veld 2009; the noncentral law of
-    F where the noise is estimated). Smaller effects may be there all the same.
+    single-test level that the family-wise one leaves, and BIC (Saris, Satorra & van der Veld 2009; the noncentral law
+    of F where the noise is estimated). Smaller effects may be there all the same.
 
     Parameters
     ----------
