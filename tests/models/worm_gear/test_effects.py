@@ -288,9 +288,9 @@ def test_running_in_is_an_order_in_time():
 
 
 def test_effects_over_time_need_the_time():
-    assert MODEL.not_testable({"worm_speed", TORQUE_OUT}) == {
-        name: "needs elapsed_time" for name in ("running-in", "zero-drift")
-    }
+    assert MODEL.not_testable({"worm_speed", TORQUE_OUT}) == dict.fromkeys(
+        ("running-in", "zero-drift"), "needs elapsed_time"
+    )
     assert MODEL.not_testable({"worm_speed", TORQUE_OUT, "elapsed_time"}) == {}
 
 
