@@ -36,8 +36,9 @@ def chosen(bench: Bench, arguments: argparse.Namespace) -> list[Case]:
     }
     only = tuple(arguments.effects or ())
     rig = {key: float(value) for key, _, value in (word.partition("=") for word in arguments.rig)}
+    noise = {} if arguments.noise is None else {"noise_percent": arguments.noise}
     return [
-        replace(case, rig=rig)
+        replace(case, rig=rig, **noise)
         for kind in kinds
         for case in bench.planned(kind, counts[kind], reserved=arguments.reserved, only=only)
     ]
@@ -58,6 +59,12 @@ def main() -> int:
     parser.add_argument("--reserved", action="store_true", help="the reserved seeds: once, at the end")
     parser.add_argument(
         "--rig", nargs="+", default=[], metavar="TABLE.KEY=VALUE", help="values for the rig file"
+    )
+    parser.add_argument(
+        "--noise",
+        type=float,
+        metavar="PERCENT",
+        help="worm gear: noise of the input torque, percent of the reading",
     )
     parser.add_argument("--out", type=Path, help="result file; hidden_effects_MODEL.jsonl here by default")
     parser.add_argument(

@@ -28,6 +28,8 @@ VERDICTS = {
     "unknown-effect": "Something is missing that is not on the list of effects.",
     "cannot-tell": "These data cannot tell.",
 }
+# Nothing-missing where the data alone would rather take values that contradict what is known.
+WITHIN_WHAT_IS_KNOWN = "Nothing is missing if the values are as known; the data alone would take others."
 
 
 @click.command("diagnose", cls=Verb)
@@ -58,7 +60,7 @@ def command(
 
 def _print(found: Diagnosis, directory: Path) -> None:
     names = " or ".join(" with ".join(members) for members in found.alternatives)
-    click.echo(VERDICTS[found.verdict].format(names=names))
+    click.echo(_headline(found).format(names=names))
     if found.reason:
         click.echo(f"{found.reason[:1].upper()}{found.reason[1:]}.")
     if found.error is not None:
@@ -77,6 +79,12 @@ def _print(found: Diagnosis, directory: Path) -> None:
     _print_power(found)
     for effect, why in found.not_testable.items():
         click.echo(f"Not testable: {effect} {why}")
+
+
+def _headline(found: Diagnosis) -> str:
+    if found.verdict == "nothing-missing" and found.unknown_possible:
+        return WITHIN_WHAT_IS_KNOWN
+    return VERDICTS[found.verdict]
 
 
 def _print_pulls(found: Diagnosis) -> None:

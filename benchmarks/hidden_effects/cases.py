@@ -82,6 +82,8 @@ class Case:
         Candidates that the search is denied.
     rig : dict
         Values that the rig file gets instead: ``{"oil.vogel_constant_C": 145.0}``.
+    noise_percent : float, optional
+        Noise of the input torque in percent of the reading, instead of the rig's.
     """
 
     kind: str
@@ -90,6 +92,7 @@ class Case:
     effects: dict[str, float]
     without: tuple[str, ...] = ()
     rig: dict[str, float] = field(default_factory=dict)
+    noise_percent: float | None = None
 
     engine: ClassVar[str] = "hidden_effects.engine"
 
@@ -105,7 +108,7 @@ class Case:
 
     def simulate(self, cache: Path | None = None) -> TruthCase:
         """The data; a gear is simulated so quickly that nothing is kept."""
-        case = simulate(self.seed, self.effects, self.design)
+        case = simulate(self.seed, self.effects, self.design, self.noise_percent)
         for key, value in self.rig.items():
             table, _, name = key.partition(".")
             case.rig[table][name] = value

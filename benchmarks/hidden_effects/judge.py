@@ -73,6 +73,11 @@ def unknown_recognised(record: Record) -> bool:
     return record["verdict"]["verdict"] == "unknown-effect" or bool(record["verdict"]["unknown_possible"])
 
 
+def doubted_nothing(record: Record) -> bool:
+    """Nothing missing within what is known, beside values outside of it that fit better."""
+    return record["verdict"]["verdict"] == "nothing-missing" and doubted(record)
+
+
 def doubted(record: Record) -> bool:
     """Whether "or one unknown" was added."""
     return bool(record["verdict"]["unknown_possible"])
@@ -113,6 +118,7 @@ def is_single(low: float, high: float = float("inf"), least_d: float = 0.0) -> C
 
 ROWS = (
     Row("null: something named", is_null, names_something, "<= 3 in 800", lambda n, of: n <= 3 / 800 * of),
+    Row("null: nothing, though the data alone would take other values", is_null, doubted_nothing),
     Row("  set values met exactly", lambda r: r["kind"] == "null-exact", names_something),
     Row("  with set-up scatter", lambda r: r["kind"] == "null", names_something),
     Row("  with idle rows", lambda r: r["kind"] == "null-idle", names_something),

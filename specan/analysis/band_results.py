@@ -22,8 +22,8 @@ Real = NDArray[np.float64]
 
 LEAST_FADE_CYCLES = 2.0
 """A fade spreads a line over 1 / fade. Bands narrower than 2 / fade would see more of a neighbouring line than the
-skirts of their filters let through: in these the ends are counted. (The class 1 limits of IEC 61260-1 hold for tones that
-are themselves faded over 2 / bandwidth.)"""
+skirts of their filters let through: in these the ends are counted. (The class 1 limits of IEC 61260-1 hold for tones
+that are themselves faded over 2 / bandwidth.)"""
 LINEAR_SETTLING = {
     "left-out": "about the mean; the section is faded in and out over an eighth of it, 0.5 s at most, so that the cut "
     "at its ends is left out",

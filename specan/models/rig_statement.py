@@ -27,6 +27,8 @@ class RigStatement:
         ``{condition: SettingError}`` of setting a condition anew.
     reading : mapping
         ``{observable or condition: standard uncertainty}`` of one reading.
+    reading_percent : mapping
+        The same in percent of the reading; added to `reading` in squares.
     discrepancy_percent : float
         Declared standard discrepancy of the model, in percent of what its effects do to the reading.
     defaults_used : mapping
@@ -37,6 +39,7 @@ class RigStatement:
     setting: Mapping[str, SettingError] = field(default_factory=dict)
     reading: Mapping[str, float] = field(default_factory=dict)
     discrepancy_percent: float = 0.0
+    reading_percent: Mapping[str, float] = field(default_factory=dict)
     defaults_used: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -49,7 +52,8 @@ def rig_statement(
     ----------
     rig : mapping
         The parsed rig file. ``[limits]`` holds ``COLUMN = [low, high]``. ``[uncertainty]`` holds
-        ``COLUMN = sd`` of a reading, ``COLUMN_setting_percent = sd`` or ``COLUMN_setting = sd`` of setting a
+        ``COLUMN = sd`` of a reading, ``COLUMN_percent = sd`` of a reading in percent of it,
+        ``COLUMN_setting_percent = sd`` or ``COLUMN_setting = sd`` of setting a
         condition, and ``model_discrepancy_percent``; values are in the column's unit.
     conditions, observables : iterable
         Those of the model.
@@ -84,6 +88,7 @@ def rig_statement(
         limits[known.name] = (ends[0], ends[1])
     setting: dict[str, SettingError] = {}
     reading: dict[str, float] = {}
+    reading_percent: dict[str, float] = {}
     percent = 0.0
     for key, value in dict(rig.get("uncertainty", {})).items():
         if key == "model_discrepancy_percent":
@@ -94,6 +99,8 @@ def rig_statement(
         elif key in by_column:
             known = by_column[key]
             reading[known.name] = float(value) * scale_to(known.column_unit, known.unit)
+        elif (column := key.removesuffix("_percent")) in reads or column in by_column:
+            reading_percent[(reads[column] if column in reads else by_column[column]).name] = float(value)
         elif (column := key.removesuffix("_setting_percent")) in by_column:
             setting[by_column[column].name] = SettingError(relative=float(value) / 100)
         elif (column := key.removesuffix("_setting")) in by_column:
@@ -111,4 +118,4 @@ def rig_statement(
             raise RequestError(
                 f"[uncertainty] has the key {key!r}, which names nothing", remedy=nearest(key, usual)
             )
-    return RigStatement(limits, setting, reading, percent)
+    return RigStatement(limits, setting, reading, percent, reading_percent)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.design.operating_points import Proposal, explore, propose
-from specan.study.estimation.fit import Fit, describe, fit
+from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import MOST_ROWS
@@ -19,6 +19,7 @@ from specan.study.localisation.localise import localise
 from specan.study.localisation.result import Block
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.alternatives import alternatives
+from specan.study.selection.data_alone import DataAlone, data_alone
 from specan.study.selection.detectable_size import by_effect, smallest_visible
 from specan.study.selection.f_test import LACK_OF_FIT
 from specan.study.selection.initial_fit import Approach, approached, seen_about
@@ -27,7 +28,7 @@ from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_wou
 from specan.study.selection.refits import FORM, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.search import Search
-from specan.study.selection.suspect_rows import suspect_rows
+from specan.study.selection.suspect_rows import rows_of_two_kinds, suspect_rows
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
 LEAST_DOF = 3.0
@@ -35,7 +36,6 @@ STARTS = 3
 MOST_PLACES = 12
 MOST_OTHERS = 3
 WIDTH = 1.96
-ONE_VALUE = 3.84  # chi-square that one value gains by chance in 5 of 100 cases
 MOST_PULLS = 3  # values or rivals in one sentence
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
@@ -156,7 +156,14 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
         pulls=shown(pulls(best)),
         error=_error_fall(base, best),
         remarks=tuple(
-            r for r in (suspect_rows(base), *_better_but_too_far(search, sets), *_too_good(base)) if r
+            r
+            for r in (
+                suspect_rows(base),
+                rows_of_two_kinds(base),
+                *_better_but_too_far(search, sets),
+                *_too_good(base),
+            )
+            if r
         ),
     )
 
@@ -233,32 +240,29 @@ def _of_base(search: Search) -> _Found:
         return _Found(
             "fits-only-if", f"the model fits only with {_values(contradicted)}{_telling(base)}", True
         )
-    alone, dearer = _data_alone(base)
-    if alone:
-        held = f"; held to what is known it fits worse, by {dearer:.1f} in chi-square"
+    other = data_alone(base)
+    if other.contradicts:
         return _Found(
-            "fits-only-if", f"the model fits only with {_values(alone)}{held}{_telling(base)}", True
+            "fits-only-if",
+            f"the model fits only with {_values(other.values)}{_beside(other)}{_telling(base)}",
+            True,
         )
+    if other.values and other.likelier:
+        reason = (
+            f"the model fits within what is known (p = {base.lack_of_fit:.2g}), and no effect of the catalogue "
+            f"improves it; it fits better with {_values(other.values)}{_beside(other)}{_telling(base)}"
+        )
+        return _Found("nothing-missing", reason, True)
     return _Found("nothing-missing", "the model fits, and no effect of the catalogue improves it")
-
-
-def _data_alone(base: Refit) -> tuple[tuple[Pull, ...], float]:
-    """Values that the data alone ask for at 95 % although they contradict what is known, and by how much they do."""
-    problem = base.problem
-    if problem.dear:
-        return (), 0.0
-    free = replace(problem, ranges=False)
-    alone = fit(free, start=base.fit.theta, starts=STARTS)
-    dearer = base.chi2 - base.pulled - alone.chi2
-    if dearer < ONE_VALUE * base.scale:
-        return (), 0.0
-    there = Refit(frozenset(), problem, describe(problem, alone.theta))
-    return tuple(p for p in pulls(there) if p.too_far), dearer
 
 
 def _values(contradicted: Sequence[Pull]) -> str:
     """``mu = 0.22, known 0.01 to 0.12, and exponent = 3.2, known 0.8 to 2.2``."""
     return ", and ".join(pull.text for pull in contradicted[:MOST_PULLS])
+
+
+def _beside(other: DataAlone) -> str:
+    return f"; held to what is known chi-square is higher by {other.gain:.1f} (p = {other.p_value:.2g})"
 
 
 def _telling(refit: Refit) -> str:

@@ -9,6 +9,7 @@ from specan.study.selection.cross_validation import blocks, gain, score
 from specan.study.selection.f_test import (
     improvement_probability,
     lack_of_fit_probability,
+    needed_gain,
     visible_noncentrality,
 )
 from specan.study.selection.multiple_testing import Family, simulated_probability
@@ -99,9 +100,25 @@ def test_lack_of_fit_allows_for_a_noise_that_is_itself_estimated():
 
 def test_power_of_the_smallest_visible_size():
     level = 1e-3
-    noncentrality = visible_noncentrality(level)
+    noncentrality = visible_noncentrality(needed_gain(level))
     power = stats.ncx2.sf(stats.chi2.isf(level, 1), 1, noncentrality)
     assert power == pytest.approx(0.8, abs=1e-4)
+    assert noncentrality == pytest.approx((stats.norm.isf(level / 2) + stats.norm.ppf(0.8)) ** 2, rel=1e-4)
+
+
+@pytest.mark.parametrize(("amplitudes", "dof"), [(1, 12), (1, 60), (2, 30)])
+def test_power_of_the_smallest_visible_size_with_a_noise_that_is_estimated(amplitudes, dof):
+    # Drawn: the gain of a noncentral chi-square over an independent estimate of the variance.
+    level, rng = 1e-3, np.random.default_rng(9)
+    gain = needed_gain(level, amplitudes, dof)
+    noncentrality = visible_noncentrality(gain, amplitudes, dof)
+    drawn = rng.noncentral_chisquare(amplitudes, noncentrality, 40_000) / (rng.chisquare(dof, 40_000) / dof)
+    assert np.mean(drawn > gain) == pytest.approx(0.8, abs=0.01)
+    assert improvement_probability(gain, amplitudes, noise_dof=dof) == pytest.approx(level, rel=1e-6)
+
+
+def test_a_one_sided_amplitude_needs_a_smaller_gain():
+    assert improvement_probability(needed_gain(0.01, sided=1), 1, sided=1) == pytest.approx(0.01, rel=1e-6)
 
 
 def test_left_out_blocks_equal_a_refit_without_them():

@@ -16,6 +16,7 @@ from specan.study.estimation.problem import base_problem
 from specan.study.localisation.localise import localise
 from specan.study.selection.acceptance import Gate, Passage
 from specan.study.selection.alternatives import alternatives, distance
+from specan.study.selection.data_alone import data_alone
 from specan.study.selection.detectable_size import Visible, by_effect, smallest_visible
 from specan.study.selection.pulls import pulls, too_far
 from specan.study.selection.refits import Refit, Refits
@@ -210,6 +211,42 @@ def test_a_base_that_needs_what_was_never_found_is_not_called_whole(toy):
     assert found.pulls[0].parameter == "line.slope"
     assert found.pulls[0].pull > 3
     assert "known 0 to 20 W" in found.reason
+
+
+@effect("line", adds_to="heat", neutral={"offset": 0.0, "slope": 0.0})
+def gentle_line(
+    x,
+    *,
+    offset=Parameter(1.0, "W", min=-1e4, max=1e4),
+    slope=Parameter(0.2, "W", min=0.0, max=0.4, lower=0.0, upper=1e4),
+):
+    "A straight line whose slope is known as well as the data tell it."
+    return offset + slope * x
+
+
+@pytest.mark.parametrize(
+    ("gain", "verdict", "doubt"),
+    [(20.0, "fits-only-if", True), (6.0, "nothing-missing", True), (1.5, "nothing-missing", False)],
+)
+def test_values_that_the_data_alone_would_take_are_tested_by_their_likelihood(toy, gain, verdict, doubt):
+    # Normal equations: held by a tail of sd 0.1 and alone, chi-square differs by away^2 / (se^2 + sd^2), one value.
+    line = np.column_stack([np.ones(48), toy.x])
+    error = np.linalg.inv(line.T @ line)[1, 1] ** 0.5
+    slope = 0.4 + np.sqrt(gain * (error**2 + 0.1**2))
+    noise = np.random.default_rng(4).standard_normal(48)
+    rest = noise - line @ np.linalg.lstsq(line, noise, rcond=None)[0]
+    problem = toy.problem(nothing, ["cross"], also=[gentle_line])
+    problem = problem.over([toy.observation(slope * toy.x + rest * np.sqrt(40) / np.linalg.norm(rest))])
+    base = Refit(frozenset(), problem, fit(problem))
+    other = data_alone(base)
+    assert other.gain == pytest.approx(gain, rel=1e-3)
+    assert other.held == 1
+    assert other.p_value == pytest.approx(stats.chi2.sf(gain, 1), rel=1e-3)
+    found = diagnose(problem)
+    assert (found.verdict, found.unknown_possible) == (verdict, doubt)
+    if doubt:
+        assert f"line.slope = {slope:.2g} W, known 0 to 0.4 W" in found.reason
+        assert f"higher by {gain:.1f} (p = {stats.chi2.sf(gain, 1):.2g})" in found.reason
 
 
 def test_a_pull_is_the_gaussian_tail_of_a_quarter_of_the_range(toy):

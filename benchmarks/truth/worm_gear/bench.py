@@ -190,7 +190,20 @@ def _check(effects: Mapping[str, float], design: str) -> None:
         raise RequestError(f"there is no test plan {design!r}", remedy=nearest(design, plans.PLANS))
 
 
-def simulate(seed: int, effects: Mapping[str, float] | None = None, design: str = "grid") -> TruthCase:
+def _reading_noise(uncertainty: dict[str, float], torque: Array, percent: float | None) -> Array:
+    """Standard deviation of every reading; one in percent is not told in the rig file."""
+    if percent is None:
+        return np.full(torque.size, uncertainty["input_torque_Nm"])
+    uncertainty.pop("input_torque_Nm")
+    return percent / 100.0 * torque
+
+
+def simulate(
+    seed: int,
+    effects: Mapping[str, float] | None = None,
+    design: str = "grid",
+    noise_percent: float | None = None,
+) -> TruthCase:
     """Run a worm gear with hidden effects on the bench.
 
     Parameters
@@ -202,6 +215,9 @@ def simulate(seed: int, effects: Mapping[str, float] | None = None, design: str 
         Names in :data:`EFFECTS` and their strengths; none for a healthy gear.
     design : str
         Name of a test plan in :data:`PLANS`.
+    noise_percent : float, optional
+        Standard deviation of a reading of the input torque in percent of it, instead of the rig's in Nm; the rig file
+        then says nothing of it, so that repeats have to tell.
 
     Returns
     -------
@@ -238,7 +254,7 @@ def simulate(seed: int, effects: Mapping[str, float] | None = None, design: str 
         _UNSEEN_DRAG_PERCENT / 100.0 * balance.drag / omega,
         _UNSEEN_MESH_PERCENT / 100.0 * balance.mesh / omega,
     )
-    reading = content["uncertainty"]["input_torque_Nm"]
+    reading = _reading_noise(content["uncertainty"], ideal["input_torque_Nm"], noise_percent)
     torque = ideal["input_torque_Nm"] + parts[0] * unseen[0] + parts[1] * unseen[1]
     shown = {
         "input_torque_Nm": torque * (1.0 + instruments.input_gain)
@@ -256,7 +272,7 @@ def simulate(seed: int, effects: Mapping[str, float] | None = None, design: str 
         table=table,
         noise_free=_columns(settings, plan, conditions.speed_rpm, conditions.output_torque, ideal),
         without_effects=solve(gear, conditions).input_torque,
-        sigma_reading=np.full(torque.size, np.hypot(reading, _STEPS["input_torque_Nm"] / np.sqrt(12.0))),
+        sigma_reading=np.hypot(reading, _STEPS["input_torque_Nm"] / np.sqrt(12.0)),
         sigma_setup=np.hypot(*parts),
         rig=content,
         effects=hidden,

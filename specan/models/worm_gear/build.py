@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,6 +28,7 @@ from specan.models.worm_gear.rig import (
 from specan.models.worm_gear.table_rules import table_rules
 from specan.units import convert
 
+RPM = math.pi / 30
 BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
 
 # key of [uncertainty]: effect and parameter that it holds, factor from the key's unit to the parameter's
@@ -62,6 +64,9 @@ def build(rig: Mapping[str, Any]) -> Model:
         *force_quantities(settings, bearings),
         *bearing_quantities(bearings, settings.gear.z_wheel / settings.gear.z_worm),
         *power.QUANTITIES,
+        mesh.brake_quantity(
+            bool(settings.operation.idle_uncoupled), max(map(abs, settings.limits.output_torque_Nm))
+        ),
     ]
     if settings.model.mesh == "article":
         quantities += article_quantities(settings)  # of the same names, and later ones win
@@ -112,6 +117,10 @@ def _conditions(operation: Operation) -> dict[str, Condition]:
             usual_setting=SettingError(absolute=1.5),
         ),
         Condition(
+            "coupled", "1", "Whether the brake was coupled to the output: 1, or 0 in runs without it.", "coupled", "1",
+            1.0, varies=False, usual_setting=SettingError(absolute=0.1),
+        ),
+        Condition(
             "elapsed_time", "s", "Time since the first reading.", "elapsed_time_s", "s", float("nan"),
         ),
     ]  # fmt: skip
@@ -153,7 +162,14 @@ SETTING_ERRORS = {
     "speed_setting_percent": ("worm_speed", True),
     "oil_temperature_setting_K": ("indicated_oil_temperature", False),
 }
-READING_ERRORS = {"input_torque_Nm": "input_torque", "output_torque_Nm": "indicated_output_torque"}
+# key of [uncertainty]: what is read with that scatter
+READING_ERRORS = {
+    "input_torque_Nm": "input_torque",
+    "output_torque_Nm": "indicated_output_torque",
+    "oil_temperature_reading_K": "indicated_oil_temperature",
+    "speed_reading_rpm": "worm_speed",
+}
+READING_PERCENT = {"input_torque_percent": "input_torque", "output_torque_percent": "indicated_output_torque"}
 
 
 def _rig_statement(rig: Rig, conditions: Mapping[str, Condition]) -> RigStatement:
@@ -172,7 +188,12 @@ def _rig_statement(rig: Rig, conditions: Mapping[str, Condition]) -> RigStatemen
             for key, (condition, relative) in SETTING_ERRORS.items()
             if key in given
         },
-        reading={name: given[key] for key, name in READING_ERRORS.items() if key in given},
+        reading={
+            name: given[key] * (RPM if key.endswith("_rpm") else 1.0)
+            for key, name in READING_ERRORS.items()
+            if key in given
+        },
+        reading_percent={name: given[key] for key, name in READING_PERCENT.items() if key in given},
         discrepancy_percent=rig.uncertainty.model_discrepancy_percent,
         defaults_used=defaults_used(rig),
     )

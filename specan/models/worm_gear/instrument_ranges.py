@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from specan.models.effect import Effect
 
-REFERENCE_TORQUE = 100.0  # N*m at the output, for which the ranges of torque-zero-error are declared
+REFERENCE_TORQUE = 100.0  # N*m at the output, for which the ranges of these effects are declared
+SCALED = ("torque-zero-error", "zero-drift")
 
 
 def scaled_to_torque(effects: Mapping[str, Effect], largest_torque: float | None) -> dict[str, Effect]:
@@ -26,8 +27,11 @@ def scaled_to_torque(effects: Mapping[str, Effect], largest_torque: float | None
     if not largest_torque:
         return dict(effects)
     factor = largest_torque / REFERENCE_TORQUE
-    effect = effects["torque-zero-error"]
-    scaled = {
+    return {**effects, **{name: _scaled(effects[name], factor) for name in SCALED if name in effects}}
+
+
+def _scaled(effect: Effect, factor: float) -> Effect:
+    parameters = {
         name: replace(
             p, default=p.default * factor, min=p.min * factor, max=p.max * factor,
             lower=None if p.lower is None else p.lower * factor,
@@ -35,4 +39,4 @@ def scaled_to_torque(effects: Mapping[str, Effect], largest_torque: float | None
         )
         for name, p in effect.parameters.items()
     }  # fmt: skip
-    return {**effects, effect.name: replace(effect, parameters=scaled)}
+    return replace(effect, parameters=parameters)

@@ -16,9 +16,33 @@ def friction_coefficient():
 
 
 @quantity(unit="N*m")
-def output_torque(indicated_output_torque):
-    """True torque at the output shaft."""
-    return indicated_output_torque
+def output_torque(indicated_output_torque, brake_coupled):
+    """True torque at the output shaft; none where the brake is uncoupled, whatever its sensor indicates."""
+    return indicated_output_torque * brake_coupled
+
+
+IDLE = 0.05  # share of the largest output torque below which a run is one without load
+
+
+def brake_quantity(idle_uncoupled: bool, largest_torque: float):
+    """Whether the brake is coupled, from the column or, where the rig says so, from the indicated torque.
+
+    Parameters
+    ----------
+    idle_uncoupled : bool
+        Runs without load were run with the brake uncoupled.
+    largest_torque : float
+        Of the bench at the output, N*m.
+    """
+
+    @quantity(unit="1")
+    def brake_coupled(coupled, indicated_output_torque):
+        """Whether the brake is coupled to the output: 1, or 0."""
+        if not idle_uncoupled:
+            return coupled
+        return coupled * (np.abs(indicated_output_torque) > IDLE * largest_torque)
+
+    return brake_coupled
 
 
 @quantity(unit="N*m")

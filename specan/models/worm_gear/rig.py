@@ -94,6 +94,7 @@ class Operation(Settings):
     oil_temperature_C: Annotated[float, Field(gt=-50, lt=200)] = 60.0
     oil_level_percent: Positive = 100.0
     ambient_temperature_C: Annotated[float, Field(gt=-50, lt=100)] = 22.0
+    idle_uncoupled: bool | None = None
 
 
 class Uncertainty(Settings):
@@ -103,12 +104,16 @@ class Uncertainty(Settings):
     speed_setting_percent: NotNegative | None = None
     oil_temperature_setting_K: NotNegative | None = None
     input_torque_Nm: NotNegative | None = None
+    input_torque_percent: NotNegative | None = None
     input_torque_gain_percent: NotNegative | None = None
     input_torque_zero_Nm: NotNegative | None = None
     output_torque_Nm: NotNegative | None = None
+    output_torque_percent: NotNegative | None = None
     output_torque_gain_percent: NotNegative | None = None
     output_torque_zero_Nm: NotNegative | None = None
     oil_temperature_K: NotNegative | None = None
+    oil_temperature_reading_K: NotNegative | None = None
+    speed_reading_rpm: NotNegative | None = None
     model_discrepancy_percent: NotNegative = 0.5
 
 

@@ -29,6 +29,7 @@ from specan.units import printed_unit
 LEAST = 3  # degrees of freedom below which repeats say nothing
 COARSE = 1e-3  # rounding below this share of the reading is no account of a measurement's uncertainty
 SETTING = "the scatter of setting that the rig declares"
+CONDITIONS = "the reading noise of conditions that the rig declares"
 CORNERS = 7  # of a course over time
 OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
 REACH = 0.5  # correlation length of the discrepancy, in ranges of each operating variable
@@ -186,34 +187,55 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
             continue
         size = 1.0 if condition.usual_setting.absolute else x
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
+    if any(_stated(model, name) for name in rows.conditions):
+        found[CONDITIONS] = declared_conditions(model, centre, rows)
     return {**found, SETTING: declared_setting(model, centre, rows)}
 
 
 def declared_reading(model: Model, centre: Reference, rows: Rows) -> Array:
     """Variance of a reading from the instruments of the rig; zero where it states none."""
-    given = model.rig.reading
     variance = np.zeros(rows.n)
     for name in set(rows.observable.tolist()):
         mine = rows.observable == name
         source = model.observables[name].reading_of
-        if name in given:
-            variance[mine] = given[name] ** 2
-        elif source in given:
+        if _stated(model, name):
+            variance[mine] = _of_reading(model, name, rows.measured[mine])
+        elif _stated(model, source):
             read = _predicted_as(centre, rows, mine, source)
-            variance[mine] = (rows.measured[mine] / read * given[source]) ** 2
+            variance[mine] = (rows.measured[mine] / read) ** 2 * _of_reading(model, source, read)
+    return variance + declared_conditions(model, centre, rows)
+
+
+def declared_conditions(model: Model, centre: Reference, rows: Rows) -> Array:
+    """Variance that the rounding and the reading noise of read conditions put into the observable."""
+    variance = np.zeros(rows.n)
     for name, condition in model.conditions.items():
-        if name not in rows.conditions or rows.is_set[name] or condition.usual_setting.absolute:
+        if name not in rows.conditions or rows.is_set[name]:
             continue
-        slope = centre.slope(rows, name)
-        variance += (slope * rows.steps[name]) ** 2 / 12
-        variance += (slope * given.get(name, 0.0)) ** 2
+        rounded = not condition.usual_setting.absolute
+        if not rounded and not _stated(model, name):
+            continue
+        step = rows.steps[name] if rounded else 0.0
+        of_condition = np.square(step) / 12 + _of_reading(model, name, rows.conditions[name])
+        variance += centre.slope(rows, name) ** 2 * of_condition
     return variance
+
+
+def _stated(model: Model, name: str) -> bool:
+    return name in model.rig.reading or name in model.rig.reading_percent
+
+
+def _of_reading(model: Model, name: str, read: Array) -> Array:
+    """Variance of a reading by the rig: an absolute part and one in percent."""
+    rig = model.rig
+    return np.asarray(
+        rig.reading.get(name, 0.0) ** 2 + (rig.reading_percent.get(name, 0.0) / 100 * read) ** 2
+    )
 
 
 def is_declared(model: Model, observable: str) -> bool:
     """Whether the rig tells how uncertain a reading is."""
-    given = model.rig.reading
-    return observable in given or model.observables[observable].reading_of in given
+    return _stated(model, observable) or _stated(model, model.observables[observable].reading_of)
 
 
 def _predicted_as(centre: Reference, rows: Rows, mine: NDArray[np.bool_], observable: str) -> Array:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from specan.study.estimation.fit import Fit
-from specan.study.selection.acceptance import DECISIVE, Gate
+from specan.study.selection.acceptance import DECISIVE, Gate, noise_dof
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.f_test import visible_noncentrality
+from specan.study.selection.f_test import needed_gain, visible_noncentrality
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import changes, default_value
 
@@ -33,8 +33,9 @@ def smallest_visible(start: Refit, gate: Gate, scale: float) -> list[Visible]:
     """For every candidate the amplitude that the gate would let through in 80 % of repetitions.
 
     An effect of this size, its shapes at their defaults, leaves a chi-square lambda on the refitted model
-    without it, where lambda = (z_(1 - level/2) + z_0.8)^2 at the single-test level that the family-wise one
-    leaves (Saris, Satorra & van der Veld 2009). Smaller effects may be there all the same.
+    without it. In 80 % of repetitions the fall then exceeds what the gate asks for: the larger of the F-test at the
+    single-test level that the family-wise one leaves, and BIC (Saris, Satorra & van der Veld 2009; the noncentral law
+    of F where the noise is estimated). Smaller effects may be there all the same.
 
     Parameters
     ----------
@@ -53,12 +54,22 @@ def smallest_visible(start: Refit, gate: Gate, scale: float) -> list[Visible]:
 def _of(start: Refit, candidate: Candidate, level: float, scale: float) -> Visible:
     name = candidate.amplitudes[0]
     price = DECISIVE + candidate.count * float(np.log(start.problem.n_effective))
-    needed = max(visible_noncentrality(level, POWER), (np.sqrt(price) + 0.84) ** 2) * scale
+    amplitudes, dof = max(len(candidate.amplitudes), 1), noise_dof(start)
+    gain = max(needed_gain(level, amplitudes, dof, 1 if _one_sided(candidate) else 2), price)
+    needed = visible_noncentrality(gain, amplitudes, dof, POWER) * scale
     value = _released(start, candidate, needed) if candidate.released else _moved(start, candidate, needed)
     parameter = candidate.parameter(name)
     return Visible(
         str(candidate.use), name, None if value is None else float(parameter.from_si(value)), parameter.unit
     )
+
+
+def _one_sided(candidate: Candidate) -> bool:
+    """Whether its only amplitude is neutral at an end of its domain."""
+    if candidate.released or len(candidate.amplitudes) != 1:
+        return False
+    (name,) = candidate.amplitudes
+    return candidate.neutral(name) in candidate.extended.domain(name.split("[")[0])
 
 
 def _released(start: Refit, candidate: Candidate, needed: float) -> float | None:

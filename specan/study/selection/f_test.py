@@ -76,16 +76,42 @@ def lack_of_fit_probability(
     return improvement_probability(chi2, dof, noise_dof=noise_dof, tolerated=tolerated)
 
 
-def visible_noncentrality(level: float, power: float = 0.8) -> float:
-    """Chi-square without noise that a two-sided test at `level` sees with probability `power`.
-
-    lambda = (z_(1 - level/2) + z_power)^2 (Saris, Satorra & van der Veld 2009).
+def needed_gain(level: float, amplitudes: int = 1, noise_dof: float = math.inf, sided: int = 2) -> float:
+    """Fall in chi-square, in units of max(s^2, 1), at which `improvement_probability` is `level`.
 
     Examples
     --------
-    >>> round(visible_noncentrality(0.05), 2)
+    >>> round(needed_gain(0.05), 3), round(needed_gain(0.05, noise_dof=10), 3)
+    (3.841, 4.965)
+    """
+    from scipy.special import chdtri, fdtri
+
+    level = 2 * level if sided == 1 and amplitudes == 1 else level
+    if math.isinf(noise_dof) or noise_dof > LIKE_INFINITE:
+        return float(chdtri(amplitudes, level))
+    return float(amplitudes * fdtri(amplitudes, noise_dof, 1 - level))
+
+
+def visible_noncentrality(
+    gain: float, amplitudes: int = 1, noise_dof: float = math.inf, power: float = 0.8
+) -> float:
+    """Chi-square without noise, of which the fall in chi-square exceeds `gain` with probability `power`.
+
+    The fall over max(s^2, 1) has the noncentral law of F; with known noise, that of chi-square, and for one amplitude
+    lambda = (sqrt(gain) + z_power)^2 (Saris, Satorra & van der Veld 2009).
+
+    Examples
+    --------
+    >>> round(visible_noncentrality(needed_gain(0.05)), 2)
     7.85
     """
-    from scipy.special import ndtri
+    from scipy.special import chndtrinc, ncfdtr
 
-    return float((-ndtri(level / 2) + ndtri(power)) ** 2)
+    if math.isinf(noise_dof) or noise_dof > LIKE_INFINITE:
+        return float(chndtrinc(gain, amplitudes, 1 - power))
+    from scipy.optimize import brentq
+
+    def seen(noncentrality: float) -> float:
+        return float(ncfdtr(amplitudes, noise_dof, noncentrality, gain / amplitudes)) - (1 - power)
+
+    return float(brentq(seen, 0.0, 4 * gain + 20.0))

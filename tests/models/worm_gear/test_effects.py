@@ -52,6 +52,7 @@ EFFECTS = {
     "torque-zero-error": Trace(),
     "viscosity-dependent-friction": Trace(torque=1, speed=1, sign=-1),
     "windage": Trace(torque=0, speed=3, viscosity=0),
+    "zero-drift": Trace(torque=0, speed=1, viscosity=0),
 }
 
 
@@ -60,7 +61,7 @@ def conditions(speed_rpm=1500.0, torque=60.0, celsius=50.0):
         "worm_speed": np.atleast_1d(speed_rpm) * math.pi / 30,
         TORQUE_OUT: np.atleast_1d(torque),
         "indicated_oil_temperature": np.atleast_1d(celsius) + 273.15,
-        "elapsed_time": np.zeros(1),
+        "elapsed_time": np.full(1, 60.0),
     }
 
 
@@ -286,8 +287,10 @@ def test_running_in_is_an_order_in_time():
     assert extra[2] < 1e-4 * extra[0]
 
 
-def test_running_in_needs_the_time():
-    assert MODEL.not_testable({"worm_speed", TORQUE_OUT}) == {"running-in": "needs elapsed_time"}
+def test_effects_over_time_need_the_time():
+    assert MODEL.not_testable({"worm_speed", TORQUE_OUT}) == dict.fromkeys(
+        ("running-in", "zero-drift"), "needs elapsed_time"
+    )
     assert MODEL.not_testable({"worm_speed", TORQUE_OUT, "elapsed_time"}) == {}
 
 

@@ -14,6 +14,7 @@ from specan.models import Parameter, effect
     instrument=True,
 )
 def torque_zero_error(
+    brake_coupled,
     *,
     input=Parameter(0.05, "N*m", min=-0.2, max=0.2, lower=-2.0, upper=2.0, doc="indicated less true torque"),
     output=Parameter(
@@ -23,6 +24,7 @@ def torque_zero_error(
     """A torque sensor shows something where there is nothing.
 
     At the input it looks like a seal, T^0 n^1 nu^0. At the output the gear is not given the torque that one
-    believes: all losses belong to a neighbouring torque, and idle runs stand out.
+    believes: all losses belong to a neighbouring torque, and idle runs stand out. Runs with the brake uncoupled have no
+    output torque, and no error of it.
     """
-    return {"indicated_input_torque": input, "output_torque": -output}
+    return {"indicated_input_torque": input, "output_torque": -output * brake_coupled}

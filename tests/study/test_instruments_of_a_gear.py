@@ -1,0 +1,127 @@
+"""Errors of a gear's torque sensors over a campaign: found with their size, on both sides of zero."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from specan.models.prediction import grid, predict
+from specan.models.request import Request
+from specan.models.worm_gear.build import build
+from specan.models.worm_gear.example import EXAMPLE_RIG
+from specan.study.data.open_tables import read_tables
+from specan.study.diagnose import diagnose
+from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
+
+NOISE = 0.004  # N*m
+
+
+def rig(**tables):
+    found = copy.deepcopy(EXAMPLE_RIG)
+    found["uncertainty"] = {"input_torque_Nm": NOISE, "model_discrepancy_percent": 0.0}
+    for name, keys in tables.items():
+        found[name] = {**found[name], **keys}
+    return found
+
+
+def campaign(seed, offset=0.0, drift=0.0, turn=600.0):
+    """Columns of a table: the gear of the base model, run at its true torques, read by sensors that are off.
+
+    Rows without load are run with the brake uncoupled; its sensor shows its offset there too.
+    """
+    model = build(rig())
+    rng = np.random.default_rng(seed)
+    rows = grid(model, {"speed_rpm": [1200, 2000, 2800], "oil_temperature_C": [35, 70],
+                        "output_torque_Nm": [0, 10, 25, 45, 70, 90]})  # fmt: skip
+    order = rng.permutation(rows["speed_rpm"].size)
+    rows = {name: values[order] for name, values in rows.items()}
+    assembly = model.assemble(model.base_effects)
+    time = turn * np.arange(order.size)
+    torque = predict(Request(assembly, assembly.defaults()), rows)["input_torque"]
+    torque = torque + drift * time / 3600 + NOISE * rng.standard_normal(torque.size)
+    return {**rows, "output_torque_Nm": rows["output_torque_Nm"] + offset, "input_torque_Nm": torque,
+            "coupled": (rows["output_torque_Nm"] > 0).astype(float), "elapsed_time_s": time}  # fmt: skip
+
+
+def problem(folder, columns, content):
+    path = folder / "table.csv"
+    lines = [",".join(columns)] + [
+        ",".join(f"{v:.9g}" for v in row) for row in zip(*columns.values(), strict=True)
+    ]
+    path.write_text("\n".join(lines) + "\n")
+    model = build(content)
+    return base_problem(model, read_tables(model, [path]).fitted)
+
+
+def without(columns, *names):
+    return {name: values for name, values in columns.items() if name not in names}
+
+
+@pytest.mark.parametrize("offset", [-0.45, 0.45])
+@pytest.mark.parametrize("told", ["column", "rig"])
+def test_an_offset_of_the_output_sensor_is_found_on_both_sides_of_zero(tmp_path, offset, told):
+    columns = without(campaign(1, offset), "elapsed_time_s", *([] if told == "column" else ["coupled"]))
+    content = rig(operation={} if told == "column" else {"idle_uncoupled": True})
+    found = diagnose(problem(tmp_path, columns, content))
+    assert ("torque-zero-error",) in found.alternatives
+    row = next(r for r in found.ranking if r.effects == ("torque-zero-error",))
+    value = row.parameters["torque-zero-error.output"]
+    assert value["low"] < offset < value["high"]
+    assert value["high"] - value["low"] < abs(offset)
+
+
+def test_intervals_of_an_offset_hold_the_truth_as_often_as_they_say(tmp_path):
+    # Binomial: with 95 % each, 16 or more of 20 hold the truth in all but 3 of 1000 tries.
+    inside = 0
+    for seed in range(20):
+        offset = 0.4 if seed % 2 else -0.4
+        with_effect = problem(
+            tmp_path, without(campaign(100 + seed, offset), "elapsed_time_s"), rig()
+        ).with_uses(["torque-zero-error"])
+        best = fit(with_effect)
+        inside += abs(best.values["torque-zero-error.output"] - offset) < 1.96 * best.standard_error(
+            "torque-zero-error.output"
+        )
+    assert inside >= 16
+
+
+def test_rows_of_two_kinds_that_contradict_each_other_are_named(tmp_path):
+    # The same table, and nobody says that the brake was uncoupled: with an offset of it no single torque fits both.
+    columns = without(campaign(1, -1.5), "elapsed_time_s", "coupled")
+    found = diagnose(problem(tmp_path, columns, rig()))
+    assert any("rows without load" in remark and "uncoupled" in remark for remark in found.remarks)
+    whole = diagnose(problem(tmp_path, without(campaign(1), "elapsed_time_s", "coupled"), rig()))
+    assert whole.verdict == "nothing-missing"
+    assert not any("rows without load" in remark for remark in whole.remarks)
+
+
+@pytest.mark.parametrize("drift", [-0.004, 0.004])
+def test_a_drifting_zero_is_named_with_its_rate(tmp_path, drift):
+    found = diagnose(problem(tmp_path, campaign(2, drift=drift), rig()))
+    assert found.alternatives[0] == ("zero-drift",)
+    value = found.ranking[0].parameters["zero-drift.rate"]
+    assert value["low"] < drift < value["high"]
+
+
+def test_noise_in_percent_and_of_read_temperatures_is_counted(tmp_path):
+    columns = without(campaign(3), "elapsed_time_s")
+    columns["oil_temperature_C"] = columns["oil_temperature_C"] + np.random.default_rng(3).normal(
+        0.0, 0.3, 36
+    )
+    plain = problem(tmp_path, columns, rig()).observations[0]
+    more = problem(
+        tmp_path, columns, rig(uncertainty={"input_torque_percent": 0.3, "oil_temperature_reading_K": 0.5})
+    ).observations[0]
+    added = np.diag(more.covariance) - np.diag(plain.covariance)
+    percent = (0.003 * columns["input_torque_Nm"]) ** 2
+    # slope over temperature by differences of the true model
+    model = build(rig())
+    assembly = model.assemble(model.base_effects)
+    request = Request(assembly, assembly.defaults())
+    ends = [
+        predict(request, {**columns, "oil_temperature_C": columns["oil_temperature_C"] + d})["input_torque"]
+        for d in (0.05, -0.05)
+    ]
+    slope = (ends[0] - ends[1]) / 0.1
+    assert added == pytest.approx(percent + (0.5 * slope) ** 2, rel=0.1)
