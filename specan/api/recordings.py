@@ -54,8 +54,12 @@ def read(
 
     Examples
     --------
-    >>> specan.read("noise.tdms")  # doctest: +SKIP
-    <Recording: noise.tdms, 26 channels, 3.5 s at 8000 Hz>
+    >>> from specan.errors import InputError
+    >>> try:
+    ...     recording = read("no_such_file.tdms")
+    ... except InputError as fault:
+    ...     print(fault.expected or "no such file")
+    no such file
     """
     return open_recording(
         path, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate

@@ -136,6 +136,11 @@ run()
 """
 
 
+def _heeds_interrupts() -> None:
+    """A shell that starts the tests in the background lets them ignore Ctrl-C, and children inherit that."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @posix
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_interrupted_by_the_user(campaign: Path, whole: dict[str, bytes], tmp_path: Path, jobs: int) -> None:
@@ -143,7 +148,7 @@ def test_interrupted_by_the_user(campaign: Path, whole: dict[str, bytes], tmp_pa
     arguments = command(campaign, out, "--jobs", str(jobs))[3:]
     process = subprocess.Popen(
         [sys.executable, "-c", WAITS_AFTER_TWO, *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=_heeds_interrupts,
     )  # fmt: skip
     assert process.stdout is not None
     assert process.stdout.readline() == "two\n"
