@@ -126,7 +126,7 @@ def test_plot_is_the_map(tmp_path):
 
 
 def test_rows_outside_the_validity_are_told(tmp_path):
-    result = run("-o", tmp_path / "a.csv", "-e", "speed-dependent-friction", "--grid", "speed_rpm=5,1500")
+    result = run("-o", tmp_path / "a.csv", "-e", "speed-dependent-friction", "--grid", "speed_rpm=0.1,1500")
     assert "sliding_speed outside" in result.stderr
     assert "33 rows" in result.stderr
 

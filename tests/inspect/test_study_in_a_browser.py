@@ -47,8 +47,8 @@ def test_a_tried_effect_can_be_sent_on(browser, open_page, serve, study):
     url = serve(str(study))
     page = open_page(url + "?tried=seal-drag&tried=windage")
     page.wait(lambda: "seal-drag with windage is tried" in page.text("status"))
-    page.press("try-oil-heating")
-    page.wait(lambda: browser.current_url == url + "?tried=oil-heating")
+    page.press("try-seal-drag")
+    page.wait(lambda: browser.current_url == url + "?tried=seal-drag")
     page = open_page(url + "?tried=nonsense")
     page.wait(lambda: "nonsense cannot be tried" in page.text("status"))
     page.wait(lambda: page.text("verdict").strip())  # the diagnosis is made nonetheless
