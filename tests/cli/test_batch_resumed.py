@@ -117,11 +117,14 @@ def test_killed_four_times_over(
 
 
 # The batch itself says when it has kept two results, and then waits for the interruption, however slow the machine is.
+# A shell that starts the tests in the background lets them ignore Ctrl-C, and children inherit that.
 WAITS_AFTER_TWO = """
+import signal
 import time
 from specan.analysis.batch.store import Store
 from specan_cli.main import run
 
+signal.signal(signal.SIGINT, signal.default_int_handler)
 put = Store.put
 
 def waiting(self, *arguments):
@@ -136,11 +139,6 @@ run()
 """
 
 
-def _heeds_interrupts() -> None:
-    """A shell that starts the tests in the background lets them ignore Ctrl-C, and children inherit that."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 @posix
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_interrupted_by_the_user(campaign: Path, whole: dict[str, bytes], tmp_path: Path, jobs: int) -> None:
@@ -148,7 +146,7 @@ def test_interrupted_by_the_user(campaign: Path, whole: dict[str, bytes], tmp_pa
     arguments = command(campaign, out, "--jobs", str(jobs))[3:]
     process = subprocess.Popen(
         [sys.executable, "-c", WAITS_AFTER_TWO, *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=_heeds_interrupts,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout is not None
     assert process.stdout.readline() == "two\n"

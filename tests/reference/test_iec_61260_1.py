@@ -82,7 +82,7 @@ def test_five_bands_are_class_1_at_every_breakpoint(fraction: int, rate: float) 
 @pytest.mark.parametrize("fraction", bands.FRACTIONS)
 @pytest.mark.parametrize("rate", RATES)
 def test_the_effective_bandwidth_is_that_of_the_band(fraction: int, rate: float) -> None:
-    # An impulse has the same energy in every hertz. The record is long, since its mean is taken off: 1 / n of the impulse.
+    # An impulse has the same energy in every hertz. The record is long, since its mean, 1 / n, is taken off.
     n = 16 * round(rate)
     impulse = np.zeros(n)
     impulse[n // 3] = 1.0
