@@ -73,7 +73,7 @@ class Fade:
 
 @lru_cache(maxsize=4)
 def _rise(samples: int) -> NDArray[np.float64]:
-    return 1.0 - falling_step(np.arange(samples) + 0.5, 0.0, float(samples))
+    return 1.0 - falling_step(np.arange(float(samples)) + 0.5, 0.0, float(samples))
 
 
 class RecordEnds:
