@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from specan.models.model import Model
 
 RATE = 51200.0
+LINES_RATE = 12800.0  # of recordings made of order lines: three harmonics of the mesh lie far below
 _PATIENCE_S = 5.0  # from which on the time that a run takes is told before it starts
 
 
@@ -44,10 +45,8 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     from specan.models.planetary_gear.simulated_recording import recorded_channels
 
     if options["effects"] or options["without"]:
-        raise RequestError(
-            "effects belong to the order-domain model, not to the run in time",
-            remedy="write order lines: -o lines.csv",
-        )
+        _record_lines(model, path, options)
+        return
     if not path.absolute().parent.is_dir():
         raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
     rig, duration = model.settings["parsed_rig"], options["duration"]
@@ -115,21 +114,70 @@ def _described(rig: Any) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
-    """Order lines of the order-domain model at the rig's operating point."""
-    import numpy as np
-
+def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+    """Orders, complex lines (sensors, orders), and the effects with which they were made."""
     from specan.models.planetary_gear.lines import line_conditions
     from specan.models.request import read_request
 
+    if model.order_lines is None:
+        raise RequestError(
+            "a gear pair has no order-domain model: no order lines and no effects",
+            remedy="write its run in time: -o run.tdms",
+        )
     request = read_request(model, options["effects"], options["without"])
     conditions = line_conditions(model)
     values = {**request.assembly.defaults(), **request.values}
     found = request.assembly.evaluate(conditions, values, wanted=["order_lines"])["order_lines"]
+    return conditions["order"], found, request
+
+
+def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
+    """Accelerations made of the order-domain model's lines, and tachos, at constant speed."""
+    import numpy as np
+
+    from specan.io.write_tdms import write_tdms
+    from specan.models.planetary_gear.dynamics import check_duration
+    from specan.models.planetary_gear.kinematics import carrier_speed_ratio
+    from specan.models.planetary_gear.simulated_recording import tacho_channel
+
+    check_duration(options["duration"])
+    orders, lines, request = _order_lines(model, options)
+    rig = model.settings["parsed_rig"]
+    time = np.arange(round(options["duration"] * LINES_RATE)) / LINES_RATE
+    turns = rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear) * time
+    waves = np.exp(2j * np.pi * np.outer(orders, turns))
+    noise = _noise(options, time.size)
+    sensitivity = rig.sensors.acc_mV_per_m_s2
+    names, volts, described = [], [], []
+    for name, amplitude in zip(model.axes["sensor"], lines, strict=True):
+        names.append(name)
+        volts.append(1e-3 * sensitivity * (amplitude @ waves).real + noise())
+        described.append({"QuantityUnit": "m/s^2", "Sensitivity": sensitivity, "SensitivityUnit": "mV/(m/s^2)"})
+    ratio = 1.0 / carrier_speed_ratio(rig.gear)
+    for name, angle, pulses in (
+        ("Tacho sun", 2 * np.pi * ratio * turns, rig.sensors.tacho_sun_pulses),
+        ("Tacho carrier", 2 * np.pi * turns, rig.sensors.tacho_carrier_pulses),
+    ):
+        channel = tacho_channel(name, angle, pulses)
+        names.append(name)
+        volts.append(channel.samples)
+        described.append({"QuantityUnit": "V", **channel.properties})
+    group = {**_described(rig), "SamplingRate": LINES_RATE}
+    write_tdms(path, names, np.stack(volts), LINES_RATE, channels=described, group=group, samples="float32")
+    say(f"{len(names)} channels of {options['duration']:g} s made of {orders.size} order lines written to {path}")
+    if options["as_json"]:
+        emit_json({"effects": [str(u) for u in request.assembly.uses], "channels": names})
+
+
+def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
+    """Order lines of the order-domain model at the rig's operating point."""
+    import numpy as np
+
+    orders, found, request = _order_lines(model, options)
     rows = [
         [name, f"{order:.6f}", f"{abs(value):.6g}", f"{np.degrees(np.angle(value)):.3f}"]
         for name, line in zip(model.axes["sensor"], found)
-        for order, value in zip(conditions["order"], line)
+        for order, value in zip(orders, line)
     ]
     header = ["channel", "order", "amplitude_m_per_s2", "phase_deg"]
     try:

@@ -12,6 +12,7 @@ from specan.models.evaluation import Evaluator
 from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
 from specan.models.graph import components
 from specan.models.observable import Observable
+from specan.models.order_lines import OrderLines
 from specan.models.quantity import Condition, Quantity
 from specan.models.receivers import Receivers
 from specan.models.rig_statement import RigStatement, rig_statement
@@ -93,6 +94,8 @@ class Model:
         What its tables obey, and which of their columns follow from others.
     receivers : Receivers, optional
         Where it predicts transfer functions: the channels and their places.
+    order_lines : OrderLines, optional
+        Where it predicts order lines: which, and what a recording tells about them.
     settings : mapping
         The checked rig file, for the model's own simulation and figures; a study never reads it.
     law : LawSpace, optional
@@ -118,6 +121,7 @@ class Model:
     words: Words = field(default_factory=Words)
     table_rules: TableRules | None = None
     receivers: Receivers | None = None
+    order_lines: OrderLines | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     law: LawSpace | None = None
     unsuited: Mapping[str, str] = field(default_factory=dict)

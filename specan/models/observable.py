@@ -20,7 +20,7 @@ class Observable:
     column, column_unit : str
         Header of a table's column and the unit of its values; by default made of name and unit.
     kind : str
-        Kind of measurement that holds it: ``table``, ``frf``, or one that an entry point brings.
+        Kind of measurement that holds it: ``table``, ``frf``, ``orders``, or one that an entry point brings.
     reading_of : str
         Another observable from whose reading it is worked out: it has the same relative uncertainty where
         the rig states none of its own.

@@ -22,12 +22,13 @@ from specan.models.planetary_gear.kinematics import (
     repeat_turns,
     sun_order,
 )
+from specan.models.planetary_gear.lines import line_statement
 from specan.models.planetary_gear.rig import Gear, Rig, read_rig
 from specan.models.quantity import Condition, Quantity, constant
 
-HARMONICS = 4  # of the mesh; three are compared
+HARMONICS = 3  # of the mesh: what a study compares
 MOST_SAMPLES = 400_000
-GAIN_SD = 1.0  # of the unknown gain between mesh and sensor, one a harmonic: nothing rests on absolute levels
+TACHO_DEG = 2.0  # standard uncertainty of the angle between the tacho's mark and planet 1
 
 
 def build(rig: Mapping[str, Any]) -> Model:
@@ -58,13 +59,11 @@ def build(rig: Mapping[str, Any]) -> Model:
         quantities={q.name: q for q in quantities},
         effects=effects_in("specan.models.planetary_gear.effects"),
         observables={
-            "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.")
+            "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.",
+                                kind="orders")
         },
-        nuisances=tuple(
-            Nuisance(f"harmonic-gain@H{h}", part, GAIN_SD, "nothing is known of the path's gain")
-            for h in range(1, HARMONICS + 1)
-            for part in ("real", "imaginary")
-        ),
+        nuisances=(Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),),
+        order_lines=line_statement(settings, HARMONICS),
         axes={
             "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
             "sensor": tuple(f"Acc {k}" for k in range(1, len(settings.sensors.acc_angle_deg) + 1)),
@@ -101,6 +100,8 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("harmonic_count", HARMONICS, "1", "Harmonics of the mesh that are followed.", ()),
         ("repeat_turns", turns, "1", "Turns of the carrier after which everything repeats.", ()),
         ("carrier_turn", np.arange(samples) * (turns / samples), "1", "Turns of the carrier.", ()),
+        ("mesh_waves", _waves(gear.z_ring, np.arange(samples) * (turns / samples)), "1",
+         "exp(2j pi h z_ring turn), one row a harmonic of the mesh.", ()),
         ("sun_order", float(sun_order(gear)), "1", "Turns of the sun against the carrier.", ()),
         ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
         ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
@@ -119,6 +120,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("planet_position", np.zeros(gear.planets), "m", "By how much each pin lies ahead.", ("planet",)),
         ("sun_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the sun meshes.", ("planet",)),
         ("ring_error", np.zeros((gear.planets, samples)), "m", "Excess of material in the ring meshes.", ("planet",)),
+        ("tacho_angle", 0.0, "rad", "Angle of planet 1 at a pulse of the carrier's tacho.", ()),
         ("tip_relief", 0.0, "m", "Relief of the tips.", ()),
         ("stiffness_change", np.zeros(2), "1", "Relative change of the stiffness of sun and ring meshes.", ()),
         ("damping_scale", 1.0, "1", "Damping of the meshes over that of the contact law.", ()),
@@ -136,6 +138,10 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         opaque=True,
     )
     return [stiff, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
+
+
+def _waves(teeth: int, turn: Any) -> Any:
+    return np.exp(2j * np.pi * teeth * np.outer(np.arange(1, HARMONICS + 1), turn))
 
 
 def _pair(settings: Rig) -> Model:

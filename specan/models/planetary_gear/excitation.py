@@ -5,7 +5,7 @@ import numpy as np
 from specan.models.quantity import quantity
 
 PHASES = 256  # places within a pitch at which the deflection is solved
-_ROUNDS = 30
+_HALVINGS, _NEWTON = 12, 4
 
 
 def _pairs(phase, meshes, relief):
@@ -29,12 +29,17 @@ def mesh_deflection(planet_load, contact_law, mesh_geometry, tip_relief):
     load = planet_load[:, None, :, None]
     low = np.zeros((*planet_load.shape[:1], 2, planet_load.shape[1], PHASES))
     high = low + (load / stiffness) ** (1 / exponent) + gap.min(axis=2)
-    for _ in range(_ROUNDS):  # bisection: the force rises with the approach
+    for _ in range(_HALVINGS):  # the force rises with the approach
         middle = 0.5 * (low + high)
         force = stiffness * np.sum(np.clip(middle[..., None, :] - gap, 0, None) ** exponent, axis=-2)
         below = force < load
         low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return 0.5 * (low + high)
+    for _ in range(_NEWTON):  # from above: the force is convex, no step passes the root
+        pressed = np.clip(high[..., None, :] - gap, 0, None)
+        soft = pressed ** (exponent - 1.0) * (pressed > 0)
+        excess = stiffness * np.sum(pressed * soft, axis=-2) - load
+        high = high - np.maximum(excess, 0.0) / (exponent * stiffness * np.sum(soft, axis=-2))
+    return high
 
 
 @quantity(unit="N/m", axes=("planet",))
@@ -82,22 +87,20 @@ def load_variation(sun_error, ring_error, torque_ripple, planet_load, mesh_stiff
 
 @quantity(unit="m", axes=("planet",))
 def transmission_error(mesh_deflection, mesh_compliance, load_variation, planet_phase, sun_error, ring_error,
-                       torque_ripple, planet_load, mesh_stiffness, carrier_turn, ring_teeth,
-                       harmonic_count):  # fmt: skip
+                       torque_ripple, planet_load, mesh_stiffness, mesh_waves):  # fmt: skip
     """Change of each mesh's approach under its load, (points, 2, planets, angle).
 
     Harmonics of the deflection at the mesh's phase; what errors of the teeth ask for, and a torque that varies; and,
     as the deflection goes with the load, the mesh's harmonics modulated by the load's variation.
     """
-    harmonic = np.arange(1, harmonic_count + 1)
-    per_harmonic = np.exp(2j * np.pi * ring_teeth * np.outer(harmonic, carrier_turn))
+    harmonic = np.arange(1, mesh_waves.shape[0] + 1)
     phase = np.exp(2j * np.pi * harmonic * planet_phase[None, :, :, None])
-    found = _synthesis(mesh_deflection, harmonic, phase, per_harmonic)
+    found = _synthesis(mesh_deflection, harmonic, phase, mesh_waves)
     found -= np.stack([sun_error, ring_error])[None]
     ripple = planet_load[:, None, :] / mesh_stiffness
     found += ripple[..., None] * torque_ripple
     if np.any(load_variation):
-        found += _synthesis(mesh_compliance, harmonic, phase, per_harmonic) * load_variation[:, None]
+        found += _synthesis(mesh_compliance, harmonic, phase, mesh_waves) * load_variation[:, None]
     return found
 
 

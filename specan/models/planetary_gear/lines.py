@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.model import Model
-from specan.models.planetary_gear.kinematics import planet_order, sun_order
-from specan.models.planetary_gear.rig import Gear
+from specan.models.order_lines import OrderLines, Stated, Tacho
+from specan.models.planetary_gear.kinematics import carrier_speed_ratio, planet_order, repeat_turns, sun_order
+from specan.models.planetary_gear.rig import Gear, Rig
 
 
 def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDArray[np.float64]:
@@ -47,3 +48,33 @@ def line_conditions(model: Model, **settings: Any) -> dict[str, NDArray[np.float
         "sun_speed": np.full(orders.size, rig.operation.sun_speed_hz),
         "carrier_torque": np.full(orders.size, rig.operation.carrier_torque_Nm),
     }
+
+
+def line_statement(rig: Rig, harmonics: int) -> OrderLines:
+    """What a study has to know of the lines: orders, families, tachos, and where a recording tells the torque."""
+    gear = rig.gear
+    assert gear is not None
+    orders = kinematic_orders(gear, harmonics=harmonics)
+    number = np.clip(np.rint(orders / gear.z_ring), 1, harmonics).astype(int)
+    offset = np.round(orders - number * gear.z_ring, 6)
+    return OrderLines(
+        axis="sensor",
+        order=orders,
+        harmonic=number,
+        offset=offset,
+        family=tuple(_family(gear.z_ring, abs(float(o))) for o in offset),
+        order_condition="order",
+        speed_condition="sun_speed",
+        speed_ratio=1.0 / carrier_speed_ratio(gear),
+        tachos=(Tacho("Tacho sun", 1.0 / carrier_speed_ratio(gear)), Tacho("Tacho carrier", 1.0)),
+        index="Tacho carrier",
+        period=repeat_turns(gear),
+        stated={"carrier_torque": Stated("Torque", "Torque carrier", rig.operation.carrier_torque_Nm)},
+        discrepancy=rig.uncertainty.model_discrepancy_percent / 100,
+        path=rig.uncertainty.path_percent / 100,
+    )
+
+
+def _family(mesh: int, offset: float) -> str:
+    """``66h`` or ``66h+-3.75``."""
+    return f"{mesh}h+-{offset:.5g}" if offset else f"{mesh}h"

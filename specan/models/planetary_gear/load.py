@@ -31,11 +31,12 @@ def mean_load(operating_points, planet_count, base_radii):
 def planet_load(mean_load, load_share, planet_position, load_stiffness, pressure_cosine):
     """Force that each planet passes on, (operating points, planets).
 
-    A pin that lies e ahead is pressed more by k cos(a) e, the others less.
+    Sun and ring push a planet forward, its pin holds it back. A pin that lies e ahead gives way: its planet carries
+    less by k cos(a) e, the others more.
     """
     share = load_share / np.mean(load_share)
     ahead = planet_position - np.mean(planet_position)
-    found = mean_load[:, None] * share + load_stiffness[:, None] * pressure_cosine * ahead
+    found = mean_load[:, None] * share - load_stiffness[:, None] * pressure_cosine * ahead
     return np.maximum(found, 0.02 * mean_load[:, None])  # a planet is hardly ever without load
 
 

@@ -67,7 +67,7 @@ def rim_displacement(mesh_force, transfer_path, friction_share):
 
 @quantity(unit="m/s^2", axes=("sensor",))
 def order_lines(rim_displacement, order, sun_speed, point_of_line, repeat_turns, carrier_ratio, housing_response,
-                harmonic_gain, harmonic_of_line, line_coherence):  # fmt: skip
+                harmonic_gain, harmonic_of_line, line_coherence, tacho_angle):  # fmt: skip
     """Complex peak amplitude of the acceleration at each line, (sensors, lines)."""
     samples = rim_displacement.shape[-1]
     spectra = np.fft.rfft(rim_displacement, axis=-1) * (2.0 / samples)
@@ -76,7 +76,8 @@ def order_lines(rim_displacement, order, sun_speed, point_of_line, repeat_turns,
     inside = (np.abs(place - nearest) < 0.01) & (nearest < spectra.shape[-1])
     lines = spectra[point_of_line, :, np.where(inside, nearest, 0)].T * inside
     omega = 2 * np.pi * np.asarray(order) * sun_speed * carrier_ratio
-    return -(omega**2) * lines * housing_response * harmonic_gain[harmonic_of_line] * line_coherence
+    turned = np.exp(1j * np.asarray(order) * tacho_angle)
+    return -(omega**2) * lines * housing_response * harmonic_gain[harmonic_of_line] * line_coherence * turned
 
 
 @quantity(unit="1")

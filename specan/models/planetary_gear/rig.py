@@ -67,7 +67,7 @@ class Operation(Settings):
 class Sensors(Settings):
     """Where acceleration is measured on the ring's housing, and what the instruments give."""
 
-    acc_angle_deg: tuple[float, ...] = (90.0, 0.0)
+    acc_angle_deg: Annotated[tuple[float, ...], Field(min_length=1)] = (90.0, 0.0)
     acc_direction: str = "radial, tilted 20 deg towards increasing angle"
     acc_mV_per_m_s2: Positive = 10.0
     force_N_per_V: Positive = 200.0
@@ -81,6 +81,7 @@ class Uncertainty(Settings):
     """Standard uncertainties; what is not given is not assumed."""
 
     model_discrepancy_percent: NotNegative = 10.0
+    path_percent: NotNegative = 30.0
 
 
 class Rig(Settings):

@@ -14,7 +14,11 @@ from specan.models import Model
 from specan.study.observation import Observation
 
 # kind -> module with `reads(path) -> bool`, `TITLE` and `open_data(model, request) -> OpenedData`
-KINDS = {"table": "specan.study.data.open_tables", "frf": "specan.study.data.open_recordings"}
+KINDS = {
+    "table": "specan.study.data.open_tables",
+    "frf": "specan.study.data.open_recordings",
+    "orders": "specan.study.data.open_orders",
+}
 ENTRY_POINTS = "specan.measurement_kinds"  # of installed packages: name = such a module
 
 

@@ -6,9 +6,11 @@ from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_band_and_channel import by_band_and_channel
 from specan.study.localisation.by_blocks import by_blocks
+from specan.study.localisation.by_order_family import by_order_family
 from specan.study.localisation.result import Localisation
 
-WAYS = {"frf": by_band_and_channel}  # kind of measurement: how its residual is looked at; others by blocks
+# kind of measurement: how its residual is looked at; others by blocks
+WAYS = {"frf": by_band_and_channel, "orders": by_order_family}
 
 
 def localise(problem: Problem, best: Fit) -> Localisation:

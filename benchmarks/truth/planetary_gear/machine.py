@@ -1,0 +1,165 @@
+"""Torsional vibration of a planetary set with prescribed mesh stiffness, integrated by Newmark's method.
+
+Carrier and planets turn, the sun's speed is given, the ring is fixed. A pair of teeth is a linear spring whose stiffness is
+a parabola over its path of contact (Kuang and Yang, Int. Gearing Conf. 1992: highest at the pitch point), taken in and let go by
+raised cosines; a mesh is the sum of the pairs in contact. So the load changes no stiffness, and no pair comes late.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+
+STEPS_A_TOOTH = 40
+SETTLE_TURNS = 3
+PERIOD = 28  # turns of the carrier after which 24, 66 and 21 teeth meet as before
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Numbers of one set in SI; what is hidden in it stands in `hidden`."""
+
+    z_sun: int = 24
+    z_planet: int = 21
+    z_ring: int = 66
+    planets: int = 3
+    module: float = 2e-3
+    pressure_angle: float = math.radians(20.0)
+    pair_stiffness: float = 7e7
+    drop: float = 0.3
+    ramp: float = 0.06
+    contact_ratio: tuple[float, float] = (1.586, 1.932)
+    lead: float = 0.0
+    damping_ratio: float = 0.05
+    carrier_inertia: float = 8e-3
+    planet_inertia: float = 6e-5
+    hidden: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    @property
+    def base_radii(self) -> tuple[float, float, float]:
+        """Of sun, planet and ring."""
+        half = self.module * math.cos(self.pressure_angle) / 2
+        return half * self.z_sun, half * self.z_planet, half * self.z_ring
+
+    @property
+    def arm(self) -> float:
+        """From the axis to a planet's pin."""
+        return self.module * (self.z_sun + self.z_planet) / 2
+
+    def angles(self) -> Real:
+        """Places of the planets as drawn."""
+        return 2 * np.pi * np.arange(self.planets) / self.planets
+
+
+def ring_forces(machine: Machine, carrier_hz: float, torque: float) -> tuple[Real, Real]:
+    """Turns of the carrier over one period, and the forces of the ring's meshes there, (planets, steps)."""
+    a_turn = machine.z_ring * STEPS_A_TOOTH
+    turn = np.arange(-SETTLE_TURNS * a_turn, PERIOD * a_turn) / a_turn
+    stiffness, offset, load = _excitation(machine, turn, torque)
+    sun, planet, ring = machine.base_radii
+    n = machine.planets
+    geometry = np.zeros((2 * n, n + 1))  # what a turn of carrier and planets takes off each mesh's approach
+    geometry[:n, 0], geometry[n:, 0] = sun + planet, ring - planet
+    for i in range(n):
+        geometry[i, 1 + i], geometry[n + i, 1 + i] = planet, -planet
+    mass = np.array([machine.carrier_inertia, *([machine.planet_inertia] * n)])
+    typical = float(stiffness.mean())
+    damping = 2 * machine.damping_ratio * math.sqrt(typical * machine.planet_inertia / planet**2)
+    step = 1.0 / (carrier_hz * a_turn)
+    rate = np.gradient(offset, step, axis=0)
+    force = _newmark(mass, geometry, stiffness, offset, rate, load, damping, step)
+    return turn[SETTLE_TURNS * a_turn :], force[SETTLE_TURNS * a_turn :, n:].T.copy()
+
+
+def _excitation(machine: Machine, turn: Real, torque: float) -> tuple[Real, Real, Real]:
+    """Stiffness and offset of every mesh, and the torque, at each step."""
+    hidden, places = machine.hidden, machine.angles()
+    z_sun, z_ring = machine.z_sun, machine.z_ring
+    against = turn * z_ring / z_sun  # turns of the sun against the carrier
+    stiffness = np.empty((turn.size, 2 * machine.planets))
+    offset = np.zeros_like(stiffness)
+    for i, place in enumerate(places):
+        ahead = 0.0
+        if "planet-position-error" in hidden and int(hidden["planet-position-error"]["planet"]) == i + 1:
+            ahead = hidden["planet-position-error"]["error_um"] * 1e-6
+        seat = place + ahead / machine.arm
+        on_sun = against - seat / (2 * np.pi)
+        k_sun = _mesh(machine, z_sun * on_sun, machine.contact_ratio[0])
+        k_ring = _mesh(machine, z_ring * (turn + seat / (2 * np.pi)) + machine.lead, machine.contact_ratio[1])
+        if "tooth-crack" in hidden:
+            crack = hidden["tooth-crack"]
+            inside = ((on_sun - crack["place"]) % 1.0) * z_sun / machine.contact_ratio[0]
+            k_sun = k_sun * (1 - crack["softer"] * np.where(inside < 1, 0.5 - 0.5 * np.cos(2 * np.pi * inside), 0.0))
+        if "unequal-load-sharing" in hidden and int(hidden["unequal-load-sharing"]["planet"]) == i + 1:
+            k_sun, k_ring = (k * (1 + hidden["unequal-load-sharing"]["share"]) for k in (k_sun, k_ring))
+        stiffness[:, i], stiffness[:, machine.planets + i] = k_sun, k_ring
+        # The planet is pushed forward by sun and ring and held back by its pin: a pin ahead lets both flanks go.
+        offset[:, [i, machine.planets + i]] -= ahead * math.cos(machine.pressure_angle)
+        if "sun-runout" in hidden:
+            runout = hidden["sun-runout"]
+            at = 2 * np.pi * against - place + runout["phase"]
+            offset[:, i] += runout["eccentricity_um"] * 1e-6 * np.sin(at + machine.pressure_angle)
+    load = np.full(turn.size, torque)
+    if "torque-ripple" in hidden:
+        ripple = hidden["torque-ripple"]
+        load *= 1 + ripple["part"] * np.cos(2 * np.pi * (against + turn) + ripple["phase"])
+    return stiffness, offset, load
+
+
+def _mesh(machine: Machine, phase: Real, ratio: float) -> Real:
+    """Stiffness of all pairs at a phase in pitches."""
+    total = np.zeros_like(phase)
+    base = phase - np.floor(phase)
+    for pair in range(math.ceil(ratio)):
+        x = (base + pair) / ratio
+        parabola = 1 - machine.drop * (2 * x - 1) ** 2
+        edge = np.clip(np.minimum(x, 1 - x) / machine.ramp, 0, 1)
+        total += machine.pair_stiffness * parabola * (0.5 - 0.5 * np.cos(np.pi * edge))
+    return total
+
+
+@njit(cache=True)
+def _newmark(mass, geometry, stiffness, offset, rate, load, damping, step):
+    """Forces of the meshes by Newmark's average acceleration (beta 1/4, gamma 1/2)."""
+    steps, meshes = stiffness.shape
+    size = mass.size
+    force = np.zeros((steps, meshes))
+    q, v, a = np.zeros(size), np.zeros(size), np.zeros(size)
+    for k in range(steps):
+        matrix, right = np.zeros((size, size)), np.zeros(size)
+        drag = np.zeros((size, size))
+        for m in range(meshes):
+            spring = stiffness[k, m]
+            given = spring * offset[k, m] + damping * rate[k, m]
+            for i in range(size):
+                right[i] += geometry[m, i] * given
+                for j in range(size):
+                    both = geometry[m, i] * geometry[m, j]
+                    matrix[i, j] += both * spring
+                    drag[i, j] += both * damping
+        right[0] -= load[k]
+        if k == 0:
+            q = np.linalg.solve(matrix, right)
+        else:
+            whole = matrix + drag * (2 / step)
+            known = drag @ (q * (2 / step) + v)
+            for i in range(size):
+                whole[i, i] += 4 * mass[i] / step**2
+                known[i] += mass[i] * (q[i] * 4 / step**2 + v[i] * 4 / step + a[i])
+            fresh = np.linalg.solve(whole, right + known)
+            v_new = 2 / step * (fresh - q) - v
+            a = 4 / step**2 * (fresh - q) - 4 / step * v - a
+            q, v = fresh, v_new
+        for m in range(meshes):
+            approach, speed = offset[k, m], rate[k, m]
+            for i in range(size):
+                approach -= geometry[m, i] * q[i]
+                speed -= geometry[m, i] * v[i]
+            force[k, m] = stiffness[k, m] * approach + damping * speed
+    return force

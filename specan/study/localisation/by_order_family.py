@@ -1,0 +1,136 @@
+"""Where a model fails on order lines: families of lines beside the harmonics, in dB and in standard uncertainties.
+
+A model that shows no line where one was measured has no relative error, so blocks are judged by the left-out chi-square
+alone (`specan.study.localisation.by_blocks`), and their level says how far the model lies below or above the
+measurement there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.study.estimation.fit import Fit, misfit_p_value
+from specan.study.estimation.problem import Problem
+from specan.study.localisation.by_blocks import LeftOut
+from specan.study.localisation.result import LEVEL, Block, Localisation, Trend, benjamini_yekutieli
+from specan.study.observation import Array
+from specan.study.observation.order_lines import OrderLinesObservation
+
+LOUDER = 2.0  # dB between the first and the last level from which a failure is said to grow or fall
+MOST_SENTENCES = 3
+MOST_Z = 40.0
+
+
+def by_order_family(problem: Problem, best: Fit) -> Localisation:
+    """Find the families of order lines, and their harmonics, sensors and operating points, at which a model fails."""
+    algebra = LeftOut(problem, best)
+    lines = _Lines(problem, algebra.predicted)
+    blocks = [_block(algebra, lines, where, rows) for where, rows in _places(lines.labels)]
+    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
+    marked = sorted(
+        (replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)), key=lambda b: b.p_value
+    )
+    fails = [b for b in marked if b.significant and set(b.where) == {"orders"}]
+    whole = [b for b in marked if set(b.where) == {"orders"}]
+    trend = Trend("orders", min((b.p_value for b in whole), default=1.0), bool(fails), "", "orders")
+    return Localisation(tuple(marked), (trend,), tuple(_sentences(lines, fails)))
+
+
+class _Lines:
+    """Measured, predicted and noise of every row of all recordings, with labels."""
+
+    def __init__(self, problem: Problem, predicted: Array) -> None:
+        seen = [o for o in problem.observations if isinstance(o, OrderLinesObservation)]
+        self.predicted = predicted
+        self.measured = np.concatenate([o.measured for o in seen])
+        self.noise = np.concatenate([o.stack(o.noise * (1 + 1j)) for o in seen])
+        self.labels = {name: np.concatenate([o.labels[name] for o in seen]) for name in seen[0].labels}
+        self.variables = seen[0].variables
+        self.middle = np.concatenate([_middle(o) for o in seen])
+        self.observable = seen[0].observable
+        self.unit = problem.assembly.model.observables[self.observable].unit
+
+    def level(self, rows: NDArray[np.bool_]) -> float:
+        """Model over measurement, dB; both with the noise, below which nothing is known."""
+        noise = np.sum(self.noise[rows] ** 2)
+        model, measured = np.sum(self.predicted[rows] ** 2) + noise, np.sum(self.measured[rows] ** 2)
+        return float(10 * np.log10(model / max(measured, 1e-300)))
+
+    def missing(self, rows: NDArray[np.bool_]) -> float:
+        """What the model lacks, over the harmonic that the lines lie about, dB."""
+        gap = np.sum((self.measured[rows] - self.predicted[rows]) ** 2) - np.sum(self.noise[rows] ** 2)
+        return float(10 * np.log10(max(gap, 1e-300) / np.sum(self.middle[rows] ** 2)))
+
+
+def _middle(o: OrderLinesObservation) -> Array:
+    """Root mean square of the strongest line of each row's sensor and harmonic, over its two parts."""
+    strongest = np.zeros(o.kept.shape)
+    for group in o.groups:
+        strongest[group] = np.abs(o.amplitude[group]).max() / np.sqrt(2)
+    return o.stack(strongest * (1 + 1j))
+
+
+def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], NDArray[np.bool_]]]:
+    """Every family, and every family at each level of another label."""
+    found = []
+    for family in dict.fromkeys(labels["orders"].tolist()):
+        mine = labels["orders"] == family
+        found.append(({"orders": family}, mine))
+        for name, values in labels.items():
+            levels = np.unique(values).tolist()
+            if name == "orders" or len(levels) < 2:
+                continue
+            found += [({"orders": family, name: v}, mine & (values == v)) for v in levels if np.any(mine & (values == v))]
+    return found
+
+
+def _block(algebra: LeftOut, lines: _Lines, where: Mapping[str, Any], rows: NDArray[np.bool_]) -> Block:
+    from scipy.special import ndtri_exp
+
+    statistic, dof = algebra.statistic(rows)
+    p = misfit_p_value(statistic, dof, algebra.problem.noise_dof)
+    level = lines.level(rows)
+    size = min(float(-ndtri_exp(np.log(max(p, 1e-300) / 2))), MOST_Z)
+    error = float(np.sqrt(np.mean((lines.predicted[rows] - lines.measured[rows]) ** 2)))
+    percent = 100 * (10 ** (level / 20) - 1)
+    return Block(
+        where, lines.observable, int(rows.sum()), statistic, p, float(np.copysign(size, level)), percent,
+        float(np.copysign(error, level)), lines.unit, level_dB=level, variables=lines.variables,
+    )  # fmt: skip
+
+
+def _sentences(lines: _Lines, fails: Sequence[Block]) -> list[str]:
+    """Families that fail alike in one sentence, with what the failure grows with."""
+    found: list[str] = []
+    rest = list(fails)
+    while rest and len(found) < MOST_SENTENCES:
+        first = rest[0]
+        how = _course(lines, first.where["orders"])
+        alike = [b for b in rest if _course(lines, b.where["orders"]) == how and (b.z > 0) == (first.z > 0)]
+        rest = [b for b in rest if b not in alike]
+        rows = np.isin(lines.labels["orders"], [b.where["orders"] for b in alike])
+        names = ", ".join(sorted((b.where["orders"] for b in alike), key=len))
+        level, z = lines.level(rows), max((b.z for b in alike), key=abs)
+        side = "high" if level > 0 else "low"
+        found.append(f"fails at orders {names}: model {abs(level):.2g} dB {side} (z = {z:.1f}){how}")
+    return found
+
+
+def _course(lines: _Lines, family: str) -> str:
+    """``, growing with h`` where the missing lines grow against their harmonic; likewise with a condition."""
+    rows, said = lines.labels["orders"] == family, ""
+    for name, values in lines.labels.items():
+        levels = np.unique(values[rows]).tolist()
+        if name in ("orders", "channel") or len(levels) < 2:
+            continue
+        course = [lines.missing(rows & (values == level)) for level in levels]
+        steps = np.diff(course)
+        if abs(course[-1] - course[0]) > LOUDER and (np.all(steps > 0) or np.all(steps < 0)):
+            words = "h" if name == "harmonic" else lines.variables[name].words
+            said += f", {'growing' if steps[0] > 0 else 'falling'} with {words}"
+    return said

@@ -1,0 +1,68 @@
+"""The truth simulator of planetary gears: statics by hand, lines by arithmetic, and nothing shared with the model."""
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+from truth.planetary_gear import draw, machine
+from truth.planetary_gear.machine import PERIOD, Machine, ring_forces
+
+CARRIER_HZ, TORQUE = 8.0, 60.0
+
+
+def lines(x: np.ndarray) -> np.ndarray:
+    """Amplitude at each multiple of 1/28 of an order."""
+    return np.abs(np.fft.rfft(x)) * 2 / x.size
+
+
+@pytest.fixture(scope="module")
+def healthy() -> np.ndarray:
+    return ring_forces(Machine(), CARRIER_HZ, TORQUE)[1]
+
+
+def test_it_imports_no_model() -> None:
+    for path in Path(machine.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom | ast.Import):
+                assert "models" not in ast.unparse(node), path.name
+
+
+def test_mean_force_by_statics(healthy: np.ndarray) -> None:
+    """Each ring mesh carries T / (n (r_sun + r_ring)) on the base circles."""
+    arm = 3 * (24 + 66) * 1e-3 * math.cos(math.radians(20))
+    assert healthy.mean(axis=1) == pytest.approx(np.full(3, TORQUE / arm), rel=2e-3)
+
+
+def test_a_healthy_set_is_heard_at_66h_and_multiples_of_three_beside_it_only(healthy: np.ndarray) -> None:
+    turn = np.arange(healthy.shape[1]) * PERIOD / healthy.shape[1]
+    window = [(0.5 + 0.5 * np.cos(2 * np.pi * (turn + i / 3))) ** 2 for i in range(3)]
+    found = lines(np.sum(np.array(window) * healthy, axis=0))
+    order = np.arange(found.size) / PERIOD
+    allowed = np.isclose(order % 3, 0) | np.isclose(order % 3, 3)
+    inside = (order > 10) & (order < 215)
+    assert found[inside & allowed].max() > 1e4 * found[inside & ~allowed].max()
+
+
+def test_a_planet_whose_pin_lies_ahead_carries_less_by_stiffness_times_error(healthy: np.ndarray) -> None:
+    """Springs of equal stiffness on a rigid carrier: -k cos(a) e (1 - 1/3), whatever the torque."""
+    bent = Machine(hidden={"planet-position-error": {"planet": 2.0, "error_um": 0.5}}, ramp=0.5, drop=0.0)
+    straight = Machine(ramp=0.5, drop=0.0)
+    change = [
+        (ring_forces(bent, CARRIER_HZ, t)[1] - ring_forces(straight, CARRIER_HZ, t)[1]).mean(axis=1) for t in (60.0, 120.0)
+    ]
+    assert change[0] == pytest.approx(change[1], abs=0.02 * abs(change[0][1]))
+    assert change[0][1] < 0
+    assert change[0][[0, 2]] == pytest.approx(-0.5 * change[0][1], rel=0.02)
+    pairs = np.mean([0.5 * 1.586, 0.5 * 1.932])  # raised cosines over the whole path: half a pair on average
+    expected = -7e7 * pairs * math.cos(math.radians(20)) * 0.5e-6 * 2 / 3
+    assert change[0][1] == pytest.approx(expected, rel=0.1)
+
+
+def test_a_case_is_drawn_the_same_again() -> None:
+    one, two = draw(3, "sun-runout"), draw(3, "sun-runout")
+    assert one.machine == two.machine and np.array_equal(one.housing.resonance, two.housing.resonance)
+    assert draw(3).machine.drop == one.machine.drop and not draw(3).machine.hidden
