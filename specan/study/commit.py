@@ -103,7 +103,8 @@ def _finish(directory: Path) -> None:
         stream.truncate(pending["history_size"])
         stream.seek(0, os.SEEK_END)
         stream.write(pending["history"].encode("utf-8"))
-        _sync(stream.fileno())
+        stream.flush()
+        os.fsync(stream.fileno())
     if pending["study"] is not None:
         _write_whole(directory / NAME, pending["study"])
     (directory / PENDING).unlink()
@@ -115,9 +116,5 @@ def _write_whole(path: Path, text: str) -> None:
     with temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(text)
         stream.flush()
-        _sync(stream.fileno())
+        os.fsync(stream.fileno())
     temporary.replace(path)
-
-
-def _sync(handle: int) -> None:
-    os.fsync(handle)

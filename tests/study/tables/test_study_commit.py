@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 import tracemalloc
 
 import numpy as np
@@ -208,11 +207,3 @@ def test_memory_of_the_window_matrix_grows_with_the_length_not_with_its_square()
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 5 * peaks[0]
-
-
-def test_a_waiting_reader_finishes_what_a_dead_writer_left(study):
-    with changing(study.directory):
-        pass
-    started = time.monotonic()
-    recover(study.directory)
-    assert time.monotonic() - started < 5
