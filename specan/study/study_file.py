@@ -272,10 +272,6 @@ class StudyText:
         """
         return parse(StudyFile, self.document.unwrap(), str(self.path))
 
-    def save(self) -> None:
-        """Write the file back."""
-        _write(self.path, self.text)
-
     def _append(self, key: str, entry: Mapping[str, Any]) -> None:
         import tomlkit
 
@@ -297,10 +293,3 @@ def _inline(value: Any) -> Any:
     inline = tomlkit.inline_table()
     inline.update({k: _inline(v) for k, v in value.items()})
     return inline
-
-
-def _write(path: Path, text: str) -> None:
-    """Replace a file in one step: a reader never sees half of it."""
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_text(text, encoding="utf-8", newline="\n")
-    temporary.replace(path)
