@@ -32,7 +32,7 @@ _DYNAMICS_DB = 90.0  # that a figure shows at most
 def figure_band_levels(found: BandLevels) -> Figure:
     """Band levels of every channel, and the overall levels beside them; one pair of axes a level reference.
 
-    The bar on a filled level is one standard deviation of stationary noise (`BandLevels.u_db`). Of more than eight
+    The bar on a filled level is one standard deviation of stationary noise (`BandLevels.u_dB`). Of more than eight
     channels the range is drawn, the median, and the channels that are furthest from it.
     """
     texts = list(dict.fromkeys(reference.text for reference in found.references))
@@ -42,7 +42,7 @@ def figure_band_levels(found: BandLevels) -> Figure:
     for (axes, totals), text in zip(sheet, texts):
         rows = [r for r, reference in enumerate(found.references) if reference.text == text]
         names = [found.channels[r] for r in rows]
-        colours = draw_bands(axes, edges, found.level_db[rows], names)
+        colours = draw_bands(axes, edges, found.level_dB[rows], names)
         if len(rows) <= _BARS:
             _bars(axes, found, rows)
         _draw_totals(totals, found, rows, colours)
@@ -68,10 +68,10 @@ def _legends(figure: Figure, panels: Sequence[Axes]) -> None:
 
 
 def draw_bands(
-    axes: Axes, edges: NDArray[np.float64], level_db: NDArray[np.float64], names: Sequence[str]
+    axes: Axes, edges: NDArray[np.float64], level_dB: NDArray[np.float64], names: Sequence[str]
 ) -> dict[int, str]:
     """Levels of channels with one reference as steps; returns the colours of the rows that have their own."""
-    level = np.where(np.isneginf(level_db), np.nan, level_db)
+    level = np.where(np.isneginf(level_dB), np.nan, level_dB)
     many, filled = len(level) > FEW, len(level) <= _BARS
     if many:
         draw_range(axes, edges, level)
@@ -91,14 +91,14 @@ def draw_bands(
 
 def _bars(axes: Axes, found: BandLevels, rows: Sequence[int]) -> None:
     for row in rows:
-        level = np.where(np.isneginf(found.level_db[row]), np.nan, found.level_db[row])
-        axes.errorbar(found.exact_hz, level, found.u_db, fmt="none", ecolor="0.35", elinewidth=0.8)
+        level = np.where(np.isneginf(found.level_dB[row]), np.nan, found.level_dB[row])
+        axes.errorbar(found.exact_hz, level, found.u_dB, fmt="none", ecolor="0.35", elinewidth=0.8)
 
 
 def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: dict[int, str]) -> None:
     for number, row in enumerate(rows):
         colour = colours.get(number, "0.75")
-        for place, values in enumerate(found.overall_db.values()):
+        for place, values in enumerate(found.overall_dB.values()):
             axes.plot(
                 place, values[row], marker="_", markersize=16, markeredgewidth=1.6, color=colour,
                 zorder=3 if number in colours else 2,
@@ -106,14 +106,14 @@ def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: di
             if len(rows) == 1 and np.isfinite(values[row]):
                 axes.annotate(f"{values[row]:.1f}", (place, values[row]), (0, 3), textcoords="offset points",
                               ha="center", va="bottom", fontsize=8)  # fmt: skip
-    axes.set_xticks(range(len(found.overall_db)), labels=list(found.overall_db))
-    axes.set_xlim(-0.7, len(found.overall_db) - 0.3)
+    axes.set_xticks(range(len(found.overall_dB)), labels=list(found.overall_dB))
+    axes.set_xlim(-0.7, len(found.overall_dB) - 0.3)
     axes.grid(False, axis="x")
 
 
 def _limit(axes: Axes, found: BandLevels, rows: Sequence[int]) -> None:
     """From the highest level down to the lowest, but no further than the dynamics of a converter."""
-    shown = np.concatenate([found.level_db[rows].ravel(), *(v[rows] for v in found.overall_db.values())])
+    shown = np.concatenate([found.level_dB[rows].ravel(), *(v[rows] for v in found.overall_dB.values())])
     finite = shown[np.isfinite(shown)]
     if finite.size:
         top = float(finite.max())
@@ -128,7 +128,7 @@ def figure_level_history(found: BandLevels, channel: int = 0) -> Figure:
         raise ValueError("a linear average has no history")
     figure = new_figure(6.4)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 3])
-    for weighting, levels in history.overall_db.items():
+    for weighting, levels in history.overall_dB.items():
         if np.isfinite(levels[channel]).any():
             above.plot(history.time_s, levels[channel], label=weighting, linewidth=1.0)
     text = found.references[channel].text
@@ -137,7 +137,7 @@ def figure_level_history(found: BandLevels, channel: int = 0) -> Figure:
     half = history.interval_s / 2
     times = np.append(history.time_s - half, history.time_s[-1] + half)
     edges = np.append(found.lower_hz, found.upper_hz[-1])
-    level = history.level_db[channel]
+    level = history.level_dB[channel]
     finite = level[np.isfinite(level)]
     top = float(finite.max()) if finite.size else 0.0
     mesh = below.pcolormesh(
@@ -165,7 +165,7 @@ def _facts(found: BandLevels) -> list[str]:
 def _loudest(found: BandLevels) -> str:
     """Overall level of each reference: of one channel, or the range of several."""
     texts = []
-    name, values = next(iter(found.overall_db.items()))
+    name, values = next(iter(found.overall_dB.items()))
     for text in dict.fromkeys(reference.text for reference in found.references):
         here = [v for v, r in zip(values, found.references, strict=True) if r.text == text and np.isfinite(v)]
         if here:

@@ -40,7 +40,7 @@ def figure_orders(found: OrderSpectrum) -> Figure:
 
 
 def _draw_orders(axes: Axes, found: OrderSpectrum, rows: list[int]) -> None:
-    level = found.level_db[rows]
+    level = found.level_dB[rows]
     if len(rows) > FEW:
         draw_range(axes, found.order, level)
     for k, style in styles_of(chosen(level), len(rows) > FEW).items():
@@ -64,7 +64,7 @@ def figure_order_map(found: OrderSpectrum) -> Figure:
     place = np.argsort(found.speed_hz, kind="stable")
     speed = found.speed_hz[place]
     for row, one in enumerate(axes):
-        picture = found.map_level_db[place, row][:, found.order > 0]
+        picture = found.map_level_dB[place, row][:, found.order > 0]
         finite = picture[np.isfinite(picture)]
         top = float(finite.max()) if finite.size else 0.0
         mesh = one.pcolormesh(

@@ -67,7 +67,7 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     with_coherence = bool(np.isfinite(found.coherence).any())
     units = list(dict.fromkeys(found.units))
     figure, axes = _sheet([*[3] * len(units), 2, *([1] if with_coherence else [])], 4.7 + 1.7 * len(units))
-    f, level = found.frequency_hz, found.level_db
+    f, level = found.frequency_hz, found.level_dB
     relative = 2 * np.hypot(found.u_magnitude_percent, found.u_common_percent) / 100
     styles = {}
     for panel, unit in zip(axes, units, strict=False):
@@ -109,7 +109,7 @@ def _magnitudes(
     relative: NDArray[np.float64],
     styles: dict[int, dict[str, str]],
 ) -> None:
-    f, level = found.frequency_hz, found.level_db
+    f, level = found.frequency_hz, found.level_dB
     low, high = band_about(level, relative)
     marker = "." if len(f) < 60 else ""
     for row in rows:
@@ -166,7 +166,7 @@ def figure_spectrum(found: Spectrum) -> Figure:
     figure, axes = _sheet(
         [*[3] * len(references), *([2] if with_phase else [])], 2.2 + 2.2 * (len(references) + with_phase)
     )
-    level, f = found.level_db, found.frequency_hz
+    level, f = found.level_dB, found.frequency_hz
     styles = {}
     for panel, text in zip(axes, references, strict=False):
         rows = [r for r, unit in enumerate(found.units) if found.scale.level_text(unit) == text]
@@ -203,7 +203,7 @@ def figure_spectrum(found: Spectrum) -> Figure:
 
 def _strongest(found: Spectrum) -> str:
     """Highest line of each level reference."""
-    level = np.where((found.frequency_hz > 0) & np.isfinite(found.level_db), found.level_db, -np.inf)
+    level = np.where((found.frequency_hz > 0) & np.isfinite(found.level_dB), found.level_dB, -np.inf)
     texts = []
     for text in dict.fromkeys(found.scale.level_text(u) for u in found.units):
         rows = [r for r, unit in enumerate(found.units) if found.scale.level_text(unit) == text]
@@ -221,7 +221,7 @@ def figure_spectrogram(found: Spectrogram) -> Figure:
     figure, axes = _sheet(
         [1] * len(found.channels), 1.4 + max(2.4, 4.2 / len(found.channels)) * len(found.channels)
     )
-    level = found.level_db
+    level = found.level_dB
     positive = found.frequency_hz > 0
     f = found.frequency_hz[positive]
     for row, (name, unit, one) in enumerate(zip(found.channels, found.units, axes)):
