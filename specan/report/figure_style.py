@@ -123,6 +123,18 @@ def legend_below(figure: Figure, axes: Axes, most_columns: int = 6) -> None:
         )
 
 
+def legend_above(axes: Axes, most_columns: int = 7) -> None:
+    """Legend between the top of some axes and their title, where it covers no line."""
+    labels = axes.get_legend_handles_labels()[1]
+    if labels:
+        width = 0.8 * float(axes.figure.get_size_inches()[0])  # type: ignore[union-attr]
+        fit = max(int(width * 14 / (max(map(len, labels)) + 6)), 1)
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(fit, most_columns), borderaxespad=0.1,
+            columnspacing=1.2,
+        )  # fmt: skip
+
+
 def level_label(reference: str) -> str:
     """Label of a level axis with what 0 dB is.
 

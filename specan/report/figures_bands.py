@@ -11,6 +11,7 @@ from specan.data.band_levels import BandLevels
 from specan.report.channel_lines import FEW, chosen, draw_range, styles_of
 from specan.report.figure_style import (
     heading,
+    legend_above,
     legend_below,
     level_label,
     micro,
@@ -52,6 +53,7 @@ def figure_band_levels(found: BandLevels) -> Figure:
     sheet[-1, 0].set_xlabel("Mid-band frequency / Hz")
     sheet[-1, 1].set_xlabel("Overall")
     _legends(figure, sheet[:, 0])
+    figure.align_ylabels(sheet[:, 0])
     heading(figure, found.label or "Band levels", *_facts(found), _loudest(found))
     return figure
 
@@ -62,9 +64,7 @@ def _legends(figure: Figure, panels: Sequence[Axes]) -> None:
         legend_below(figure, panels[0])
         return
     for axes in panels:
-        low, high = axes.get_ylim()
-        axes.set_ylim(low, high + 0.16 * (high - low))  # room for the legend above the levels
-        axes.legend(loc="upper left", ncols=6, columnspacing=1.2)
+        legend_above(axes)
 
 
 def draw_bands(
@@ -130,10 +130,10 @@ def figure_level_history(found: BandLevels, channel: int = 0) -> Figure:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 3])
     for weighting, levels in history.overall_dB.items():
         if np.isfinite(levels[channel]).any():
-            above.plot(history.time_s, levels[channel], label=weighting, linewidth=1.0)
+            above.plot(history.time_s, levels[channel], label=f"L{weighting}", linewidth=1.0)
     text = found.references[channel].text
     above.set_ylabel(level_label(text))
-    above.legend(title="overall", ncols=4, loc="lower left")
+    legend_above(above)
     half = history.interval_s / 2
     times = np.append(history.time_s - half, history.time_s[-1] + half)
     edges = np.append(found.lower_hz, found.upper_hz[-1])

@@ -31,9 +31,10 @@ def figure_calibration(found: Calibration) -> Figure:
     sheet[0].set_ylim(len(found.channels) - 0.4, -0.6)
     for axes in sheet:
         axes.grid(False, axis="y")
-    legend_below(figure, sheet[0])
     tone = f" at {found.calibrator_frequency_hz:.2f} Hz" if found.calibrator_frequency_hz else ""
     counts = [f"{len(_of(found, verdict))} {verdict}" for verdict in _MARKS if _of(found, verdict)]
+    if len(counts) > 1:
+        legend_below(figure, sheet[0])
     heading(figure, f"Calibration{tone}", ", ".join(counts) + "; bars: 95 % intervals")
     return figure
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from specan.data.orders import OrderSpectrum
 from specan.report.channel_lines import FEW, chosen, draw_range, styles_of
-from specan.report.figure_style import heading, legend_below, level_label, new_figure, styled
+from specan.report.figure_style import heading, legend_above, legend_below, level_label, new_figure, styled
 from specan.units import level_reference
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def figure_orders(found: OrderSpectrum) -> Figure:
         _draw_orders(axes, found, rows)
         axes.set_ylabel(level_label(text))
         if len(texts) > 1:
-            axes.legend(loc="upper right", ncols=4)
+            legend_above(axes)
     sheet[-1].set_xlim(0.0, float(found.order[-1]))
     sheet[-1].set_xlabel("Order of the shaft")
     if len(texts) == 1:

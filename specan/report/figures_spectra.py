@@ -14,6 +14,7 @@ from specan.report.channel_lines import FEW, chosen, draw_range, draw_thin, styl
 from specan.report.figure_style import (
     band_about,
     heading,
+    legend_above,
     legend_below,
     micro,
     new_figure,
@@ -82,7 +83,7 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
         known = np.where(relative[rows] <= _KNOWN, level[rows], np.nan)
         panel.set_ylim(*_limits(known if np.isfinite(known).any() else level[rows]))
         if len(units) > 1:
-            panel.legend(loc="upper right", ncols=4)
+            legend_above(panel)
     _phases(axes[len(units)], found, styles, unwrapped)
     if with_coherence:
         if len(level) > FEW:
@@ -99,6 +100,7 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     if len(units) == 1:
         legend_below(figure, axes[0])
     _frequency_axis(axes, f)
+    figure.align_ylabels(axes)
     return figure
 
 
@@ -180,7 +182,7 @@ def figure_spectrum(found: Spectrum) -> Figure:
         panel.set_ylim(*_limits(level[rows]))
         panel.set_ylabel(f"Level / {micro(text)}")
         if len(references) > 1:
-            panel.legend(loc="upper right", ncols=4)
+            legend_above(panel)
     if found.phase_deg is not None:
         for row, style in styles.items():
             strong = level[row] > np.nanmax(level[row], initial=-np.inf) - _PHASE_DB
@@ -198,6 +200,7 @@ def figure_spectrum(found: Spectrum) -> Figure:
     if len(references) == 1:
         legend_below(figure, axes[0])
     _frequency_axis(axes, f)
+    figure.align_ylabels(axes)
     return figure
 
 
@@ -209,9 +212,8 @@ def _strongest(found: Spectrum) -> str:
         rows = [r for r, unit in enumerate(found.units) if found.scale.level_text(unit) == text]
         row, line = np.unravel_index(int(np.argmax(level[rows])), level[rows].shape)
         if np.isfinite(level[rows][row, line]):
-            texts.append(
-                f"{found.channels[rows[int(row)]]} {level[rows][row, line]:.1f} {micro(text)} at {found.frequency_hz[line]:.5g} Hz"
-            )
+            name, hertz = found.channels[rows[int(row)]], found.frequency_hz[line]
+            texts.append(f"{name} {level[rows][row, line]:.1f} {micro(text)} at {hertz:.5g} Hz")
     return "Highest line: " + "; ".join(texts) if texts else ""
 
 

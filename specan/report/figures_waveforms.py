@@ -60,7 +60,10 @@ def figure_waveforms(
         if axes is not sheet[-1]:
             axes.spines["bottom"].set_visible(False)
             axes.tick_params(axis="x", length=0)
-    figure.align_ylabels(sheet)
+    if rows > 6:
+        figure.get_layout_engine().set(h_pad=0.0, hspace=0.0)  # type: ignore[union-attr, call-arg]
+    else:
+        figure.align_ylabels(sheet)
     sheet[-1].set_xlabel("Time / s")
     left_out = f"{len(shown)} of {len(usable)} channels. " if len(shown) < len(usable) else ""
     scales = ", ".join(f"±{end:.3g} {unit}" for unit, end in reach.items())
