@@ -96,7 +96,7 @@ def _noise(path: Path, report: BatchReport) -> list[str]:
     for name, channels in islice(_by_file(path, columns), MOST_FIGURES):
         result = next((r for r in report.results if r.label == name), None)
         figure = transfer_figure(name, channels, *_units_and_facts(result, path.name))
-        parts += [f"<h3>{escape(name)}</h3>", picture(figure, f"transfer functions of {name}")]
+        parts.append(picture(figure, f"transfer functions of {name}"))
     return ["<h2>Transfer functions</h2>", *parts] if parts else []
 
 
@@ -105,7 +105,7 @@ def _bands(path: Path, report: BatchReport) -> list[str]:
     for name, channels in islice(_by_file(path, ("band_hz", "level_dB")), MOST_FIGURES):
         result = next((r for r in report.results if r.label == name), None)
         figure = band_figure(name, channels, *_units_and_facts(result, path.name))
-        parts += [f"<h3>{escape(name)}</h3>", picture(figure, f"band levels of {name}")]
+        parts.append(picture(figure, f"band levels of {name}"))
     return ["<h2>Band levels</h2>", *parts] if parts else []
 
 
@@ -172,7 +172,8 @@ def transfer_figure(
         axes[-1].plot(values[0], values[3], linewidth=0.9, **style)
     axes[-2].set(ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90))
     axes[-1].set(ylabel="Coherence", ylim=(0, 1.05))
-    return _finished(figure, axes, channels, name, facts)
+    x = np.concatenate([values[0] for values in channels.values()])
+    return _finished(figure, list(axes), x, name, facts)
 
 
 @styled
@@ -191,7 +192,8 @@ def band_figure(
             panel.set_ylim(max(float(known.min()), float(known.max()) - 90.0) - 3.0, float(known.max()) + 4.0)
         panel.set_ylabel(level_label(reference) if reference else "Level / dB")
         legend_above(panel)
-    return _finished(figure, axes, channels, name, facts)
+    edges = np.concatenate([_edges(values[0]) for values in channels.values()])
+    return _finished(figure, list(axes), edges, name, facts)
 
 
 def _grouped(channels: Mapping[str, np.ndarray], units: Mapping[str, str]) -> dict[str, list[str]]:
@@ -211,9 +213,8 @@ def _edges(mid_hz: np.ndarray) -> np.ndarray:
 
 
 def _finished(
-    figure: Figure, axes: Sequence[Any], channels: Mapping[str, np.ndarray], name: str, facts: Sequence[str]
+    figure: Figure, axes: Sequence[Any], frequencies: np.ndarray, name: str, facts: Sequence[str]
 ) -> Figure:
-    frequencies = np.concatenate([values[0] for values in channels.values()])
     positive = frequencies[frequencies > 0]
     octave_axis(axes[-1], float(positive.min()), max(float(positive.max()), 1.01 * float(positive.min())))
     axes[-1].set_xlabel("Frequency / Hz")

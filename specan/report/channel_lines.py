@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 FEW = 8  # channels that are drawn each in its own colour
 APART = 3  # of many: those that are drawn over the range
-_RANGE = {"color": "0.82", "linewidth": 0}
+_RANGE: dict[str, Any] = {"color": "0.82", "linewidth": 0}
 
 
 def chosen(values: NDArray[np.float64]) -> list[int]:

@@ -66,8 +66,9 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     @functools.wraps(draw)
     def drawn(*args: Any, **kwargs: Any) -> Figure:
         import matplotlib as mpl
+        from cycler import cycler
 
-        style = {"axes.prop_cycle": mpl.cycler(color=COLOURS), **STYLE}
+        style: Any = {"axes.prop_cycle": cycler(color=COLOURS), **STYLE}
         with mpl.rc_context(style):
             return draw(*args, **kwargs)
 
@@ -81,7 +82,7 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def heading(figure: Figure, title: str, *facts: str) -> None:
+def heading(figure: Any, title: str, *facts: str) -> None:
     """Title at the top left in bold; settings and result below it in grey, folded to the figure's width."""
     from matplotlib.text import Annotation
 
@@ -113,26 +114,27 @@ def legend_below(figure: Figure, axes: Axes, most_columns: int = 6) -> None:
     handles, labels = axes.get_legend_handles_labels()
     known = dict(zip(labels, handles, strict=True))
     if known:
-        longest = max(map(len, known))
-        fit = max(int(float(figure.get_size_inches()[0]) * 14 / (longest + 6)), 1)
-        figure.legend(
-            list(known.values()),
-            list(known),
-            loc="outside lower center",
-            ncols=min(len(known), fit, most_columns),
-        )
+        ncols = _columns(list(known), float(figure.get_size_inches()[0]), most_columns)
+        figure.legend(list(known.values()), list(known), loc="outside lower center", ncols=ncols)
 
 
 def legend_above(axes: Axes, most_columns: int = 7) -> None:
     """Legend between the top of some axes and their title, where it covers no line."""
     labels = axes.get_legend_handles_labels()[1]
     if labels:
-        width = 0.8 * float(axes.figure.get_size_inches()[0])  # type: ignore[union-attr]
-        fit = max(int(width * 14 / (max(map(len, labels)) + 6)), 1)
+        width = axes.get_position().width * float(axes.figure.get_size_inches()[0])  # type: ignore[union-attr]
         axes.legend(
-            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(fit, most_columns), borderaxespad=0.1,
-            columnspacing=1.2,
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=_columns(labels, width, most_columns),
+            borderaxespad=0.1, columnspacing=1.2,
         )  # fmt: skip
+
+
+def _columns(labels: list[str], inches: float, most: int) -> int:
+    """Columns of a legend: all in one row if they fit; a character takes 1/15 inch, a handle seven characters."""
+    room = 15 * inches
+    if sum(len(label) + 7 for label in labels) <= room:
+        return len(labels)
+    return max(min(int(room / (max(map(len, labels)) + 7)), most), 1)
 
 
 def level_label(reference: str) -> str:
@@ -261,5 +263,5 @@ def save_figure(figure: Figure, path: Path) -> None:
     }
     for text in figure.findobj(Text):
         text.set_text(text.get_text().encode("utf-8", "backslashreplace").decode("utf-8"))
-    with whole_file(path) as half, mpl.rc_context(STYLE):
+    with whole_file(path) as half, mpl.rc_context(STYLE):  # type: ignore[arg-type]
         figure.savefig(half, format=kind, dpi=150, metadata=about[kind])

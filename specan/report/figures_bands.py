@@ -52,7 +52,7 @@ def figure_band_levels(found: BandLevels) -> Figure:
     octave_axis(sheet[-1, 0], float(found.lower_hz[0]), float(found.upper_hz[-1]))
     sheet[-1, 0].set_xlabel("Mid-band frequency / Hz")
     sheet[-1, 1].set_xlabel("Overall")
-    _legends(figure, sheet[:, 0])
+    _legends(figure, list(sheet[:, 0]))
     figure.align_ylabels(sheet[:, 0])
     heading(figure, found.label or "Band levels", *_facts(found), _loudest(found))
     return figure

@@ -52,7 +52,7 @@ def _draw(axes: Axes, found: SignalLevels, rows: list[int]) -> None:
         return np.where(np.isfinite(values[rows]), values[rows], np.nan)
 
     axes.hlines(
-        places, finite(found.minimum_dB), finite(found.maximum_dB), color=COLOURS[4], lw=1,
+        places, finite(found.min_dB), finite(found.max_dB), color=COLOURS[4], lw=1,
         label="lowest to highest",
     )  # fmt: skip
     if len(ordered) > 1:

@@ -65,8 +65,8 @@ def figure_impedance(found: Impedance) -> Figure:
     total = sum(len(found.of(wall)) for wall in walls)
     heading(
         figure, "Surface impedance of the walls",
-        f"{known} of {total} bands are determined. Bars: 95 % intervals; pale: upper limit only, not determined. Dotted: "
-        "all walls together.",
+        f"{known} of {total} bands are determined. Bars: 95 % intervals; pale: upper limit only, not determined. "
+        "Dotted: all walls together.",
     )  # fmt: skip
     return figure
 

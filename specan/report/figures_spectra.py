@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,7 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     figure, axes = _sheet([*[3] * len(units), 2, *([1] if with_coherence else [])], 4.7 + 1.7 * len(units))
     f, level = found.frequency_hz, found.level_dB
     relative = 2 * np.hypot(found.u_magnitude_percent, found.u_common_percent) / 100
-    styles = {}
+    styles: dict[int, dict[str, Any]] = {}
     for panel, unit in zip(axes, units, strict=False):
         rows = [r for r, u in enumerate(found.units) if u == unit]
         many = len(rows) > FEW
@@ -109,7 +109,7 @@ def _magnitudes(
     found: FrequencyResponse,
     rows: Sequence[int],
     relative: NDArray[np.float64],
-    styles: dict[int, dict[str, str]],
+    styles: dict[int, dict[str, Any]],
 ) -> None:
     f, level = found.frequency_hz, found.level_dB
     low, high = band_about(level, relative)
@@ -119,7 +119,7 @@ def _magnitudes(
         axes.plot(f, level[row], label=found.channels[row], linewidth=1.0, marker=marker, **styles[row])
 
 
-def _phases(axes: Axes, found: FrequencyResponse, styles: dict[int, dict[str, str]], unwrapped: bool) -> None:
+def _phases(axes: Axes, found: FrequencyResponse, styles: dict[int, dict[str, Any]], unwrapped: bool) -> None:
     f = found.frequency_hz
     # A wrapped phase gets a gap where it jumps, not a vertical line.
     phases = found.unwrapped_phase_deg if unwrapped else np.array([with_gaps(row) for row in found.phase_deg])
@@ -169,7 +169,7 @@ def figure_spectrum(found: Spectrum) -> Figure:
         [*[3] * len(references), *([2] if with_phase else [])], 2.2 + 2.2 * (len(references) + with_phase)
     )
     level, f = found.level_dB, found.frequency_hz
-    styles = {}
+    styles: dict[int, dict[str, Any]] = {}
     for panel, text in zip(axes, references, strict=False):
         rows = [r for r, unit in enumerate(found.units) if found.scale.level_text(unit) == text]
         many = len(rows) > FEW
