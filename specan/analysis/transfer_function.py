@@ -230,9 +230,11 @@ class TransferFunctionAccumulator:
         spectra = _without_mean(self._spectra.result())
         found = self._estimate(spectra)
         f, settings = spectra.frequency_hz, self.settings
-        own, base = np.stack([c.correction(f) for c in self.responses]), self.reference.correction(f)
+        base = self.reference.correction(f)
+        response = np.empty_like(found.response)
         with np.errstate(divide="ignore", invalid="ignore"):
-            response = found.response * own / base
+            for row, channel in enumerate(self.responses):
+                np.divide(found.response[row] * channel.correction(f), base, out=response[row])
         lost = self._lost(found)
         u_relative = np.hypot(found.u_relative, lost)
         step = self.reference.sampling_rate / settings.block
@@ -335,15 +337,18 @@ class TransferFunctionAccumulator:
             if self.sufficient is not None and settings.block < self.sufficient:
                 why = "as many as the length of the section allows"
             remarks.append(f"{settings.n_lines} lines, {why} ({settings.block / rate:.3g} s)")
-        mask = leaking(100 * lost, 100 * np.hypot(found.u_relative, lost))
-        worst = [row for row in range(len(lost)) if np.median(mask[row]) > 0.5]
+        worst = [
+            row
+            for row, (taken, u) in enumerate(zip(lost, found.u_relative, strict=True))
+            if np.median(leaking(100 * taken, 100 * np.hypot(u, taken))) > 0.5
+        ]
         if not worst:
             return remarks
         with np.errstate(invalid="ignore"):
             size = [
                 np.sqrt(
                     2
-                    * np.nansum((lost * np.abs(found.response))[row] ** 2)
+                    * np.nansum((lost[row] * np.abs(found.response[row])) ** 2)
                     / np.nansum(np.abs(found.response[row]) ** 2)
                 )
                 for row in worst
