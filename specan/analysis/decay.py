@@ -184,11 +184,11 @@ def _evaluate(energy: Real, arrival: int, recorded: int, step_s: float, width: f
         level = 10.0 * np.log10(curve / curve[0])
     top = float(np.max(np.convolve(after[: floor.end], np.ones(interval) / interval, "valid")))
     bottom = floor.power or float(np.mean(after[-interval:]))
-    range_db = 10.0 * math.log10(top / bottom) if bottom > 0 else math.inf
-    found = {"range_dB": range_db, "nonlinearity_permille": math.nan}
+    range_dB = 10.0 * math.log10(top / bottom) if bottom > 0 else math.inf
+    found = {"range_dB": range_dB, "nonlinearity_permille": math.nan}
     for name, (upper, lower) in _RANGES.items():
         line = decay_line(level, upper, lower)
-        enough = range_db >= _ABOVE_NOISE_DB - lower
+        enough = range_dB >= _ABOVE_NOISE_DB - lower
         time = found[f"{name}_s"] = line.samples * step_s if enough else math.nan
         if name in _SCATTER:
             factor, term = _SCATTER[name]

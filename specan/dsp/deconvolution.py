@@ -28,7 +28,7 @@ class Deconvolution:
     >>> x = np.random.default_rng(0).standard_normal(1000) * np.hanning(1000)
     >>> x = np.append(x, np.zeros(100))
     >>> y = 0.5 * np.roll(x, 7)
-    >>> Deconvolution(x).response(y, 10).round(3).tolist()
+    >>> (Deconvolution(x).response(y, 10).round(3) + 0.0).tolist()
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0]
     """
 

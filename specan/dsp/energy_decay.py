@@ -82,8 +82,8 @@ def noise_floor(energy: Real, step: int) -> NoiseFloor:
     return NoiseFloor(noise if end < n else 0.0, end, beyond)
 
 
-def _fit(energy: Real, step: int, noise: float, span_db: float | None) -> tuple[float, float]:
-    """Slope (dB a sample) and level at sample 0 of the decay above the noise; of its last `span_db` if given."""
+def _fit(energy: Real, step: int, noise: float, span_dB: float | None) -> tuple[float, float]:
+    """Slope (dB a sample) and level at sample 0 of the decay above the noise; of its last `span_dB` if given."""
     step = max(1, min(step, energy.size // _FEWEST))
     count = energy.size // step
     mean = np.add.reduce(energy[: count * step].reshape(count, step), axis=1) / step
@@ -92,8 +92,8 @@ def _fit(energy: Real, step: int, noise: float, span_db: float | None) -> tuple[
     floor = (10.0 * math.log10(noise) if noise > 0 else -math.inf) + _MARGIN_DB
     first = int(np.argmax(level))
     low = first + int(np.argmax(np.append(level[first:] <= floor, True)))
-    if span_db is not None:
-        above = np.flatnonzero(level[first:low] > floor + span_db)
+    if span_dB is not None:
+        above = np.flatnonzero(level[first:low] > floor + span_dB)
         first = first + int(above[-1]) if above.size else first
     if low - first < _FEWEST:
         low = min(count, first + _FEWEST)
@@ -141,7 +141,7 @@ class DecayLine:
     nonlinearity: float
 
 
-def decay_line(curve_db: Real, upper_db: float, lower_db: float) -> DecayLine:
+def decay_line(curve_dB: Real, upper_dB: float, lower_dB: float) -> DecayLine:
     """Least squares line through a decay curve between two levels below its beginning (ISO 3382-1:2009, 6).
 
     Examples
@@ -149,14 +149,14 @@ def decay_line(curve_db: Real, upper_db: float, lower_db: float) -> DecayLine:
     >>> decay_line(-0.01 * np.arange(5000.0), -5.0, -25.0).samples
     6000.0
     """
-    below = np.flatnonzero(curve_db <= lower_db)
+    below = np.flatnonzero(curve_dB <= lower_dB)
     if not below.size:
         return DecayLine(math.nan, math.nan)
     last = int(below[0])
-    first = int(np.argmax(curve_db <= upper_db))
+    first = int(np.argmax(curve_dB <= upper_dB))
     if last - first < _FEWEST:
         return DecayLine(math.nan, math.nan)
     time = np.arange(first, last)
-    slope, _ = np.polyfit(time, curve_db[first:last], 1)
-    correlation = np.corrcoef(time, curve_db[first:last])[0, 1]
+    slope, _ = np.polyfit(time, curve_dB[first:last], 1)
+    correlation = np.corrcoef(time, curve_dB[first:last])[0, 1]
     return DecayLine(round(-60.0 / float(slope), 9), 1000.0 * (1.0 - float(correlation) ** 2))
