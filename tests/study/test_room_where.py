@@ -117,7 +117,7 @@ def test_sums_over_cells_are_what_the_whole_residual_says(model):
     columns = algebra.columns(
         np.stack([np.where(rows, part, 0.0) for part in (algebra.predicted, turned)], axis=1)
     )
-    along = columns.T @ algebra.clean
+    along = columns.T @ algebra.projected
     expected = along @ np.linalg.solve(columns.T @ columns, along)
     assert cells.statistic(channels, bands) == (pytest.approx(expected, rel=1e-6), 2.0)
 
