@@ -57,7 +57,7 @@ def test_the_score_of_a_linear_effect_is_the_gain_of_its_refit(toy):
     problem = toy.problem(lambda x, z: 1.5 * x**2, ["square"], seed=1)
     start, [only], _ = scored(problem)
     after = refitted(start, [only])
-    assert only.gain == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
+    assert only.chi2_reduction == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
     x = np.column_stack([np.ones(48), toy.x, toy.x**2])
     measured = problem.observations[0].measured
     exact = np.linalg.lstsq(x, measured, rcond=None)
@@ -69,7 +69,7 @@ def test_a_released_certificate_gains_what_the_refit_without_it_gains(toy):
     problem = toy.problem(lambda x, z: 4.0 * (z > 0), ["zero-error"], seed=2)
     start, [only], _ = scored(problem)
     after = refitted(start, [only])
-    assert only.gain == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
+    assert only.chi2_reduction == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
     assert after.problem.priors == {}
     assert after.fit.values["zero-error.shift"] == pytest.approx(4.0, abs=1.0)
 
@@ -92,7 +92,7 @@ def test_an_amplitude_of_one_sign_gains_nothing_from_the_other(toy):
     _, found, _ = scored(toy.problem(lambda x, z: -8 * np.cos(4 * x), ["wave"], seed=3))
     at_four = [s for s in found if abs(s.signature.shapes["wave.rate"] - 4) < 1e-9]
     assert all(s.signature.one_sided for s in found)
-    assert max(s.gain for s in at_four) <= 1e-9
+    assert max(s.chi2_reduction for s in at_four) <= 1e-9
 
 
 def test_a_shape_is_tried_where_its_trace_turns(toy):
@@ -114,7 +114,7 @@ def test_a_saturating_effect_is_seen_at_its_size(toy):
     assert start.chi2 > 0
     assert best.signature.size[0] >= 20
     small = min(found, key=lambda s: s.signature.size[0])
-    assert best.gain > small.gain
+    assert best.chi2_reduction > small.chi2_reduction
 
 
 def test_two_effects_that_hide_each_other_are_found_as_a_pair(toy):
@@ -127,13 +127,13 @@ def test_two_effects_that_hide_each_other_are_found_as_a_pair(toy):
 
     problem = toy.problem(truth, ["cross", "nearly-cross", "square"], seed=4)
     start, found, _ = scored(problem)
-    singles = {str(use): items[0].gain for use, items in best_of_each(found).items()}
+    singles = {str(use): items[0].chi2_reduction for use, items in best_of_each(found).items()}
     pairs = score_pairs(start.linear, found)
-    assert max(singles.values()) < 0.1 * pairs[0].gain
-    assert pairs[0].gain > 100
+    assert max(singles.values()) < 0.1 * pairs[0].chi2_reduction
+    assert pairs[0].chi2_reduction > 100
     assert {str(u) for u in pairs[0].uses} == {"cross", "nearly-cross"}
     after = refitted(start, [pairs[0].first, pairs[0].second])
-    assert pairs[0].gain == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
+    assert pairs[0].chi2_reduction == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
 
 
 def test_pairs_keep_to_their_domains(toy):
@@ -142,7 +142,7 @@ def test_pairs_keep_to_their_domains(toy):
     for pair in score_pairs(start.linear, found):
         after = refitted(start, [pair.first, pair.second])
         assert after.fit.values["wave.c"] >= 0
-        assert pair.gain <= start.chi2 - after.chi2 + 1e-6
+        assert pair.chi2_reduction <= start.chi2 - after.chi2 + 1e-6
 
 
 def test_elements_of_an_axis_are_candidates_of_their_own(toy):
@@ -176,7 +176,7 @@ def test_correlated_rows_count_for_less(toy):
     problem = toy.problem(lambda x, z: 2 * x**2, ["square"], seed=6)
     halved = problem.over([Halved(**vars_of(problem.observations[0]))])
     one, two = (scored(p) for p in (problem, halved))
-    assert two[1][0].gain == pytest.approx(0.5 * one[1][0].gain, rel=1e-9)
+    assert two[1][0].chi2_reduction == pytest.approx(0.5 * one[1][0].chi2_reduction, rel=1e-9)
     assert two[0].reduced == pytest.approx(0.5 * one[0].chi2 / 22)
     assert replace(problem).n_effective == 48
 

@@ -464,7 +464,7 @@ def test_a_pair_is_refitted_from_the_single_that_promises_most(toy):
     promised = [
         (
             start.uses | {use},
-            start.chi2 - items[0].gain + price * (start.count + 1 + len(items[0].signature.shapes)),
+            start.chi2 - items[0].chi2_reduction + price * (start.count + 1 + len(items[0].signature.shapes)),
         )
         for start in search.refits.of_size(1)
         for use, items in search.step(start).by_use.items()
@@ -535,10 +535,10 @@ def test_bootstrap_agrees_with_the_bound(toy):
         {"held_out_gain": -0.1},
     ],
 )
-def test_each_condition_of_the_gate_can_stop_an_effect(fault):
+def test_each_condition_of_the_acceptance_test_can_stop_an_effect(fault):
     good = Decision(1e-4, 1e-4, 20.0, 15.0, 0.001)
-    assert good.passed
-    assert not replace(good, **fault).passed
+    assert good.accepted
+    assert not replace(good, **fault).accepted
 
 
 def test_the_equation_of_an_effect_is_trusted_to_a_fifth(toy):
@@ -547,16 +547,16 @@ def test_the_equation_of_an_effect_is_trusted_to_a_fifth(toy):
     assert step.acceptance.explained > 1000
     pair = search.refits.done[frozenset({Use("square"), Use("cross")})]
     decision = step.acceptance.decision(pair)
-    assert decision.needed
-    assert not decision.passed
+    assert decision.accepted_if_exact
+    assert not decision.accepted
     assert search.best.uses == {Use("square")}
     assert [r.uses for r in search.extensions] == [pair.uses]
     assert [r.uses for r in alternatives(search)] == [search.best.uses, pair.uses]
     exact = AcceptanceTest(step.start, step.acceptance.family, 0.0, step.acceptance.level)
-    assert exact.decision(pair).passed
+    assert exact.decision(pair).accepted
 
 
-def test_noise_from_few_repeats_makes_the_gate_careful(toy):
+def test_noise_from_few_repeats_makes_acceptance_careful(toy):
     problem = toy.problem(lambda x, z: 1.3 * x**2, ["square"], seed=13)
     few = problem.over([replace(problem.observations[0], noise_dof=3.0)])
     p = [diagnose(p).ranking[0].p_value for p in (problem, few)]

@@ -41,15 +41,15 @@ class Decision:
     level: float
 
     @property
-    def passed(self) -> bool:
+    def accepted(self) -> bool:
         """All of: improbable by chance, decisive, predicts better what was left out.
 
         Values outside of what is known have paid for it in chi-square.
         """
-        return self.needed and self.p_with_tolerance <= self.level
+        return self.accepted_if_exact and self.p_with_tolerance <= self.level
 
     @property
-    def needed(self) -> bool:
+    def accepted_if_exact(self) -> bool:
         """The same if the effects that are in the model already had exactly the form of their equations."""
         return self.p_value <= self.level and self.delta_bic > DECISIVE and self.held_out_gain > 0
 

@@ -188,7 +188,7 @@ class Search:
         return self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
 
     def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
-        passed = [r for r in found if self.decision(r).passed]
+        passed = [r for r in found if self.decision(r).accepted]
         dispersion = min((r.dispersion for r in passed), default=1.0)
         return min(passed, key=lambda r: r.bic(dispersion), default=None)
 
@@ -207,9 +207,9 @@ class Search:
         passed, needed = [], []
         for refit in self.refits.of_size(2):
             self.decisions[refit.uses] = decision = self._pair_decision(refit, single)
-            if decision.needed and self.needs_all(refit):
+            if decision.accepted_if_exact and self.needs_all(refit):
                 needed.append(refit)
-                passed += [refit] if decision.passed else []
+                passed += [refit] if decision.accepted else []
         dispersion = min((r.dispersion for r in needed), default=1.0)
         best = min(passed, key=lambda r: r.bic(dispersion), default=None)
         if best is None and single is not None and needed:
@@ -289,7 +289,7 @@ class Search:
             if refit is None:
                 continue
             decision = step.acceptance.decision(refit)
-            if decision.passed:
+            if decision.accepted:
                 passed.append(refit)
         return min(passed, key=lambda r: r.chi2, default=None)
 
