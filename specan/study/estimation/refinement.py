@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from specan.errors import ComputationError
-from specan.study.estimation.levenberg_marquardt import SETTLED, Minimum, finite_residual, unit
+from specan.study.estimation.levenberg_marquardt import STEP_TOLERANCE, Minimum, finite_residual, unit
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
@@ -52,7 +52,7 @@ def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
             break  # rounding, or the accuracy of the model, is reached
     else:
         promised = descent.take_jacobian()
-    return descent.minimum(), promised < SETTLED * unit(problem, descent.chi2)
+    return descent.minimum(), promised < STEP_TOLERANCE * unit(problem, descent.chi2)
 
 
 class _Refinement:
