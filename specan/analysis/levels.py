@@ -163,7 +163,9 @@ class LevelsAccumulator:
         row, column = np.arange(len(self.channels)), np.where(self._pressure, 0, 1)
         c_peak = np.full(len(self.channels), np.nan)
         c_peak[self._pressure] = self._c_peak.result()
-        equivalent = {w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS}
+        equivalent: dict[str, NDArray[np.float64]] = {
+            w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS
+        }
         percentile = exceeded(
             level(histories.readings[row, column], zero[:, None]), self.settings.percentiles
         )

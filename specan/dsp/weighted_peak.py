@@ -32,7 +32,7 @@ class WeightedPeak:
     --------
     >>> t = np.arange(48000) / 48000
     >>> peak = WeightedPeak(1, 48000.0, "C")
-    >>> peak.add(np.sin(2 * np.pi * 1000 * t)[None])
+    >>> peak.add((np.sin(2 * np.pi * 1000 * t) * np.minimum(1, 100 * t))[None])
     >>> peak.result().round(3).tolist()
     [1.0]
     """
