@@ -140,10 +140,12 @@ def _print_recordings(study: Study, recorded: Sequence[FrfErrors]) -> None:
     from specan.study.localisation.frf_errors import summary
     from specan_cli.output import table
 
+    receivers = study.model.receivers
+    names = receivers.plural if receivers else "channels"
     for one in recorded:
         click.echo("")
         table(
-            f"{one.recording}: model over measured, all {study.model.receivers.plural}",
+            f"{one.recording}: model over measured, all {names}",
             ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "the clearest, dB (95 %)"],
             summary([one]),
         )
