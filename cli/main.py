@@ -21,6 +21,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
     "orders": ("orders", "Order spectra, lines and averages against a tacho or a known speed."),
+    "impulse": ("impulse", "Impulse responses from noise, sweeps, sequences and impulses."),
+    "decay": ("decay", "Reverberation times, clarity, definition (ISO 3382)."),
     "rms": ("rms", "RMS, level, peak, crest factor, equivalent and percentile levels."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "Everything in a directory of recordings, as text tables."),
