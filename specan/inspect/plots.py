@@ -153,6 +153,8 @@ class Lines:
         Pixels; without them a share of the height that there is.
     named : bool
         Ticks of the horizontal axis carry numbers.
+    shades : str
+        Name of the data of the bands.
     coloured : bool
         Every line has a colour, however many they are.
     """
@@ -172,6 +174,7 @@ class Lines:
         dynamics: float | None = None,
         coloured: bool = False,
         named: bool = True,
+        shades: str = "bands",
     ) -> None:
         self._fixed, self._dynamics, self._coloured = limits is not None, dynamics, coloured
         self._limits: tuple[float, float] | None = None
@@ -190,7 +193,7 @@ class Lines:
             tools=[],
             output_backend="canvas",
         )
-        self._shades = ColumnDataSource({"x": [], "y": [], "colour": [], "alpha": []}, name="bands")
+        self._shades = ColumnDataSource({"x": [], "y": [], "colour": [], "alpha": []}, name=shades)
         self.sheet.patches(
             "x", "y", source=self._shades, fill_color="colour", fill_alpha="alpha", line_color=None
         )

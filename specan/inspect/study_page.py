@@ -129,8 +129,8 @@ class StudyPage:
             ),
             self.reason, row(self.accept, self.again), width=_SIDE + 12, sizing_mode="stretch_height", styles=PANEL,
         )  # fmt: skip
-        top = row(
-            self.staircase.body, *(part.body for part in self.places), *self.map.body, sizing_mode="stretch_both",
+        self._top = row(
+            self.staircase.body, sizing_mode="stretch_both",
             styles=_share(4),
         )  # fmt: skip
         bottom = row(
@@ -138,10 +138,13 @@ class StudyPage:
             sizing_mode="stretch_both",
             styles=_share(5),
         )
-        self._story, self._figures = story, [top, bottom]
-        self._middle = column(story, sizing_mode="stretch_both", styles={**grows, "gap": "4px"})
+        self._bottom = bottom
+        self._middle = column(story, self._top, sizing_mode="stretch_both", styles={**grows, "gap": "4px"})
         main = row(
-            left, middle, sizing_mode="stretch_width", styles={"height": "calc(100vh - 52px)", "gap": "8px"}
+            left,
+            self._middle,
+            sizing_mode="stretch_width",
+            styles={"height": "calc(100vh - 52px)", "gap": "8px"},
         )
         below = column(self.trial, self.history, sizing_mode="stretch_width")
         self.document.add_root(
@@ -150,7 +153,9 @@ class StudyPage:
                 styles={"padding": "0 8px 6px", "box-sizing": "border-box"},
             )
         )  # fmt: skip
-        self.dress.put_on(*self.document.roots, top, bottom)
+        fields = [*(part.body for part in self.places), *self.map.body]
+        self._top_fields = fields
+        self.dress.put_on(*self.document.roots, bottom, *fields)
         self.document.title = f"{title} - specan"
 
     def _header(self, title: str) -> Any:
@@ -207,8 +212,9 @@ class StudyPage:
     def _show(self, trial: Trial) -> None:
         for part in (*self.agreement, *self.places):
             part.show(trial)
-        if len(self._middle.children) == 1:  # there is something to show now
-            self._middle.children = [self._story, *self._figures]
+        if self._bottom not in self._middle.children:  # there is something to show now
+            self._top.children = [self.staircase.body, *self._top_fields]
+            self._middle.children = [*self._middle.children, self._bottom]
         self.map.show(trial)
         before = {} if self.now is None or not trial.uses else {e.observable: e for e in self.now.errors}
         rows = [

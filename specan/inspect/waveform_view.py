@@ -40,7 +40,9 @@ class WaveformView:
         self._waveforms: dict[str, Waveform] = {}
         self._reach: dict[str, float] = {}
         self._end = max(opened.duration_s, 1e-3)
-        self.lines = Lines("Time / s", "", height=150, legend=False, coloured=True, tip=("s", "value"))
+        self.lines = Lines(
+            "Time / s", "", height=150, legend=False, coloured=True, shades="envelopes", tip=("s", "value")
+        )
         self.sheet = self.lines.sheet
         select = BoxSelectTool(dimensions="width", description="Choose the time section")
         self.sheet.add_tools(select)

@@ -34,7 +34,7 @@ class Ranking:
         Gives a new line the style of the page.
     """
 
-    def __init__(self, try_: Callable[[Uses], None], dress: Callable[[Any], Any]) -> None:
+    def __init__(self, try_: Callable[[Uses], None], dress: Callable[[Any], Any] = lambda part: part) -> None:
         self._try = try_
         self._study: Study | None = None
         self._dress = dress
@@ -136,8 +136,9 @@ class Ranking:
     def _numbers(self, ranked: Ranked) -> str:
         """The error that is left, as a number and as a part of the error now, and the probability by chance."""
         part = min(ranked.error_after / self._now, 1.0) if self._now else 0.0
+        numbers = f"<b>{ranked.error_after:.3g}</b> &nbsp;{_probability(ranked.p_value)}"
         return (
-            f'<small style="white-space:nowrap"><b>{ranked.error_after:.3g}</b> &nbsp;{_probability(ranked.p_value)}</small>'
+            f'<small style="white-space:nowrap">{numbers}</small>'
             f'<div style="width:100px;height:5px;background:var(--line);border-radius:3px">'
             f'<div style="width:{100 * part:.0f}px;height:5px;background:var(--accent);border-radius:3px"></div></div>'
         )

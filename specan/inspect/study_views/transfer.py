@@ -49,8 +49,8 @@ class TransferAgreement:
             "", "Magnitude\n/ dB", hertz=True, tip=("Hz", "dB"), dynamics=80.0, weight=3, named=False
         )
         self.phase = Lines(
-            "", "Phase\n/ degrees", hertz=True, like=self.magnitude, limits=WRAPPED, weight=2, legend=False, named=False,
-            tip=("Hz", "degrees"),
+            "", "Phase\n/ degrees", hertz=True, like=self.magnitude, limits=WRAPPED, weight=2, legend=False,
+            named=False, tip=("Hz", "degrees"),
         )  # fmt: skip
         self.error = Lines(
             "Frequency / Hz", "Error\n/ dB", hertz=True, like=self.magnitude, weight=2, legend=False,
