@@ -71,7 +71,8 @@ MODELS = [
     Entry("efficiency", "Efficiency of a worm gear", "",
           "simulate worm-gear sample_data/worm_gear/rig.toml --figure 4"),
     Entry("efficiency_map", "Efficiency map", "", "simulate worm-gear sample_data/worm_gear/rig.toml --figure 11"),
-    Entry("field", "Sound field of a room", "Level and phase on a plane; `box.toml` is the first rig file of [the room](room.md).",
+    Entry("field", "Sound field of a room",
+          "Level and phase on a plane; `box.toml` is the first rig file of [the room](room.md).",
           "simulate room box.toml --field z=0.33 --frequency 250", cheap=False),
 ]  # fmt: skip
 SECTIONS = {"Recordings": RECORDINGS, "Studies": STUDIES, "Models": MODELS}

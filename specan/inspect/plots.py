@@ -238,7 +238,7 @@ class Lines:
             self.sheet.xgrid.ticker = self.sheet.xaxis[0].ticker
         self._glyph = glyph
         self._legend = Legend(
-            items=[], click_policy="none", border_line_color=None, label_text_font_size="11px", spacing=0, padding=4,
+            items=[], click_policy="none", border_line_color=None, label_text_font_size="11px", spacing=10, padding=4,
             margin=0, orientation="horizontal", ncols=8, glyph_width=14, glyph_height=12, label_height=12,
         ) if legend else None  # fmt: skip
         if self._legend is not None:

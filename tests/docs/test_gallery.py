@@ -51,7 +51,7 @@ def test_the_page_has_every_picture_and_no_palette(gallery):
     shown = {f"{entry.name}.png" for rows in gallery.SECTIONS.values() for entry in rows}
     assert {path.name for path in (DOCS / "images" / "gallery").iterdir()} == shown
     # A palette merges colours that tell channels apart.
-    pictures = [p for p in (DOCS / "images").rglob("*.png")]
+    pictures = (DOCS / "images").rglob("*.png")
     assert [p.name for p in pictures if Image.open(p).mode == "P"] == []
 
 

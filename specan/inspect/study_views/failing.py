@@ -59,7 +59,7 @@ class FailingMap:
         ]  # fmt: skip
         self._cells.data = _cells(found)
         of = "framed: significant" if self._known else "relative to 1 %"
-        self.sheet.title.text = f"Where the model fails: violet too low, orange too high ({of})"
+        self.sheet.title.text = f"Model low (violet), high (orange); {of}"
 
 
 def _cells(found: ResidualMap) -> dict[str, list[Any]]:

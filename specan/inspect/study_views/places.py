@@ -72,13 +72,14 @@ class PlacesView:
         low, high = corners.min(axis=0), corners.max(axis=0)
         margin = 0.09 * (high - low)
         sheet = figure(
-            title="Where it fails: level error by place", sizing_mode="stretch_both", tools="save", min_height=120,
+            title="Level error", sizing_mode="stretch_both", tools="save", min_height=120,
             match_aspect=True, x_range=Range1d(low[0] - margin[0], high[0] + margin[0]),
             y_range=Range1d(low[1] - margin[1], high[1] + margin[1]),
             styles={"flex": "1 1 0", "min-height": "0", "background": "var(--paper)"},
         )  # fmt: skip
         sheet.axis.visible = sheet.grid.visible = False
         sheet.toolbar.logo = None
+        sheet.toolbar.autohide = True
         for line, dash in self._edges():
             sheet.line(line[:, 0], line[:, 1], line_color="#808894", line_dash=dash)
         sheet.add_layout(LabelSet(
@@ -169,4 +170,4 @@ class PlacesView:
             "key": [f"0/{errors.channels[k]}" for k in rows],
             "where": [", ".join(f"{value:.3g}" for value in place) for place in at],
         }  # fmt: skip
-        self.sheet.title.text = f"Where it fails at {errors.bands[band]:g} Hz: level error by place"
+        self.sheet.title.text = f"Level error at {errors.bands[band]:g} Hz"

@@ -24,7 +24,7 @@ class Staircase:
     def __init__(self) -> None:
         self._bars = ColumnDataSource({"x": [], "top": [], "colour": [], "text": [], "alpha": []})
         self.sheet = figure(
-            title="Error: fitted (blue), held out (orange)", sizing_mode="stretch_both",
+            title="Fitted (blue), held out (orange)", sizing_mode="stretch_both",
             tools="save", x_range=FactorRange(), y_range=Range1d(0, 1), min_height=120,
             styles={"flex": "2 1 0", "min-height": "0", "background": "var(--paper)"},
         )  # fmt: skip
