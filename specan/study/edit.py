@@ -33,8 +33,8 @@ class Change(Result):
     Attributes
     ----------
     before, after : Step
-    study : Study
-        As it is now.
+    was, study : Study
+        As it was before, and as it is now.
     intervals : dict
         95 % profile intervals of the new effect's parameters, in their declared units.
     held : tuple of str
@@ -45,6 +45,7 @@ class Change(Result):
 
     before: Step
     after: Step
+    was: Study
     study: Study
     intervals: dict[str, tuple[float, float]]
     held: tuple[str, ...]
@@ -112,7 +113,7 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
         intervals = _intervals(changed, use)
         remarks = _remarks_on_adding(study, changed, before, after, use, held)
         _commit(changed, by_hand, after)
-    return Change(before, after, changed, intervals, held, tuple(remarks))
+    return Change(before, after, study, changed, intervals, held, tuple(remarks))
 
 
 def drop_effect(study: Study, effect: str, because: str = "") -> Change:
@@ -134,7 +135,7 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
         _commit(changed, by_hand, after)
     remarks = [f"{use} goes back under its certificate"] if has_prior else []
     remarks += _on_errors(before, after, expected_to_fall=False)
-    return Change(before, after, changed, {}, (), tuple(remarks))
+    return Change(before, after, study, changed, {}, (), tuple(remarks))
 
 
 def is_effect_file(directory: Path, name: str) -> bool:
