@@ -79,7 +79,8 @@ def fit(
         Theta, or SI values by name, to start from; the problem's own start by default.
     starts : int
         Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
-        so that the same problem always gives the same answer. Only the first where the strategy allows no `further_starts`.
+        so that the same problem always gives the same answer. Only the first without
+        `Strategy.further_starts`.
     max_evaluations : int
         Trust-region steps that one start may take before another method is tried.
 

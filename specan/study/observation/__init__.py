@@ -103,7 +103,7 @@ class Observation(Protocol):
         """How fits and searches over these data are run."""
 
     def down_weighted(self, percent: float) -> Observation:
-        """The same with every row uncertain by so much of the level around it; itself where the strategy is no `continuation`."""
+        """The same with every row uncertain by so much of the level around it; itself without `continuation`."""
 
     def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
         """The same without windows, as far as the model at these values knows what they do; itself where none are."""
