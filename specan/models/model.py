@@ -84,6 +84,9 @@ class Model:
         Elements of each axis: ``{"wall": ("x0", "x1", ...), "microphone": ("Mic 1", ...)}``.
     base_effects : tuple of str
         Effects that a new study starts with.
+    other_forms : mapping
+        Other published forms of the same part as a base effect, by its name: taken in its place, never beside it,
+        and never called missing.
     nuisances : tuple of Nuisance
         Instrument errors with a certificate.
     rig : RigStatement
@@ -115,6 +118,7 @@ class Model:
     effects: Mapping[str, Effect]
     observables: Mapping[str, Observable]
     base_effects: tuple[str, ...] = ()
+    other_forms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     nuisances: tuple[Nuisance, ...] = ()
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rig: RigStatement = field(default_factory=RigStatement)
@@ -297,7 +301,12 @@ class Model:
     def candidates(self, assembly: Assembly) -> tuple[Use, ...]:
         """Uses of effects that the assembly lacks, one for each element of the axis they act at."""
         uses = []
+        there = {use.name for use in assembly.uses}
+        parts = [{name, *others} for name, others in self.other_forms.items()]
+        taken = set().union(*(part for part in parts if part & there))
         for effect in self.effects.values():
+            if effect.name in taken:
+                continue
             elements = self.axes[effect.at] if effect.at else ("",)
             uses += [Use(effect.name, element) for element in elements]
         return tuple(use for use in sorted(uses) if use not in assembly.uses)

@@ -33,13 +33,17 @@ class Trace:
 
 # the catalogue's signatures, at 60 N*m, 1500 rpm, 50 degC
 EFFECTS = {
+    "axial-preload": Trace(),  # a sum of rolling and sliding
     "bearing-friction": Trace(),  # a sum of rolling and sliding
     "bearing-preload": Trace(torque=0, speed=1),
+    "brake-drag": Trace(sign=0),  # only without load
     "churning": Trace(torque=0),  # its exponents are its parameters
     "inlet-shear-heating": Trace(sign=-1),
     "load-dependent-friction": Trace(speed=1, viscosity=0),
+    "mesh-starvation": Trace(torque=1),
     "mesh-pocketing": Trace(torque=0, speed=2, viscosity=0),
     "oil-heating": Trace(sign=-1),
+    "palmgren-bearings": Trace(),  # a sum of two
     "running-in": Trace(speed=1, viscosity=0),
     "seal-drag": Trace(torque=0, speed=1, viscosity=0),
     "shear-thinning": Trace(sign=-1),
@@ -49,6 +53,7 @@ EFFECTS = {
     "thermal-lag": Trace(sign=0),  # nothing under load in the steady state
     "tooth-friction": Trace(torque=1, speed=1, viscosity=0),
     "torque-gain-error": Trace(),
+    "torque-hysteresis": Trace(sign=0),  # nothing in one reading
     "torque-zero-error": Trace(),
     "viscosity-dependent-friction": Trace(torque=1, speed=1, sign=-1),
     "windage": Trace(torque=0, speed=3, viscosity=0),
@@ -289,7 +294,7 @@ def test_running_in_is_an_order_in_time():
 
 def test_effects_over_time_need_the_time():
     assert MODEL.not_testable({"worm_speed", TORQUE_OUT}) == dict.fromkeys(
-        ("running-in", "zero-drift"), "needs elapsed_time"
+        ("running-in", "torque-hysteresis", "zero-drift"), "needs elapsed_time"
     )
     assert MODEL.not_testable({"worm_speed", TORQUE_OUT, "elapsed_time"}) == {}
 
