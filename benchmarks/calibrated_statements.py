@@ -74,7 +74,7 @@ def run_case(seed: int, noise: float, effects: bool, gears: bool, discrepancy: f
         return {"seed": seed, "p": fit(problem, starts=2).p_value}
     chosen = None
     if effects:
-        usable = [c for c in candidates(problem)[0] if not c.released and not c.use.at]
+        usable = [c for c in candidates(problem)[0] if not c.without_prior and not c.use.at]
         chosen = usable[seed % len(usable)]
     readings, true = drawn(problem, seed, noise, chosen)
     table = {name: values for name, values in case.table.items() if name != "efficiency"}

@@ -111,8 +111,8 @@ def _of_likeliest_form(declared: _Searched, progress: Progress, bootstrap: bool)
         progress(f"searching with {other.text}")
         new = _searched(Search(Refits(other.start), (), bootstrap, progress))
         best, rival = likeliest.search.best, new.search.best
-        scale = min(best.scale, rival.scale)
-        ahead = best.bic(scale) - rival.bic(scale)
+        dispersion = min(best.dispersion, rival.dispersion)
+        ahead = best.bic(dispersion) - rival.bic(dispersion)
         if ahead > (DECISIVE if rival.uses or new.found.kind != "nothing-missing" else 0.0):
             likeliest, form = new, other.text
     return likeliest, form

@@ -47,7 +47,7 @@ def other_forms(base: Refit) -> Iterator[OtherForm]:
     problem = base.problem
     model = problem.assembly.model
     for part, forms in model.other_forms.items():
-        if problem.dear or Use(part) not in problem.assembly.uses:
+        if problem.expensive or Use(part) not in problem.assembly.uses:
             continue
         for form in forms:
             other = problem.without(part).with_uses([form])
@@ -56,5 +56,5 @@ def other_forms(base: Refit) -> Iterator[OtherForm]:
                 start = Refit(frozenset(), other, fit(other, starts=STARTS), count=count)
             except ComputationError:
                 continue
-            if base.bic(start.scale) - start.bic(start.scale) > DECISIVE:
+            if base.bic(start.dispersion) - start.bic(start.dispersion) > DECISIVE:
                 yield OtherForm(part, form, start)
