@@ -53,9 +53,10 @@ def command(
         from specan.report.figures_room import figure_errors
         from specan.report.figures_study import figure_compare
 
-        save_figure(
-            figure_compare(study) if shown is None else figure_errors(study, recorded[0], shown), plot
-        )
+        if shown is None or study.model.receivers is None:
+            save_figure(figure_compare(study, channel), plot)
+        else:
+            save_figure(figure_errors(study, recorded[0], shown), plot)
 
 
 def _content(study, found) -> dict:  # type: ignore[no-untyped-def, type-arg]
@@ -134,10 +135,11 @@ def _print_recordings(study, recorded) -> None:  # type: ignore[no-untyped-def]
     from specan.study.localisation.frf_errors import summary
     from specan_cli.output import table
 
+    plural = study.model.receivers.plural if study.model.receivers else "channels"
     for one in recorded:
         click.echo("")
         table(
-            f"{one.recording}: model over measured, all {study.model.receivers.plural}",
+            f"{one.recording}: model over measured, all {plural}",
             ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "the clearest, dB (95 %)"],
             summary([one]),
         )
