@@ -20,7 +20,9 @@ class Frf:
         response is called like the observable, and the reference is the only one that there is.
     uncertainty_percent, uncertainty : float, optional
         Standard uncertainty of the real and of the imaginary part of one line, in percent of the magnitude and in
-        `unit`: for measurements that do not tell their own (by coherence, or by a column).
+        `unit`: for files that do not tell their own (by a column, or by coherence and number of averages).
+    averages : float, optional
+        Number of independent averages behind a line, for files that hold a coherence and do not say it.
 
     Examples
     --------
@@ -43,3 +45,4 @@ class Frf:
     reference: str = ""
     uncertainty_percent: float | None = None
     uncertainty: float | None = None
+    averages: float | None = None

@@ -217,7 +217,7 @@ def _observable(name: str, given: Any, function: Callable[..., Any]) -> Observab
     if isinstance(given, Frf):
         return Observable(
             name, name, unit, doc, column=name, column_unit=unit, kind=KIND,
-            response=given.response or name, reference=given.reference,
+            response=given.response or name, reference=given.reference, averages=given.averages or 0.0,
         )  # fmt: skip
     return Observable(name, name, unit, doc, column=name, column_unit=unit)
 

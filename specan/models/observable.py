@@ -24,6 +24,8 @@ class Observable:
         brings.
     response, reference : str
         Of a transfer function, the channels whose quotient it is; empty where the measurement leaves no choice.
+    averages : float
+        Number of averages behind its lines, where files do not say it; 0 where it is not known.
     reading_of : str
         Another observable from whose reading it is worked out: it has the same relative uncertainty where
         the rig states none of its own.
@@ -44,6 +46,7 @@ class Observable:
     reading_of: str = ""
     response: str = ""
     reference: str = ""
+    averages: float = 0.0
 
     @property
     def header(self) -> str:

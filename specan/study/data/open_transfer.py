@@ -22,7 +22,7 @@ from specan.study.data.estimate_frf import LEAST_BLOCKS, noise_of_lines
 from specan.study.data.open_recordings import put_aside
 from specan.study.data.open_recordings import reads as is_recording
 from specan.study.data.sources import DataFile, DataRequest, OpenedData
-from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file
+from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
 from specan.study.observation import Array
 from specan.study.observation.correlated_errors import hats
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
@@ -90,8 +90,8 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
     if not known:
         names = ", ".join(o.name for o in model.observables.values() if o.kind == KIND)
         statements.append(
-            f"nothing tells how uncertain {names} is: no coherence with a number of averages, no column u, no "
-            "uncertainty_percent in the model"
+            f"nothing tells how uncertain {names} is: no column u, no coherence with a number of averages "
+            "(Frf(..., averages=)), no uncertainty_percent"
         )
     percent = model.rig.discrepancy_percent
     return OpenedData(tuple(fitted), tuple(held_out), tuple(statements), known, percent)
@@ -243,6 +243,10 @@ def _sigma_of(
 ) -> tuple[Array | None, str]:
     if one.sigma is not None:
         return factor * one.sigma[inside], "as the file says"
+    if one.coherence is not None and observable.averages:
+        size = factor * np.abs(one.values[inside])
+        found = sigma_of(size, one.coherence[inside], observable.averages)
+        return found, f"from the coherence and {observable.averages:g} averages"
     percent = model.rig.reading_percent.get(observable.name, 0.0)
     floor = model.rig.reading.get(observable.name, 0.0)
     if not percent and not floor:
