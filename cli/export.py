@@ -136,7 +136,9 @@ def _transfer(
     from specan.analysis.transfer_function import TransferFunction
     from specan.io.export_uff import write_uff_transfer
 
-    found = TransferFunction(reference=reference, channels=channels, start_s=section[0], stop_s=section[1])(recording)
+    found = TransferFunction(reference=reference, channels=channels, start_s=section[0], stop_s=section[1])(
+        recording
+    )
     write_uff_transfer(found, target)
     if plot is not None:
         from specan.report.figure_style import save_figure
@@ -151,7 +153,9 @@ def _transfer(
                 "format": "uff",
                 "lines": int(found.frequency_hz.size),
                 "reference": found.reference,
-                "channels": [{"name": n, "unit": u} for n, u in zip(found.channels, found.units, strict=True)],
+                "channels": [
+                    {"name": n, "unit": u} for n, u in zip(found.channels, found.units, strict=True)
+                ],
             }
         )
     elif not to_standard_output(target):

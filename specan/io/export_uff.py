@@ -32,7 +32,9 @@ def write_uff(excerpt: Excerpt, path: Path) -> None:
     """
     pyuff = library("pyuff", "uff")
     named = enumerate(zip(excerpt.names(), excerpt.channels, strict=True), 1)
-    _write(pyuff, path, (_data_set(pyuff, excerpt, number, name, channel) for number, (name, channel) in named))
+    _write(
+        pyuff, path, (_data_set(pyuff, excerpt, number, name, channel) for number, (name, channel) in named)
+    )
 
 
 def write_uff_transfer(found: FrequencyResponse, path: Path) -> None:

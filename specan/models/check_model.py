@@ -147,7 +147,9 @@ def _predict(assembly: Assembly, conditions: Conditions, values: Mapping[str, fl
     with np.errstate(all="ignore"):
         found = assembly.evaluate(conditions, values, wanted=nodes)
     parts = [np.broadcast_to(np.asarray(found[n]), (size,)) for n in nodes]
-    return np.concatenate([p for part in parts for p in ([part.real, part.imag] if part.dtype.kind == "c" else [part])])
+    return np.concatenate(
+        [p for part in parts for p in ([part.real, part.imag] if part.dtype.kind == "c" else [part])]
+    )
 
 
 def _jacobian(

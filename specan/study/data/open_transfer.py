@@ -123,7 +123,9 @@ def _observation(model: Model, frequency: str, file: DataFile, lines: _Lines) ->
     for name, value in _constants(model, file).items():
         at[name] = np.full(lines.folding.nodes.size, value)
     lacking = [
-        c.column for c in model.conditions.values() if c.name not in at and c.default is None and c.name != frequency
+        c.column
+        for c in model.conditions.values()
+        if c.name not in at and c.default is None and c.name != frequency
     ]
     if lacking:
         raise InputError(
@@ -135,7 +137,8 @@ def _observation(model: Model, frequency: str, file: DataFile, lines: _Lines) ->
     return FrfObservation(
         name=file.name,
         recording=file.name,
-        quantity=tuple(o.quantity for o in lines.observables),
+        quantity="",
+        quantities=tuple(o.quantity for o in lines.observables),
         frequency_hz=lines.frequency_hz,
         line_hz=lines.line_hz,
         channels=names,
@@ -180,9 +183,7 @@ def _shared(lines: _Lines, discrepancy: float) -> Complex:
     return np.nan_to_num(np.stack(columns, axis=-1))
 
 
-def _read(
-    model: Model, frequency: str, file: DataFile, calibration: Path | None
-) -> list[tuple[_Lines, str]]:
+def _read(model: Model, frequency: str, file: DataFile, calibration: Path | None) -> list[tuple[_Lines, str]]:
     observables = [o for o in model.observables.values() if o.kind == KIND]
     band = _band(model, frequency)
     if is_transfer_file(file.path):

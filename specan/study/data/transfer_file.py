@@ -81,7 +81,9 @@ def is_transfer_file(path: Path) -> bool:
         return True
     if b"\0" in start or start.startswith((b"RIFF", b"TDSm", b"PK")):
         return False
-    lines = [line for line in start.decode("utf-8", "replace").splitlines() if line.strip() and line[0] != "#"]
+    lines = [
+        line for line in start.decode("utf-8", "replace").splitlines() if line.strip() and line[0] != "#"
+    ]
     titles = [_title(cell)[0] for cell in re.split(r"[\t;,]", lines[0])] if lines else []
     return any(_FREQUENCY.match(title) for title in titles) and any(_part(t)[1] for t in titles)
 
@@ -144,9 +146,14 @@ def _from_uff(path: Path) -> list[MeasuredFrf]:
         beside = next((c for c in coherences if _same_ends(c, one)), None)
         found.append(
             MeasuredFrf(
-                one.response, one.reference, one.names, one.unit, one.x, one.values.astype(complex),
+                one.response,
+                one.reference,
+                one.names,
+                one.unit,
+                one.x,
+                one.values.astype(complex),
                 coherence=None if beside is None else np.interp(one.x, beside.x, np.real(beside.values)),
-            )  # fmt: skip
+            )
         )
     return found
 
@@ -234,9 +241,7 @@ def _one(
     try:
         hertz = np.asarray(convert(frequency, {"khz": "kHz", "hz": "Hz"}.get(f_unit.lower(), f_unit), "Hz"))
     except RequestError:
-        raise InputError(
-            f"{table.path.name}: the frequency is in {f_unit!r}", expected="Hz or kHz"
-        ) from None
+        raise InputError(f"{table.path.name}: the frequency is in {f_unit!r}", expected="Hz or kHz") from None
     coherence, u, averages = column("coherence"), column("u"), column("averages")
     sigma = None
     if u is not None:

@@ -38,8 +38,8 @@ class FrfObservation:
     Attributes
     ----------
     name, recording : str
-    quantity : str or tuple of str
-        The model's quantity that is observed, array (receivers, nodes); or one quantity for each channel.
+    quantity : str
+        The model's quantity that is observed, array (receivers, nodes).
     frequency_hz : array (lines,)
     line_hz : float
         Distance of the analysis' lines; those in use may lie further apart.
@@ -67,6 +67,8 @@ class FrfObservation:
         Where the receivers probably stand, m from the drawing: `shared` holds the slopes there.
     offset : complex array (receivers, lines)
         Added to a prediction for the moved places: back along the slopes to the drawn ones.
+    quantities : tuple of str
+        Instead of `quantity`, one for each channel.
     observables : tuple of str
         Name of the model's observable; or one for each channel.
     line_correlation : tuple of float
@@ -75,7 +77,7 @@ class FrfObservation:
 
     name: str
     recording: str
-    quantity: str | tuple[str, ...]
+    quantity: str
     frequency_hz: Array
     line_hz: float
     channels: tuple[str, ...]
@@ -90,6 +92,7 @@ class FrfObservation:
     moved: Array | None = None
     offset: Complex | float = 0.0
     modal: Complex | None = None
+    quantities: tuple[str, ...] = ()
     observables: tuple[str, ...] = ("frf",)
     line_correlation: tuple[float, ...] = LINE_CORRELATION
     kind: ClassVar[str] = "frf"
@@ -181,7 +184,7 @@ class FrfObservation:
         first: Any = None
         if self.moved is not None:
             assembly, many = moved_to(assembly, many, self.moved)
-        wanted = [self.quantity] if isinstance(self.quantity, str) else list(dict.fromkeys(self.quantity))
+        wanted = list(dict.fromkeys(self.quantities or (self.quantity,)))
         for values in many:
             with np.errstate(all="ignore"):  # what is not finite is told by the fit
                 evaluation = assembly.evaluate(
@@ -348,11 +351,11 @@ class FrfObservation:
 
     def _at_nodes(self, evaluation: Evaluation) -> Complex:
         """Transfer functions (receivers, nodes) out of what the model was evaluated to."""
-        if isinstance(self.quantity, str):
+        if not self.quantities:
             whole: Complex = evaluation[self.quantity]
             return whole
         size = self.folding.nodes.shape
-        return np.stack([np.broadcast_to(evaluation[q], size) for q in self.quantity]).astype(complex)
+        return np.stack([np.broadcast_to(evaluation[q], size) for q in self.quantities]).astype(complex)
 
     def _conditions_at(self, frequency: Array) -> dict[str, Array]:
         known = self.conditions_at_nodes.items()
