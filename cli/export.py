@@ -64,11 +64,7 @@ def command(
     """
     from specan.analysis.section import of_one_rate, section
     from specan.errors import RequestError
-    from specan.io.export_csv import write_csv
-    from specan.io.export_file import Excerpt, together
-    from specan.io.export_parquet import write_parquet
-    from specan.io.export_uff import write_uff
-    from specan.io.export_wav import write_wav
+    from specan.io.export_file import Excerpt, together, write_excerpt
     from specan.io.open import open_recording
 
     if decimal != "." and form != "csv":
@@ -88,10 +84,7 @@ def command(
     chosen, notes = of_one_rate(recording, channels)
     start, stop = section(recording, chosen, start_s, stop_s)
     excerpt = Excerpt(recording, chosen, start, stop)
-    if form == "csv":
-        write_csv(excerpt, target, decimal)
-    else:
-        {"uff": write_uff, "wav": write_wav, "parquet": write_parquet}[form](excerpt, target)
+    write_excerpt(excerpt, form, target, decimal)
     if plot is not None:
         from specan.report.figure_style import save_figure
         from specan.report.figures_waveforms import figure_waveforms

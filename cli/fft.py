@@ -193,7 +193,7 @@ def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
         "notes": found.notes,
         "settings": found.settings,
     }
-    values, levels = found.values, found.level_db
+    values, levels = found.values, found.level_dB
     channels = [
         {
             "channel": name,
@@ -219,7 +219,7 @@ def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
         "averaging": found.averaging,
         "n_blocks": found.n_blocks,
         "n_effective": found.n_effective,
-        "u_dB": found.u_db,
+        "u_dB": found.u_dB,
         "degrees_of_freedom": found.degrees_of_freedom,
         "phase_reference": found.phase_reference,
         "channels": channels,
@@ -262,7 +262,7 @@ def _rows(
     rows = []
     for row, (name, unit) in enumerate(zip(found.channels, found.units)):
         for rank, k in enumerate(highest(values[row], peaks)):
-            first, level = rank == 0, float(scale.level_db(density[row, k], unit))
+            first, level = rank == 0, float(scale.level_dB(density[row, k], unit))
             rows.append(
                 [
                     name if first else "",
@@ -334,7 +334,7 @@ def _text(found: Spectrum | Spectrogram) -> Iterator[str]:
             for column, time in enumerate(text.fixed(found.time_s, 4)):
                 density = found.density[row, column]
                 values = scale.values(density, found.has_mirror)
-                parts = [text.significant(values), text.levels(scale.level_db(density, found.units[row]))]
+                parts = [text.significant(values), text.levels(scale.level_dB(density, found.units[row]))]
                 yield text.rows([named, [time] * count, frequencies, *parts])
             continue
         for first in range(0, count, PIECE):
@@ -344,7 +344,7 @@ def _text(found: Spectrum | Spectrogram) -> Iterator[str]:
             phase = [""] * len(shown) if found.phase_deg is None else text.phases(found.phase_deg[row, piece])
             parts = [
                 text.significant(scale.values(density, found.has_mirror[piece])),
-                text.levels(scale.level_db(density, found.units[row])),
+                text.levels(scale.level_dB(density, found.units[row])),
                 phase,
             ]
             yield text.rows([[text.word(name)] * len(shown), shown, *parts])

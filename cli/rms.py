@@ -100,20 +100,20 @@ def content(found: SignalLevels) -> dict[str, Any]:
             "unit": found.units[row],
             "level_reference": found.references[row].text,
             "rms": found.rms[row],
-            "level_dB": found.level_db[row],
+            "level_dB": found.level_dB[row],
             "peak": found.peak[row],
-            "peak_dB": found.peak_db[row],
+            "peak_dB": found.peak_dB[row],
             "crest_factor": found.crest_factor[row],
             "mean": found.mean[row],
             "minimum": found.minimum[row],
             "maximum": found.maximum[row],
-            "equivalent_dB": {w: values[row] for w, values in found.equivalent_db.items()},
+            "equivalent_dB": {w: values[row] for w, values in found.equivalent_dB.items()},
             "time_weighted_dB": {
                 "weighting": found.weighting if found.units[row] == "Pa" else "Z",
                 "averaging": found.averaging,
-                "max": found.maximum_db[row],
-                "min": found.minimum_db[row],
-                "exceeded": {f"{n:g}": values[row] for n, values in found.percentile_db.items()},
+                "max": found.max_dB[row],
+                "min": found.min_dB[row],
+                "exceeded": {f"{n:g}": values[row] for n, values in found.percentile_dB.items()},
             },
             "flags": found.flags[row],
         }
@@ -149,15 +149,15 @@ def show(found: SignalLevels) -> None:
     click.echo(f"{found.label}: {found.start_s:g} s to {stop:g} s, about the mean")
     table("", header, rows)
     letter = {"fast": "F", "slow": "S"}[found.averaging]
-    percent = [f"L{n:g}" for n in found.percentile_db]
+    percent = [f"L{n:g}" for n in found.percentile_dB]
     header = ["channel", "dB re", "level", "Leq A", f"{letter} max", *percent]
     rows = [
         [
             name,
             found.references[row].text,
-            _number(found.level_db[row]),
-            _number(found.equivalent_db["A"][row]),
-            *(_number(v[row], "{:.1f}") for v in (found.maximum_db, *found.percentile_db.values())),
+            _number(found.level_dB[row]),
+            _number(found.equivalent_dB["A"][row]),
+            *(_number(v[row], "{:.1f}") for v in (found.max_dB, *found.percentile_dB.values())),
         ]
         for row, name in enumerate(found.channels)
     ]
@@ -171,11 +171,11 @@ def write_text(found: SignalLevels, path: Path) -> None:
     """One row a channel, tab-separated."""
     from specan.io import results_text as text
 
-    percent = {f"L{n:g}_dB": values for n, values in found.percentile_db.items()}
-    equivalent = {f"Leq_{weighting}_dB": values for weighting, values in found.equivalent_db.items()}
+    percent = {f"L{n:g}_dB": values for n, values in found.percentile_dB.items()}
+    equivalent = {f"Leq_{weighting}_dB": values for weighting, values in found.equivalent_dB.items()}
     levels = {
-        "level_dB": found.level_db, "peak_dB": found.peak_db, **equivalent, "max_dB": found.maximum_db,
-        "min_dB": found.minimum_db, **percent,
+        "level_dB": found.level_dB, "peak_dB": found.peak_dB, **equivalent, "max_dB": found.max_dB,
+        "min_dB": found.min_dB, **percent,
     }  # fmt: skip
     numbers = {
         "rms": found.rms, "peak": found.peak, "crest_factor": found.crest_factor, "mean": found.mean,

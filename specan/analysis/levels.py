@@ -56,7 +56,7 @@ class Levels(Settings):
     >>> pascals = 1.0 * np.sqrt(2) * np.sin(2 * np.pi * 1000 * np.arange(48000) / 48000)
     >>> mic = Channel("Mic 1", role="microphone", unit="Pa", sampling_rate=48000.0, n_samples=48000)
     >>> found = Levels()(Recording("a.tdms", (mic,), ArraySource([pascals])))
-    >>> found.rms.round(4).tolist(), found.level_db.round(2).tolist(), found.crest_factor.round(3).tolist()
+    >>> found.rms.round(4).tolist(), found.level_dB.round(2).tolist(), found.crest_factor.round(3).tolist()
     ([1.0], [93.98], [1.414])
     """
 
@@ -172,14 +172,14 @@ class LevelsAccumulator:
             rms=rms,
             peak=peak,
             crest_factor=crest,
-            level_db=level(np.square(rms), zero),
-            equivalent_db={w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS},
-            peak_db=level(np.square(peak), zero),
+            level_dB=level(np.square(rms), zero),
+            equivalent_dB={w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS},
+            peak_dB=level(np.square(peak), zero),
             weighting=self._weighting,
             averaging=self.settings.averaging,
-            percentile_db=dict(zip(self.settings.percentiles, percentile)),
-            maximum_db=level(histories.maximum[row, column], zero),
-            minimum_db=level(histories.minimum[row, column], zero),
+            percentile_dB=dict(zip(self.settings.percentiles, percentile)),
+            max_dB=level(histories.maximum[row, column], zero),
+            min_dB=level(histories.minimum[row, column], zero),
             start_s=self.settings.start_s,
             duration_s=self.duration,
             sampling_rate=self.sampling_rate,

@@ -75,7 +75,7 @@ class Octave(Settings):
     >>> pascals = 0.02 * np.sqrt(2) * np.sin(2 * np.pi * 1000 * np.arange(48000) / 48000)
     >>> mic = Channel("Mic 1", role="microphone", unit="Pa", sampling_rate=48000.0, n_samples=48000)
     >>> found = Octave(band=1000)(Recording("a.tdms", (mic,), ArraySource([pascals])))
-    >>> found.level_db.round(2).tolist(), found.overall_db["A"].round(2).tolist(), found.references[0].text
+    >>> found.level_dB.round(2).tolist(), found.overall_dB["A"].round(2).tolist(), found.references[0].text
     ([[60.0]], [60.0], '20 uPa')
     """
 
@@ -278,8 +278,8 @@ def joined_levels(parts: Sequence[BandLevels]) -> BandLevels:
         "groups",
         "units",
         "references",
-        "level_db",
-        "overall_db",
+        "level_dB",
+        "overall_dB",
         "flags",
         "history",
         "other",

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError, RequestError, SpecanError
 from specan.models import Assembly, Parameter, Use, effect
-from specan.study.estimation.continuation import coarse
+from specan.study.estimation.continuation import down_weighted
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
@@ -308,7 +308,7 @@ class Space:
 
     def crude(self) -> Space:
         """The same on few lines, seen without windows, all equally uncertain."""
-        return replace(self, problem=coarse(self.problem), spread=CRUDE_SPREAD)
+        return replace(self, problem=down_weighted(self.problem), spread=CRUDE_SPREAD)
 
     def linearised(self, state: Point) -> Space:
         """The same with places, calibration and discrepancy as they act on the field that was found."""

@@ -16,7 +16,7 @@ from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.starting_values import kept_values, ways_in
+from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study import STARTS, Study
 
 
@@ -61,7 +61,7 @@ class Trial:
 def as_it_is(study: Study) -> Trial:
     """The study's model, fitted; of many rows from where its last step left it, unless somebody changed it since."""
     last = study.history.last
-    if study.problem.dear and last is not None and not study.edited and "best" not in vars(study):
+    if study.problem.expensive and last is not None and not study.edited and "best" not in vars(study):
         return _trial(
             (), study.problem, fit(study.problem, start=kept_values(study.problem, last.parameters))
         )
@@ -97,8 +97,10 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
             why = not_testable.get(name.partition("@")[0], "it is in the model or unknown")
             raise RequestError(f"{name} cannot be tried: {why}")
     problem = study.problem.with_uses([known[name].use for name in uses])
-    if problem.about_model:  # as when the effect is accepted
-        problem = linearised(problem, ways_in(problem, [known[name].use for name in uses], now.values))
+    if problem.state_dependent:  # as when the effect is accepted
+        problem = linearised(
+            problem, starting_values(problem, [known[name].use for name in uses], now.values)
+        )
         return _trial(tuple(uses), problem, fit(problem))
     return _trial(tuple(uses), problem, fit(problem, start=now.values, starts=STARTS))
 

@@ -60,7 +60,7 @@ def with_gaps(phase: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def band_about(
-    level_db: NDArray[np.float64], relative: NDArray[np.float64]
+    level_dB: NDArray[np.float64], relative: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Levels below and above a level whose magnitude is uncertain by a relative amount; -40 dB of it at the lowest.
 
@@ -71,7 +71,7 @@ def band_about(
     ([79.08], [80.83])
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        return level_db + 20 * np.log10(np.maximum(1 - relative, 1e-2)), level_db + 20 * np.log10(
+        return level_dB + 20 * np.log10(np.maximum(1 - relative, 1e-2)), level_dB + 20 * np.log10(
             1 + relative
         )
 

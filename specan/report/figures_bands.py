@@ -22,7 +22,7 @@ _DYNAMICS_DB = 90.0  # that a figure shows at most
 def figure_band_levels(found: BandLevels) -> Figure:
     """Band levels of every channel, and the overall levels beside them; one pair of axes a level reference.
 
-    The bar on a filled level is one standard deviation of stationary noise (`BandLevels.u_db`).
+    The bar on a filled level is one standard deviation of stationary noise (`BandLevels.u_dB`).
     """
     from matplotlib.figure import Figure  # not pyplot: no window, no global state
 
@@ -52,7 +52,7 @@ def _draw_levels(
 ) -> None:
     edges = np.append(found.lower_hz, found.upper_hz[-1])
     for row in rows:
-        level = np.where(np.isneginf(found.level_db[row]), np.nan, found.level_db[row])
+        level = np.where(np.isneginf(found.level_dB[row]), np.nan, found.level_dB[row])
         filled = len(rows) <= _BARS
         axes.stairs(
             level,
@@ -64,27 +64,27 @@ def _draw_levels(
             **styles[row],
         )
         if filled:
-            axes.errorbar(found.exact_hz, level, found.u_db, fmt="none", ecolor="0.35", elinewidth=0.8)
+            axes.errorbar(found.exact_hz, level, found.u_dB, fmt="none", ecolor="0.35", elinewidth=0.8)
 
 
 def _draw_totals(
     axes: Axes, found: BandLevels, rows: Sequence[int], styles: Mapping[int, Mapping[str, Any]]
 ) -> None:
     for row in rows:
-        for place, values in enumerate(found.overall_db.values()):
+        for place, values in enumerate(found.overall_dB.values()):
             axes.plot(place, values[row], marker="_", markersize=14, color=styles[row]["color"])
             if len(rows) == 1 and np.isfinite(values[row]):
                 axes.annotate(
                     f"{values[row]:.1f}", (place, values[row]), ha="center", va="bottom", fontsize="x-small"
                 )
-    axes.set_xticks(range(len(found.overall_db)), labels=list(found.overall_db))
-    axes.set_xlim(-0.7, len(found.overall_db) - 0.3)
+    axes.set_xticks(range(len(found.overall_dB)), labels=list(found.overall_dB))
+    axes.set_xlim(-0.7, len(found.overall_dB) - 0.3)
     axes.grid(True, axis="y", color="0.9")
 
 
 def _limit(axes: Axes, found: BandLevels, rows: Sequence[int]) -> None:
     """From the highest level down to the lowest, but no further than the dynamics of a converter."""
-    shown = np.concatenate([found.level_db[rows].ravel(), *(v[rows] for v in found.overall_db.values())])
+    shown = np.concatenate([found.level_dB[rows].ravel(), *(v[rows] for v in found.overall_dB.values())])
     finite = shown[np.isfinite(shown)]
     if finite.size:
         top = float(finite.max())
@@ -102,7 +102,7 @@ def figure_level_history(found: BandLevels, channel: int = 0) -> Figure:
         raise ValueError("a linear average has no history")
     figure = Figure(figsize=(9.0, 6.5), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 3])
-    for (weighting, levels), style in zip(history.overall_db.items(), line_styles()):
+    for (weighting, levels), style in zip(history.overall_dB.items(), line_styles()):
         if np.isfinite(levels[channel]).any():
             above.plot(history.time_s, levels[channel], label=weighting, linewidth=1.0, **style)
     text = found.references[channel].text
@@ -113,7 +113,7 @@ def figure_level_history(found: BandLevels, channel: int = 0) -> Figure:
     half = history.interval_s / 2
     times = np.append(history.time_s - half, history.time_s[-1] + half)
     edges = np.append(found.lower_hz, found.upper_hz[-1])
-    level = history.level_db[channel]
+    level = history.level_dB[channel]
     finite = level[np.isfinite(level)]
     top = float(finite.max()) if finite.size else 0.0
     mesh = below.pcolormesh(times, edges, level, cmap="cividis", vmin=top - _DYNAMICS_DB, vmax=top)

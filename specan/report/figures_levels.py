@@ -38,25 +38,25 @@ def figure_levels(found: SignalLevels) -> Figure:
 
 def _draw(axes: Axes, found: SignalLevels, rows: list[int]) -> None:
     places = np.arange(len(rows))
-    ordered = sorted(found.percentile_db)
+    ordered = sorted(found.percentile_dB)
     name = f"{found.averaging}, {found.weighting} for Pa"
 
     def finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.where(np.isfinite(values[rows]), values[rows], np.nan)
 
     axes.hlines(
-        places, finite(found.minimum_db), finite(found.maximum_db), color=COLOURS[4], lw=1,
+        places, finite(found.min_dB), finite(found.max_dB), color=COLOURS[4], lw=1,
         label=f"lowest to highest, {name}",
     )  # fmt: skip
     if len(ordered) > 1:
         most, least = ordered[0], ordered[-1]
         axes.hlines(
-            places, finite(found.percentile_db[least]), finite(found.percentile_db[most]), color=COLOURS[4],
+            places, finite(found.percentile_dB[least]), finite(found.percentile_dB[most]), color=COLOURS[4],
             lw=6, alpha=0.6, label=f"L{least:g} to L{most:g}, {name}",
         )  # fmt: skip
-    axes.plot(finite(found.level_db), places, "o", color=COLOURS[0], ms=5, label="level")
-    if np.isfinite(found.equivalent_db["A"][rows]).any():
-        axes.plot(finite(found.equivalent_db["A"]), places, "^", color=COLOURS[1], ms=5, label="Leq A")
+    axes.plot(finite(found.level_dB), places, "o", color=COLOURS[0], ms=5, label="level")
+    if np.isfinite(found.equivalent_dB["A"][rows]).any():
+        axes.plot(finite(found.equivalent_dB["A"]), places, "^", color=COLOURS[1], ms=5, label="Leq A")
     axes.set_yticks(places, [found.channels[r].replace("$", r"\$") for r in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.grid(True, axis="x", color="0.9")

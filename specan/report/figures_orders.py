@@ -24,7 +24,7 @@ def figure_orders(found: OrderSpectrum) -> Figure:
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     axes = figure.add_subplot()
     axes.grid(True, color="0.9")
-    level = found.level_db
+    level = found.level_dB
     for row, (name, style) in enumerate(zip(found.channels, line_styles())):
         axes.plot(found.order, level[row], label=name, linewidth=0.8, **style)
         if found.lines is not None:
@@ -55,7 +55,7 @@ def figure_order_map(found: OrderSpectrum) -> Figure:
     place = np.argsort(found.speed_hz, kind="stable")
     speed = found.speed_hz[place]
     for row, one in enumerate(axes):
-        picture = found.map_level_db[place, row][:, found.order > 0]
+        picture = found.map_level_dB[place, row][:, found.order > 0]
         finite = picture[np.isfinite(picture)]
         top = float(finite.max()) if finite.size else 0.0
         mesh = one.pcolormesh(

@@ -8,7 +8,7 @@ import numpy as np
 
 from specan.impedance.surface_impedance import ALL, Impedance, WallBand
 from specan.report.figure_style import COLOURS, octave_axis, with_gaps
-from specan.report.measured_transfer import level_db, measured_transfer, phase_deg
+from specan.report.measured_transfer import level_dB, measured_transfer, phase_deg
 from specan.study.localisation.frf_errors import FrfErrors
 
 if TYPE_CHECKING:
@@ -143,13 +143,13 @@ def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: in
     observation = study.problem.observations[number]
     predicted = study.problem.predictions(study.shown.theta)[number]
     found = measured_transfer(observation, predicted)  # type: ignore[arg-type]
-    f, (low, high) = found.frequency_hz, found.band_db()
+    f, (low, high) = found.frequency_hz, found.band_dB()
     level.fill_between(f, low[shown], high[shown], color="0.6", alpha=0.6, lw=0, label="measured, 95 %")
     for text, response, colour, dash in (
         ("measured", found.measured, "0.15", "-"),
         ("model", found.model, COLOURS[1], "--"),
     ):
-        level.plot(f, level_db(response[shown]), color=colour, linestyle=dash, lw=1, label=text)
+        level.plot(f, level_dB(response[shown]), color=colour, linestyle=dash, lw=1, label=text)
         phase.plot(f, with_gaps(phase_deg(response[shown])), color=colour, linestyle=dash, lw=1)
     unit = study.model.observables["frf"].unit
     level.set_ylabel(f"|H| / dB re 1 {unit}")

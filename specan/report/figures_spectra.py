@@ -62,7 +62,7 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     with_coherence = bool(np.isfinite(found.coherence).any())
     figure, axes = _figure([3, 2, 1] if with_coherence else [3, 2], height=7.5)
     f = found.frequency_hz
-    level = found.level_db
+    level = found.level_dB
     phase = found.unwrapped_phase_deg if unwrapped else found.phase_deg
     relative = 2 * np.hypot(found.u_magnitude_percent, found.u_common_percent) / 100
     turn = 2 * np.hypot(found.u_phase_deg, found.u_common_phase_deg)
@@ -108,7 +108,7 @@ def _limits(level: NDArray[np.float64]) -> tuple[float, float]:
 def figure_spectrum(found: Spectrum) -> Figure:
     """Levels of every channel, and the phase where there is one."""
     figure, axes = _figure([1] if found.phase_deg is None else [3, 2])
-    level = found.level_db
+    level = found.level_dB
     for row, (name, style) in enumerate(zip(found.channels, line_styles())):
         axes[0].plot(found.frequency_hz, level[row], label=name, linewidth=1.0, **style)
         if found.phase_deg is not None:
@@ -136,7 +136,7 @@ def figure_spectrum(found: Spectrum) -> Figure:
 def figure_spectrogram(found: Spectrogram) -> Figure:
     """Level against time and frequency, one panel a channel."""
     figure, axes = _figure([1] * len(found.channels), height=1.5 + 2.5 * len(found.channels))
-    level = found.level_db
+    level = found.level_dB
     positive = found.frequency_hz > 0
     f = found.frequency_hz[positive]
     for row, (name, unit, one) in enumerate(zip(found.channels, found.units, axes)):

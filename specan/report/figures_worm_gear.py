@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models.chosen_model import ChosenModel
 from specan.models.prediction import grid
-from specan.models.request import Request
 from specan.models.worm_gear.simulated_table import simulated_table
 from specan.units import convert
 
@@ -23,7 +23,7 @@ SPEEDS = (1200.0, 1500.0, 2000.0, 2400.0, 2800.0)  # the article's table 6
 SIZE = (6.4, 4.2)
 
 
-def figure(number: int, request: Request, measured: Columns | None = None) -> Figure:
+def figure(number: int, chosen: ChosenModel, measured: Columns | None = None) -> Figure:
     """Draw one of the article's figures for a model.
 
     Parameters
@@ -45,29 +45,31 @@ def figure(number: int, request: Request, measured: Columns | None = None) -> Fi
     from matplotlib.figure import Figure
 
     sheet = Figure(figsize=SIZE, layout="constrained")
-    FIGURES[number](sheet.subplots(), request, measured or {})
+    FIGURES[number](sheet.subplots(), chosen, measured or {})
     return sheet
 
 
-def _span(request: Request, condition: str) -> tuple[float, float]:
+def _span(chosen: ChosenModel, condition: str) -> tuple[float, float]:
     """Limits of the bench in the unit of the table's column."""
-    known = request.assembly.model.conditions[condition]
-    low, high = request.assembly.model.rig.limits[condition]
+    known = chosen.assembly.model.conditions[condition]
+    low, high = chosen.assembly.model.rig.limits[condition]
     return (
         float(convert(low, known.unit, known.column_unit)),
         float(convert(high, known.unit, known.column_unit)),
     )
 
 
-def _predicted(request: Request, **axes: Any) -> Columns:
-    return simulated_table(request, grid(request.assembly.model, axes))
+def _predicted(chosen: ChosenModel, **axes: Any) -> Columns:
+    return simulated_table(chosen, grid(chosen.assembly.model, axes))
 
 
-def _curves_over_torque(axes: Axes, request: Request, measured: Columns, speeds: tuple[float, ...]) -> None:
-    low, high = _span(request, "indicated_output_torque")
+def _curves_over_torque(
+    axes: Axes, chosen: ChosenModel, measured: Columns, speeds: tuple[float, ...]
+) -> None:
+    low, high = _span(chosen, "indicated_output_torque")
     torques = np.linspace(max(low, 0.01 * high), high, 120)
     for i, speed in enumerate(speeds):
-        rows = _predicted(request, speed_rpm=[speed], output_torque_Nm=torques)
+        rows = _predicted(chosen, speed_rpm=[speed], output_torque_Nm=torques)
         axes.plot(torques, 100 * rows["efficiency"], color=f"C{i}", label=f"{speed:g} r/min")
         at = _rows_at(measured, speed)
         if at is not None and "efficiency" in measured:
@@ -90,21 +92,21 @@ def _rows_at(measured: Columns, speed: float) -> NDArray[np.bool_] | None:
     return at if at.any() else None
 
 
-def _efficiency_at_all_speeds(axes: Axes, request: Request, measured: Columns) -> None:
-    _curves_over_torque(axes, request, measured, SPEEDS)
+def _efficiency_at_all_speeds(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
+    _curves_over_torque(axes, chosen, measured, SPEEDS)
     axes.set_title("Efficiency over output torque")
 
 
-def _efficiency_at_two_speeds(axes: Axes, request: Request, measured: Columns) -> None:
-    _curves_over_torque(axes, request, measured, (1500.0, 2000.0))
-    temperature = request.assembly.model.conditions["indicated_oil_temperature"].default
+def _efficiency_at_two_speeds(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
+    _curves_over_torque(axes, chosen, measured, (1500.0, 2000.0))
+    temperature = chosen.assembly.model.conditions["indicated_oil_temperature"].default
     axes.set_title(f"Efficiency over output torque, oil at {temperature:g} °C")
 
 
-def _idle_torque(axes: Axes, request: Request, measured: Columns) -> None:
-    low, high = _span(request, "worm_speed")
+def _idle_torque(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
+    low, high = _span(chosen, "worm_speed")
     speeds = np.linspace(low, high, 120)
-    rows = _predicted(request, speed_rpm=speeds, output_torque_Nm=[0.0])
+    rows = _predicted(chosen, speed_rpm=speeds, output_torque_Nm=[0.0])
     axes.plot(speeds, rows["input_torque_Nm"], label="model")
     if "input_torque_Nm" in measured:
         idle = measured.get("output_torque_Nm", np.zeros(measured["speed_rpm"].size)) == 0
@@ -117,20 +119,20 @@ def _idle_torque(axes: Axes, request: Request, measured: Columns) -> None:
     axes.legend()
 
 
-def _viscosity(axes: Axes, request: Request, measured: Columns) -> None:
+def _viscosity(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
     temperatures = np.linspace(0.0, 110.0, 120)
     conditions = {"indicated_oil_temperature": temperatures + 273.15, "worm_speed": 1e-6}
-    known = request.assembly.evaluate(conditions, request.values, wanted=["kinematic_viscosity"])
+    known = chosen.assembly.evaluate(conditions, chosen.values, wanted=["kinematic_viscosity"])
     axes.semilogy(temperatures, 1e6 * known["kinematic_viscosity"])
     axes.set(xlabel="temperature [°C]", ylabel="kinematic viscosity [mm²/s]", title="Viscosity of the oil")
     axes.grid(alpha=0.3, which="both")
 
 
-def _efficiency_map(axes: Axes, request: Request, measured: Columns) -> None:
-    speeds = np.linspace(*_span(request, "worm_speed"), 60)
-    low, high = _span(request, "indicated_output_torque")
+def _efficiency_map(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
+    speeds = np.linspace(*_span(chosen, "worm_speed"), 60)
+    low, high = _span(chosen, "indicated_output_torque")
     torques = np.linspace(max(low, 0.02 * high), high, 60)
-    rows = _predicted(request, speed_rpm=speeds, output_torque_Nm=torques)
+    rows = _predicted(chosen, speed_rpm=speeds, output_torque_Nm=torques)
     shape = (speeds.size, torques.size)
     x, y, z = (rows[n].reshape(shape) for n in ("speed_rpm", "output_torque_Nm", "efficiency"))
     filled = axes.contourf(x, y, 100 * z, levels=20, cmap="viridis")
@@ -143,7 +145,7 @@ def _efficiency_map(axes: Axes, request: Request, measured: Columns) -> None:
     axes.set(xlabel="input speed [r/min]", ylabel="output torque [N m]", title="Efficiency of the worm gear")
 
 
-FIGURES: dict[int, Callable[[Any, Request, Columns], None]] = {
+FIGURES: dict[int, Callable[[Any, ChosenModel, Columns], None]] = {
     4: _efficiency_at_all_speeds,
     5: _efficiency_at_two_speeds,
     6: _idle_torque,

@@ -165,8 +165,8 @@ def held_for_want_of_variation(problem: Problem) -> dict[str, tuple[str, ...]]:
     }
 
 
-def certificates(problem: Problem) -> dict[str, tuple[float, str]]:
-    """Standard uncertainty and unit of each instrument error that is held by its certificate."""
+def calibration_priors(problem: Problem) -> dict[str, tuple[float, str]]:
+    """Standard uncertainty and unit of each instrument error that is held by its prior."""
     found = {}
     for name, (mean, sd) in problem.priors.items():
         parameter = problem.assembly.parameters[name]

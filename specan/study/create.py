@@ -118,7 +118,7 @@ def _data_entry(directory: Path, path: Path, model: Model) -> dict[str, Any]:
 
 
 def _effects(model: Model, names: Sequence[str]) -> list[dict[str, Any]]:
-    """Entries of the effects to begin with, and of the instrument errors that have a certificate."""
+    """Entries of the effects to begin with, and of the instrument errors that have a prior."""
     entries: list[dict[str, Any]] = []
     uses = model.assemble(names).uses
     for use in uses:

@@ -124,15 +124,15 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
         if str(use) not in names:
             raise RequestError(f"{effect!r} is not in the model", remedy=nearest(effect, names))
         by_hand, before, text = study.unrecorded(), study.step("now"), study.text()
-        certified = any(Use.parse(n.effect) == use for n in study.model.nuisances)
-        if certified:
+        has_prior = any(Use.parse(n.effect) == use for n in study.model.nuisances)
+        if has_prior:
             text.set_role(use, "nuisance")
         else:
             text.drop_effect(use)
         changed = Study(study.directory, draft=text)
         after = _kept(changed, by_hand, "drop", use, because)
         _commit(changed, by_hand, after)
-    remarks = [f"{use} goes back under its certificate"] if certified else []
+    remarks = [f"{use} goes back under its certificate"] if has_prior else []
     remarks += _on_errors(before, after, expected_to_fall=False)
     return Change(before, after, changed, {}, (), tuple(remarks))
 
@@ -266,7 +266,7 @@ def _intervals(study: Study, use: Use) -> dict[str, tuple[float, float]]:
 def _interval(study: Study, name: str) -> tuple[float, float]:
     """By profile; of many rows, whose quadratic is sharp, from the covariance."""
     problem, best = study.problem, study.best
-    if not problem.dear:
+    if not problem.expensive:
         return profile_interval(problem, best, name, inflate=True)
     k = problem.names.index(name)
     reach = WIDTH * best.standard_error(name) * max(best.reduced_chi2, 1.0) ** 0.5

@@ -39,7 +39,7 @@ def test_a_tone_reads_right_in_every_window(window, scaling, expected):
     found = settings(recording(cosine(100, 3.0)))
     assert found.values[0, 100] == pytest.approx(expected, rel=1e-9)
     assert found.value_units == ("Pa",)
-    assert found.level_db[0, 100] == pytest.approx(20 * np.log10(3 / np.sqrt(2) / 20e-6), abs=1e-6)
+    assert found.level_dB[0, 100] == pytest.approx(20 * np.log10(3 / np.sqrt(2) / 20e-6), abs=1e-6)
 
 
 @pytest.mark.parametrize("window", WINDOWS)
@@ -49,7 +49,7 @@ def test_noise_has_its_density_in_every_window(window):
     assert np.mean(found.values[0, inside]) == pytest.approx(4 / (RATE / 2), rel=0.03)
     assert found.value_units == ("Pa^2/Hz",)
     level = 10 * np.log10(np.mean(found.values[0, inside]) / 4e-10)
-    assert np.mean(found.level_db[0, inside]) == pytest.approx(level, abs=0.1)
+    assert np.mean(found.level_dB[0, inside]) == pytest.approx(level, abs=0.1)
 
 
 def test_level_texts():
@@ -173,7 +173,7 @@ def test_displacement_becomes_velocity(averaging):
 def test_uncertainty_of_a_line_of_noise():
     found = FourierSpectrum(lines=100, scaling="psd")(recording(NOISE))
     inside = (found.frequency_hz > 200) & (found.frequency_hz < 3800)
-    assert np.std(found.level_db[0, inside]) == pytest.approx(found.u_db, rel=0.2)
+    assert np.std(found.level_dB[0, inside]) == pytest.approx(found.u_dB, rel=0.2)
 
 
 def test_flags_and_refusals():

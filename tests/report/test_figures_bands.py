@@ -26,11 +26,11 @@ def test_each_level_reference_has_its_axes():
     assert [axes.get_ylabel() for axes in bands] == ["Level / dB re 20 uPa", "Level / dB re 1 nm/s"]
     assert [patch.get_label() for patch in bands[0].patches] == ["Ch 0", "Ch 1", "Ch 2"]
     values, edges, _ = bands[1].patches[0].get_data()
-    np.testing.assert_array_equal(values, found.level_db[3])
+    np.testing.assert_array_equal(values, found.level_dB[3])
     np.testing.assert_array_equal(edges, [*found.lower_hz, found.upper_hz[-1]])
     assert [t.get_text() for t in bands[1].get_xticklabels()][:3] == ["31.5", "63", "125"]
     totals = figure.axes[3]
-    assert totals.texts[0].get_text() == f"{found.overall_db['Z'][3]:.1f}"
+    assert totals.texts[0].get_text() == f"{found.overall_dB['Z'][3]:.1f}"
     assert "1/3 octave, Z weighting, linear averaging, 0 s to 2 s" in figure.get_suptitle()
 
 
@@ -46,6 +46,6 @@ def test_a_history_against_time():
     assert [line.get_label() for line in above.lines] == ["Z"]
     assert found.history is not None
     mesh = below.collections[0]
-    np.testing.assert_array_equal(np.asarray(mesh.get_array()), found.history.level_db[1])
+    np.testing.assert_array_equal(np.asarray(mesh.get_array()), found.history.level_dB[1])
     with pytest.raises(ValueError, match="no history"):
         figure_level_history(Octave()(recording("Pa")))

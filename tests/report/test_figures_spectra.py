@@ -38,13 +38,13 @@ def test_transfer_function_with_coherence_strip_and_bands():
     found = TransferFunction(lines=200)(recording())
     magnitude, phase, coherence = figure_frequency_response(found).axes
     assert [line.get_label() for line in magnitude.lines] == ["Ch 1", "Ch 2"]
-    np.testing.assert_allclose(magnitude.lines[0].get_ydata(), found.level_db[0])
+    np.testing.assert_allclose(magnitude.lines[0].get_ydata(), found.level_dB[0])
     assert coherence.get_ylabel() == "Coherence"
     assert phase.get_ylim() == (-190, 190)
     path = magnitude.collections[0].get_paths()[0].vertices
     at = path[np.isclose(path[:, 0], found.frequency_hz[50]), 1]
     relative = 2 * found.u_magnitude_percent[0, 50] / 100
-    expected = found.level_db[0, 50] + 20 * np.log10([1 - relative, 1 + relative])
+    expected = found.level_dB[0, 50] + 20 * np.log10([1 - relative, 1 + relative])
     np.testing.assert_allclose([at.min(), at.max()], expected, rtol=1e-6)
 
 

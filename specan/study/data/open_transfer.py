@@ -21,10 +21,10 @@ from specan.models.trial import is_own, try_model
 from specan.study.data.estimate_frf import LEAST_BLOCKS, noise_of_lines
 from specan.study.data.open_recordings import put_aside
 from specan.study.data.open_recordings import reads as is_recording
-from specan.study.data.sources import DataFile, DataRequest, OpenedData
+from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
 from specan.study.observation import Array
-from specan.study.observation.correlated_errors import hats
+from specan.study.observation.correlated_errors import piecewise_linear_basis
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 from specan.study.observation.window_leakage import Folding, fold
 from specan.units import convert, is_compatible, scale_to
@@ -57,7 +57,7 @@ class _Lines:
     line_correlation: tuple[float, ...]
 
 
-def open_data(model: Model, request: DataRequest) -> OpenedData:
+def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     """Read the transfer functions of a study.
 
     Raises
@@ -72,15 +72,15 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
     held_out: list[FrfObservation] = []
     statements: list[str] = []
     known = True
-    for file in (*request.measurements, *request.validations):
-        for lines, said in _read(model, frequency, file, request.calibration):
+    for file in (*wanted.measurements, *wanted.validations):
+        for lines, said in _read(model, frequency, file, wanted.calibration):
             whole = _observation(model, frequency, file, lines)
             statements.append(said)
             known &= lines.known
-            if file not in request.measurements:
+            if file not in wanted.measurements:
                 held_out.append(whole)
                 continue
-            aside = put_aside(whole, file, request)
+            aside = put_aside(whole, file, wanted)
             fitted += [whole.take(~aside)] if not np.all(aside) else []
             held_out += [whole.take(aside)] if np.any(aside) else []
     if not fitted:
@@ -176,8 +176,8 @@ def _shared(lines: _Lines, discrepancy: float) -> Complex:
     if np.any(lines.common_rad):
         columns.append(1j * lines.response * lines.common_rad[:, None])
     if discrepancy:
-        for hat in hats(lines.frequency_hz):
-            columns += [hat * discrepancy * turn * lines.response for turn in (1, 1j)]
+        for part in piecewise_linear_basis(lines.frequency_hz):
+            columns += [part * discrepancy * turn * lines.response for turn in (1, 1j)]
     if not columns:
         return np.empty((*lines.response.shape, 0), dtype=complex)
     return np.nan_to_num(np.stack(columns, axis=-1))

@@ -240,7 +240,7 @@ def _planned(problem: Problem, grid: Mapping[str, Array]) -> TableObservation:
         parts={},
         series=None,
         position=None,
-        pure_dof=0.0,
+        pure_error_dof=0.0,
     )
 
 
@@ -262,7 +262,7 @@ def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> l
     predicted = np.stack([_at(r.problem, planned).predictions(r.fit.theta)[0] for r in rivals])
     usable = np.all(np.isfinite(predicted), axis=0)
     slopes = [_slopes(r, planned) for r in rivals]
-    covariances = [r.fit.covariance * r.scale for r in rivals]
+    covariances = [r.fit.covariance * r.dispersion for r in rivals]
     place = _places(planned)
     found: list[Proposal] = []
     for _ in range(count):
@@ -287,8 +287,8 @@ def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> l
 
 
 def _weights(rivals: Sequence[Refit]) -> Array:
-    scale = min(r.scale for r in rivals)
-    bic = np.array([r.bic(scale) for r in rivals])
+    dispersion = min(r.dispersion for r in rivals)
+    bic = np.array([r.bic(dispersion) for r in rivals])
     weight = np.exp(-0.5 * (bic - bic.min()))
     weight = np.maximum(weight / weight.sum(), LEAST_WEIGHT)
     return np.asarray(weight / weight.sum())

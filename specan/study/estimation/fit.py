@@ -25,7 +25,7 @@ class Fit:
     values : mapping
         SI value of every parameter of the model, those held included.
     chi2 : float
-        Sum of squares of `residual`: data, certificates and known ranges.
+        Sum of squares of `residual`: data, priors and known ranges.
     residual, jacobian : array
         As `Problem.residual` and `Problem.jacobian` give them at the minimum.
     covariance : array
@@ -36,7 +36,7 @@ class Fit:
         n_effective + number of priors - number of free parameters.
     reduced_chi2 : float
         Chi-square per degree of freedom, both without known ranges and without what only compares repeats
-        (`Observation.pure_dof`): one for a true model.
+        (`Observation.pure_error_dof`): one for a true model.
     p_value : float
         Probability of a worse fit of a true model, see `misfit_p_value`.
     """
@@ -75,7 +75,7 @@ def fit(
         Theta, or SI values by name, to start from; the problem's own start by default.
     starts : int
         Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
-        so that the same problem always gives the same answer. Only the first where an evaluation is dear.
+        so that the same problem always gives the same answer. Only the first where an evaluation is expensive.
     max_evaluations : int
         Trust-region steps that one start may take before another method is tried.
 
@@ -94,7 +94,7 @@ def fit(
         )
     best: tuple[float, Array] | None = None
     reason = "no start gave finite values"
-    for theta0 in [first, *_other_starts(problem, 0 if problem.dear else starts - 1)]:
+    for theta0 in [first, *_other_starts(problem, 0 if problem.expensive else starts - 1)]:
         try:
             cost, theta = _descend(problem, theta0, max_evaluations)
         except ComputationError as fault:
@@ -114,8 +114,8 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[flo
     """Trust-region steps; in a valley that bends too much for them, those of `descent` from where they got."""
     if theta0.size == 0:
         return float(np.sum(_finite(problem.residual(theta0)) ** 2)), theta0
-    if problem.dear:
-        minimum = descend(problem, _nearer(problem, theta0) if problem.resonant else theta0)
+    if problem.expensive:
+        minimum = descend(problem, _nearer(problem, theta0) if problem.multimodal else theta0)
         return minimum.chi2, minimum.theta
     from scipy.optimize import least_squares
 
@@ -143,9 +143,9 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[flo
 
 
 def _nearer(problem: Problem, theta0: Array) -> Array:
-    """Where a descent on a sketch leads, if it leads anywhere."""
+    """Where a descent on a subsample leads, if it leads anywhere."""
     try:
-        return descend(problem.sketched(theta0), theta0).theta
+        return descend(problem.subsampled(theta0), theta0).theta
     except ComputationError:
         return theta0
 
@@ -192,7 +192,7 @@ def describe(
     chi2 = float(residual @ residual)
     dof = problem.n_effective + problem.n_priors - theta.size
     met = chi2 - problem.pulled(residual)  # a value outside its known range is no lack of fit of the data
-    lack, own = met - problem.pure_dof, dof - problem.pure_dof
+    lack, own = met - problem.pure_error_dof, dof - problem.pure_error_dof
     reduced = max(lack, 0.0) / own if own > 0 else float("nan")
     return Fit(
         names=problem.names,
@@ -207,7 +207,7 @@ def describe(
         n_effective=problem.n_effective,
         dof=dof,
         reduced_chi2=reduced,
-        p_value=misfit_p_value(met, dof, problem.noise_dof, problem.pure_dof),
+        p_value=misfit_p_value(met, dof, problem.noise_dof, problem.pure_error_dof),
     )
 
 
@@ -246,11 +246,11 @@ def covariance(jacobian: Array, scale: Array) -> Array:
     return root @ root.T
 
 
-def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_dof: float = 0.0) -> float:
+def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_error_dof: float = 0.0) -> float:
     """Probability that a true model fits worse.
 
     Chi-square where the noise is known; else the lack of fit over the pure error,
-    F = ((chi2 - pure_dof) / (dof - pure_dof)) with dof - pure_dof and noise_dof degrees of freedom.
+    F = ((chi2 - pure_error_dof) / (dof - pure_error_dof)) with dof - pure_error_dof and noise_dof degrees of freedom.
 
     Parameters
     ----------
@@ -258,8 +258,8 @@ def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_dof:
         Sum of squares and degrees of freedom of the whole fit.
     noise_dof : float
         Degrees of freedom of the noise estimate.
-    pure_dof : float
-        Those of them that are part of `dof` (see `Observation.pure_dof`).
+    pure_error_dof : float
+        Those of them that are part of `dof` (see `Observation.pure_error_dof`).
 
     Examples
     --------
@@ -270,7 +270,7 @@ def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_dof:
     """
     from scipy.special import chdtrc, fdtrc
 
-    lack, own = chi2 - pure_dof, dof - pure_dof
+    lack, own = chi2 - pure_error_dof, dof - pure_error_dof
     if own <= 0:
         return float("nan")
     if np.isinf(noise_dof):

@@ -101,10 +101,10 @@ class Cells:
         white = np.concatenate([o.whiten_each(part) for o, part in zip(observations, parts, strict=True)])
         spread, shrink = _of_all(observations)
         seen = white.shape[0]
-        basis, clean = algebra.basis[:seen], algebra.clean[:seen]
+        basis, projected = algebra.basis[:seen], algebra.projected[:seen]
         # Columns of one receiver are whitened to d - U s U'd, with d on its own rows: sums of d and of U'd do.
         self._shared = 2 * shrink - shrink**2
-        of_basis, of_clean = (shrink[:, None] * (spread.T @ basis), shrink * (spread.T @ clean))
+        of_basis, of_clean = (shrink[:, None] * (spread.T @ basis), shrink * (spread.T @ projected))
         self._gram, self._fitted, self._along, self._spread = [], [], [], []
         for name in self.channels:
             rows = np.flatnonzero(channel == name)
@@ -112,7 +112,7 @@ class Cells:
             self._gram.append(own.T @ own)
             self._spread.append(onto)
             self._fitted.append(own.T @ basis[rows] - onto.T @ of_basis)
-            self._along.append(own.T @ clean[rows] - onto.T @ of_clean)
+            self._along.append(own.T @ projected[rows] - onto.T @ of_clean)
 
     def statistic(self, channels: Sequence[int], bands: Sequence[int]) -> tuple[float, float]:
         """Chi-square of a level and a phase error over some cells, all others refitted; its degrees of freedom."""

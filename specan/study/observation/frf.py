@@ -25,8 +25,8 @@ Complex = NDArray[np.complex128]
 # Correlation of the random errors of lines 1 and 2 apart under a Hann window: (2/3)^2 and (1/6)^2.
 LINE_CORRELATION = (1.0, 4 / 9, 1 / 36)
 
-COARSE_HZ = 3.0  # between the lines of a coarse view
-COARSE_NEIGHBOURS = 5  # lines on either side that its uncertainty is averaged over
+DOWN_WEIGHTED_HZ = 3.0  # between the lines of a down-weighted view
+DOWN_WEIGHTED_NEIGHBOURS = 5  # lines on either side that its uncertainty is averaged over
 PLACED = 2  # times that the places of receivers are improved
 FARTHEST = 3.5  # standard uncertainties that a receiver may be found away
 
@@ -113,7 +113,7 @@ class FrfObservation:
         return float("inf")
 
     @property
-    def pure_dof(self) -> float:
+    def pure_error_dof(self) -> float:
         """Degrees of freedom that only repeats have; the lines have none."""
         return 0.0
 
@@ -233,7 +233,7 @@ class FrfObservation:
         return replace(self, kept=kept)
 
     @property
-    def about_model(self) -> bool:
+    def state_dependent(self) -> bool:
         """Whether errors are declared that act through the field."""
         return self.declared is not None
 
@@ -279,7 +279,7 @@ class FrfObservation:
             out[m] = np.clip(likely[PLACE], -FARTHEST, FARTHEST)
         return out
 
-    def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> FrfObservation:
+    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> FrfObservation:
         """About `rows` of the rows, predicted without windows; the residual at `values` stays what it is.
 
         What windows do to the small change that a candidate makes hardly matters for its rank, and the
@@ -307,19 +307,19 @@ class FrfObservation:
         return replace(part, response=part.response + plain - folded)
 
     @property
-    def resonant(self) -> bool:
+    def multimodal(self) -> bool:
         """Yes."""
         return True
 
-    def coarse(self, percent: float) -> FrfObservation:
+    def down_weighted(self, percent: float) -> FrfObservation:
         """A few lines, predicted without windows, each known to `percent` of the RMS around it."""
         used = np.flatnonzero(self.kept.any(axis=0))
-        apart = float(np.min(np.diff(self.frequency_hz[used]), initial=COARSE_HZ))
-        lines = used[:: max(1, round(COARSE_HZ / apart))]
+        apart = float(np.min(np.diff(self.frequency_hz[used]), initial=DOWN_WEIGHTED_HZ))
+        lines = used[:: max(1, round(DOWN_WEIGHTED_HZ / apart))]
         response, random, kept = self.response[:, lines], self.random[:, lines], self.kept[:, lines]
         power = np.sum(np.abs(response) ** 2 * kept, axis=0) / kept.sum(axis=0)
-        window = np.full(2 * COARSE_NEIGHBOURS + 1, 1 / (2 * COARSE_NEIGHBOURS + 1))
-        around = np.convolve(np.pad(power, COARSE_NEIGHBOURS, mode="edge"), window, mode="valid")
+        window = np.full(2 * DOWN_WEIGHTED_NEIGHBOURS + 1, 1 / (2 * DOWN_WEIGHTED_NEIGHBOURS + 1))
+        around = np.convolve(np.pad(power, DOWN_WEIGHTED_NEIGHBOURS, mode="edge"), window, mode="valid")
         return replace(
             self,
             frequency_hz=self.frequency_hz[lines],
@@ -336,7 +336,7 @@ class FrfObservation:
             offset=0.0,
         )
 
-    def unfolded(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:
+    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:
         """The same without windows, as far as the model at these values knows what they do."""
         drawn = replace(self, moved=None, offset=0.0)
         plain = replace(

@@ -13,7 +13,7 @@ from specan.study.estimation.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One use of an effect that a problem lacks, or an instrument error under a certificate to be released.
+    """One use of an effect that a problem lacks, or an instrument error whose prior is removed.
 
     Attributes
     ----------
@@ -46,13 +46,13 @@ class Candidate:
         return tuple(n for n in self.own if n not in self.amplitudes)
 
     @cached_property
-    def released(self) -> tuple[str, ...]:
+    def without_prior(self) -> tuple[str, ...]:
         """Elements that the base fits under a prior and the candidate without."""
         return tuple(n for n in self.own if n.split("[")[0] in self.base.priors)
 
     @property
     def count(self) -> int:
-        """Number of parameters that the candidate costs: its own, and every certificate put aside."""
+        """Number of parameters that the candidate costs: its own, and those whose prior is removed."""
         return len(self.own)
 
     def neutral(self, name: str) -> float:
@@ -124,7 +124,7 @@ def _can_be_seen(problem: Problem, use: Use) -> bool:
     return not seen <= elements or str(use.at) in seen
 
 
-def taken_for(model: Model, use: Use) -> list[Use]:
+def confounded_with(model: Model, use: Use) -> list[Use]:
     """What the catalogue itself says is easily taken for an effect, at its place."""
     own = model.effects[use.name]
     return [
