@@ -46,6 +46,12 @@ if TYPE_CHECKING:
 )
 @click.option("--blocks", "n_exponential", type=int, help="Blocks of an exponential average.  [default: 10]")
 @click.option("--reference", metavar="CH", help="Give phases over this channel; an average has no others.")
+@click.option(
+    "--weighting",
+    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
+    metavar="A|B|C|Z",
+    help="Of the magnitudes of sound pressure; phases stay.  [default: Z]",
+)
 @click.option("--fmin", "fmin_hz", type=float, metavar="HZ", help="Lowest line.")
 @click.option("--fmax", "fmax_hz", type=float, metavar="HZ", help="Highest line.")
 @click.option(
@@ -103,14 +109,14 @@ def command(
 
 def _single(recording: Recording, options: dict[str, Any], peaks: int, output: Path | None) -> int:
     """A single block, which may be the whole recording: shown and written channel by channel."""
-    from specan.analysis.section import of_one_rate
+    from specan.analysis.section import weightable
     from specan.analysis.spectrum import FourierSpectrum, phase_of_lines, single_blocks, with_phase
     from specan.io.results_text import write_table
     from specan.schema import parse
 
     settings = parse(FourierSpectrum, given(**options), "fft")
     reference = None if settings.reference is None else recording.channel(settings.reference)
-    channels, _ = of_one_rate(recording, settings.channels, like=reference)
+    channels, _ = weightable(recording, settings.channels, settings.weighting, like=reference)
     parts = single_blocks(recording, settings)
     sheet: list[list[str]] = []
     about: list[Spectrum] = []  # without their lines
@@ -183,6 +189,7 @@ def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
     common = {
         "file": found.label,
         "scaling": scale.scaling,
+        "weighting": scale.weighting,
         "window": {
             "name": scale.window,
             "coherent_gain": scale.coherent_gain,
@@ -239,6 +246,7 @@ def _title(found: Spectrum | Spectrogram) -> str:
     scale = found.scale
     title = f"{found.label}: {scale.scaling}, {scale.window}, lines {scale.line_spacing_hz:.6g} Hz apart, "
     title += f"noise bandwidth {scale.enbw_hz:.6g} Hz, "
+    title += "" if scale.weighting == "Z" else f"{scale.weighting} weighting, "
     if isinstance(found, Spectrogram):
         return title + f"{len(found.time_s)} columns of {found.blocks_per_column} blocks"
     return title + f"{found.n_blocks} blocks, averaging {found.averaging}"

@@ -93,15 +93,15 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
     parameter_table(found.parameters)
     if where is None:
         return
-    spent = " beside those of the repeats" if study.problem.pure_dof else ""
+    spent = " beside those of the repeats" if study.problem.pure_error_dof else ""
     click.echo(
         f"\nReduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
-        f"{best.dof - study.problem.pure_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
+        f"{best.dof - study.problem.pure_error_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
         f"model discrepancy of {study.data.discrepancy_percent:g} % of the {_of_what(study)} allowed for"
     )
     verdict = "The model fits." if best.p_value > 1e-3 else "The model does not fit."
     outside = [name for name, p in found.parameters.items() if not p["plausible"]]
-    if best.dof - study.problem.pure_dof < LEAST_DOF:
+    if best.dof - study.problem.pure_error_dof < LEAST_DOF:
         verdict = "These data cannot tell whether the model fits: too few values beside its parameters."
     elif best.p_value > 1e-3 and outside:
         verdict = f"The model fits, but only with values outside what is known: {', '.join(outside)}."

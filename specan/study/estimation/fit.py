@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError, RequestError, nearest
-from specan.study.estimation.levenberg_marquardt import descend
+from specan.study.estimation.levenberg_marquardt import Minimum, descend
 from specan.study.estimation.problem import Problem
+from specan.study.estimation.refinement import MOST_JACOBIANS, refine
 from specan.study.observation import Array
+
+FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,31 +95,33 @@ def fit(
             f"{problem.n_data} measured values cannot determine {first.size} parameters",
             remedy="hold some of them fixed or measure more conditions",
         )
-    best: tuple[float, Array] | None = None
+    best: Minimum | None = None
     reason = "no start gave finite values"
     for theta0 in [first, *_other_starts(problem, 0 if problem.expensive else starts - 1)]:
         try:
-            cost, theta = _descend(problem, theta0, max_evaluations)
+            found = _descend(problem, theta0, max_evaluations)
         except ComputationError as fault:
             reason = fault.found
             continue
-        if best is None or cost < best[0] - 1e-9 * abs(best[0]):
-            best = (cost, theta)
+        if best is None or found.chi2 < best.chi2 - 1e-9 * abs(best.chi2):
+            best = found
     if best is None:
         raise ComputationError(
             f"the fit of {', '.join(problem.names) or 'no parameter'} failed: {reason}",
             remedy="give other start values or narrower bounds, or take an effect out",
         )
-    return describe(problem, best[1])
+    if best.theta.size and not problem.expensive:
+        best, _ = refine(problem, best.theta)
+    return describe(problem, best.theta, best.residual, best.jacobian)
 
 
-def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[float, Array]:
-    """Trust-region steps; in a valley that bends too much for them, those of `descent` from where they got."""
+def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> Minimum:
+    """Trust-region steps; in a valley that bends too much for them, those of `refine` from where they got."""
     if theta0.size == 0:
-        return float(np.sum(_finite(problem.residual(theta0)) ** 2)), theta0
+        residual = _finite(problem.residual(theta0))
+        return Minimum(theta0, residual, np.empty((residual.size, 0)), float(residual @ residual))
     if problem.expensive:
-        minimum = descend(problem, _nearer(problem, theta0) if problem.multimodal else theta0)
-        return minimum.chi2, minimum.theta
+        return descend(problem, _nearer(problem, theta0) if problem.multimodal else theta0)
     from scipy.optimize import least_squares
 
     low, high = problem.bounds()
@@ -137,9 +142,11 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[flo
     except np.linalg.LinAlgError as fault:
         raise ComputationError(f"linear algebra failed ({fault})") from None
     if found.status > 0:
-        return 2 * float(found.cost), found.x
-    minimum = descend(problem, found.x)
-    return minimum.chi2, minimum.theta
+        return Minimum(found.x, found.fun, found.jac, 2 * float(found.cost))
+    minimum, settled = refine(problem, found.x)
+    if not settled:
+        raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
+    return minimum
 
 
 def _nearer(problem: Problem, theta0: Array) -> Array:
@@ -239,10 +246,11 @@ def covariance(jacobian: Array, scale: Array) -> Array:
     """
     if jacobian.shape[1] == 0:
         return np.empty((0, 0))
-    _, s, vt = np.linalg.svd(jacobian * scale, full_matrices=False)
-    floor = max(float(s[0]), 1.0) * 1e-8
-    root = vt.T / np.maximum(s, floor) * 1.0
-    root = scale[:, None] * root
+    sizes = np.linalg.norm(jacobian, axis=0)
+    most = max(float(np.max(sizes * scale)), 1.0)
+    sizes = np.where(sizes * scale > FLOOR * most, sizes, most / scale)
+    _, s, vt = np.linalg.svd(jacobian / sizes, full_matrices=False)
+    root = (vt.T / np.maximum(s, FLOOR * float(s[0]))) / sizes[:, None]
     return root @ root.T
 
 

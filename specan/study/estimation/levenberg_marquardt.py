@@ -122,7 +122,7 @@ class _Descent:
         self.problem, self.size = problem, problem.scale
         self.low, self.high = problem.bounds()
         self.theta = np.clip(start, self.low, self.high)
-        residual = _residual(problem, self.theta)
+        residual = finite_residual(problem, self.theta)
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")
         self.residual, self.damping = residual, 1e-4
@@ -196,7 +196,7 @@ class _Descent:
 def _try(problem: Problem, theta: Array, step: Array) -> tuple[Array, Array | None]:
     low, high = problem.bounds()
     trial = np.clip(theta + step, low, high)
-    return trial, _residual(problem, trial)
+    return trial, finite_residual(problem, trial)
 
 
 def _further(problem: Problem, theta: Array, trial: Array, there: Array) -> tuple[Array, Array]:
@@ -223,7 +223,8 @@ def _bend(slope: Array, step: Array, off: Array, damping: float) -> Array:
     return bend * min(1.0, most / length) if length > 0 else bend
 
 
-def _residual(problem: Problem, theta: Array) -> Array | None:
+def finite_residual(problem: Problem, theta: Array) -> Array | None:
+    """Residual at theta; None where the model has no value or one that is not finite."""
     try:
         residual = problem.residual(theta)
     except ComputationError:  # a loop of the model that does not settle there: the step was too long

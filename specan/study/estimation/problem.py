@@ -26,12 +26,12 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
+from specan.study.estimation.finite_differences import fine_stencil, usual_stencil
 from specan.study.estimation.known_ranges import KnownRanges
 from specan.study.observation import Array, Observation
 
 EXPENSIVE_ROWS = 2000  # rows from which an evaluation of the model is expensive
 SUBSAMPLE_ROWS = 5000  # rows of a subsample
-STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,57 +251,30 @@ class Problem:
         ]
         return np.concatenate([*parts, self._prior_residual(theta), self.pulls(theta)])
 
-    def jacobian(self, theta: Array) -> Array:
+    def jacobian(self, theta: Array, steps: Array | None = None) -> Array:
         """Derivative of `residual`, one column for each element of theta."""
-        slopes = self.sensitivities(theta)
+        slopes = self.sensitivities(theta, steps)
         white = [o.whiten(slope) for o, slope in zip(self.observations, slopes, strict=True)]
         return np.concatenate([*white, self._prior_jacobian, self._range_jacobian(theta)], axis=0)
 
-    def sensitivities(self, theta: Array) -> list[Array]:
-        """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences."""
+    def sensitivities(self, theta: Array, steps: Array | None = None) -> list[Array]:
+        """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences.
+
+        With `steps`, one for each element of theta, they are of fourth order.
+        """
         theta = np.asarray(theta, dtype=float)
         if not theta.size:
             return [np.empty((o.n, 0)) for o in self.observations]
-        points, weights = self._stencil(theta)
+        low, high = self.bounds()
+        if steps is None:
+            points, weights = usual_stencil(theta, self.scale, low, high, self.expensive)
+        else:
+            points, weights = fine_stencil(theta, steps, low, high)
         many = [self.values_at(p) for p in points]
         return [
             o.predict_many(self.assembly, [self.seen_by(o, v) for v in many]) @ weights
             for o in self.observations
         ]
-
-    def _stencil(self, theta: Array) -> tuple[list[Array], Array]:
-        """Points around theta (itself first) and the weights that make derivatives of their predictions.
-
-        Central differences; one-sided ones of second order where a bound is near. Where an evaluation is
-        expensive, plain one-sided ones: what they err by, the step's share of the parameter's width, no step
-        of a fit and no interval shows.
-        """
-        low, high = self.bounds()
-        points = [theta]
-        weights = np.zeros((2 * theta.size + 1, theta.size))
-        for k, scale in enumerate(self.scale):
-            h = STEP * max(scale, abs(theta[k]))
-            h = (theta[k] + h) - theta[k]
-            if self.expensive:
-                h = -h if theta[k] + h > high[k] else h
-                weights[0, k] = -1 / h
-                weights[len(points), k] = 1 / h
-                points.append(theta.copy())
-                points[-1][k] += h
-                continue
-            if theta[k] - h < low[k]:
-                offsets, at_centre, outside = (1, 2), -1.5, (2.0, -0.5)
-            elif theta[k] + h > high[k]:
-                offsets, at_centre, outside = (-1, -2), 1.5, (-2.0, 0.5)
-            else:
-                offsets, at_centre, outside = (-1, 1), 0.0, (-0.5, 0.5)
-            weights[0, k] = at_centre / h
-            for place, (offset, weight) in enumerate(zip(offsets, outside, strict=True)):
-                point = theta.copy()
-                point[k] += offset * h
-                points.append(point)
-                weights[1 + 2 * k + place, k] = weight / h
-        return points, weights[: len(points)]
 
     def predictions(self, theta: Array) -> list[Array]:
         """What the model expects in place of `measured`, one vector an observation."""
