@@ -225,7 +225,8 @@ def _lines_of_file(
     lines = _Lines(
         (observable,), frequency, float(np.min(np.diff(frequency), initial=np.inf)), (factor * values)[None],
         (np.full(values.shape, np.nan) if sigma is None else sigma)[None], sigma is not None,
-        Folding.none(frequency), np.array([one.common]), np.zeros(1), (1.0,),
+        Folding.none(frequency), np.array([one.common]), np.zeros(1),
+        LINE_CORRELATION if one.windowed else (1.0,),
     )  # fmt: skip
     if sigma is None:
         # something to divide by, so that errors can be shown: all lines alike
@@ -235,7 +236,7 @@ def _lines_of_file(
         raise InputError(f"{file.name}: {one.said} has lines with no uncertainty above zero")
     return lines, (
         f"{file.name}: {observable.name} is {one.said}, {frequency.size} lines from {frequency[0]:g} to "
-        f"{frequency[-1]:g} Hz{unit_said}; uncertainty {how}; lines count as independent"
+        f"{frequency[-1]:g} Hz{unit_said}; uncertainty {how}" + ("" if one.windowed else "; lines count as independent")
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,10 @@ _PART = re.compile(
     rf"^(?:(?P<name>.*)[ _])?(?P<part>{'|'.join(_PARTS)})(?:[ _](?:deg|rad|percent))?$", re.IGNORECASE
 )
 # Those of a table that `specan frf -o` has written.
-_OWN = {"u_magnitude_percent": "u", "u_common_percent": "common"}
+_OWN = {
+    "u_magnitude_percent": "u", "u_common_percent": "common", "u_phase_deg": "", "u_leakage_percent": "",
+    "u_common_phase_deg": "",
+}  # fmt: skip
 _FREQUENCY = re.compile(r"^(f|freq|freq\.|frequency|frequencies)([ _]k?hz)?$", re.IGNORECASE)
 _WITH_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<a>[^]]*)\]|\((?P<b>[^)]*)\))\s*$")
 _CHANNELS, _CHANNEL = ("channel", "response"), "channel"
@@ -52,6 +56,8 @@ class MeasuredFrf:
     common : float
         Standard uncertainty of the calibration, relative.
     coherence : array (n,) or None
+    windowed : bool
+        Whether a Hann window has made neighbouring lines alike, as `specan frf` says of its own tables.
     """
 
     response: str
@@ -63,6 +69,7 @@ class MeasuredFrf:
     sigma: Array | None = None
     common: float = 0.0
     coherence: Array | None = None
+    windowed: bool = False
 
     @property
     def said(self) -> str:
@@ -205,11 +212,27 @@ def _from_table(path: Path) -> list[MeasuredFrf]:
     if rows is None:
         return [_one(table, header, name, name, None) for name in names]
     labels = np.array(rows)
-    return [
+    found = [
         _one(table, header, name, str(label), labels == label)
         for name in names
         for label in dict.fromkeys(rows)
     ]
+    return _as_specan_says(path, found)
+
+
+def _as_specan_says(path: Path, found: list[MeasuredFrf]) -> list[MeasuredFrf]:
+    """Units, reference and window out of the comments of a table that `specan frf` has written."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        comments = [line[1:].strip() for line in takewhile(lambda line: line.startswith("#"), file)]
+    if not comments or not re.fullmatch(r"specan \S+ frf", comments[0]):
+        return found
+    said = next((text.removeprefix("magnitude in ") for text in comments if text.startswith("magnitude in ")), "")
+    units = {name: unit for unit, name in re.findall(r"(\S+) \((.*?)\)(?:, |$)", said)}
+    over = next((m[1] for text in comments if (m := re.search(r": \S+ over (.*) \(.*\)$", text))), "")
+    window = any("'window': 'hann'" in text for text in comments)
+    return [
+        replace(one, unit=units.get(one.response, ""), reference=over, windowed=window) for one in found
+    ]  # fmt: skip
 
 
 def _one(
