@@ -123,11 +123,16 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, output: P
 
     def texts(wanted: bool) -> Iterator[str]:
         for part, lines in parts:
-            sheet.extend(
-                _rows(part, peaks, lambda _, k, lines=lines: float(phase_of_lines(lines[k : k + 1])[0]))
-            )
+
+            def phase(_: Any, k: int, lines: Any = lines) -> float:
+                return float(phase_of_lines(lines[k : k + 1])[0])
+
+            sheet.extend(_rows(part, peaks, phase))
             # What is said about the spectrum in the end; not its lines, nor a view that would keep them.
-            short = {"density": part.density[:, :1].copy(), "frequency_hz": part.frequency_hz[:1].copy()}
+            short: dict[str, Any] = {
+                "density": part.density[:, :1].copy(),
+                "frequency_hz": part.frequency_hz[:1].copy(),
+            }
             about.append(replace(part, has_mirror=part.has_mirror[:1].copy(), **short))
             yield from _text(with_phase(part, lines)) if wanted else ()
             del part, lines

@@ -116,7 +116,11 @@ def command(
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
         )
-    known = {"channel_table": channel_table, "calibration": calibration, "sampling_rate": sampling_rate}
+    known: dict[str, Any] = {
+        "channel_table": channel_table,
+        "calibration": calibration,
+        "sampling_rate": sampling_rate,
+    }
     recording = open_recording(file, **known)
     found = joined_levels([fed(part, recording) for part in settings.groups(recording)])
     if background is not None:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.report.residual_map import ResidualMap, residual_map
 from specan.study.build_problem import parameter_table
 from specan.study.estimation.fit import Fit, fit
@@ -50,7 +52,7 @@ class Trial:
     def parameters(self) -> list[tuple[str, ...]]:
         """Those of the tried effects, or all, with their intervals."""
         table = parameter_table(self.problem, self.fit)
-        own = [(n, p) for n, p in table.items() if not self.uses or n.rpartition(".")[0] in self.uses]
+        own = [(n, p) for n, p in table.items() if not self.uses or ParameterName(n).owner in self.uses]
         return [
             (n, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", "" if p["unit"] == "1" else p["unit"],
              "at its bound" if p["at_bound"] else "" if p["plausible"] else "implausible")
@@ -94,7 +96,7 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
     known = {str(c.use): c for c in found}
     for name in uses:
         if name not in known:
-            why = not_testable.get(name.partition("@")[0], "it is in the model or unknown")
+            why = not_testable.get(Use.parse(name).name, "it is in the model or unknown")
             raise RequestError(f"{name} cannot be tried: {why}")
     problem = study.problem.with_uses([known[name].use for name in uses])
     if problem.state_dependent:  # as when the effect is accepted

@@ -15,6 +15,7 @@ from specan.models.check import check_effect, conditions_over_limits
 from specan.models.effect import Use
 from specan.models.from_function import place_of
 from specan.models.model import Assembly, Model
+from specan.models.parameter_name import ParameterName
 from specan.models.trial import try_assembly, try_model
 from specan.models.unit_check import check_units
 
@@ -209,7 +210,7 @@ def _check_identifiable(base: Assembly, names: Sequence[str], conditions: Condit
         }
         undetermined = members if turn == 0 else {n: m for n, m in undetermined.items() if n in members}
     for name, group in undetermined.items():
-        owner = name.split(".")[0].split("@")[0]
+        owner = Use.parse(ParameterName(name).owner).name
         node = base.model.quantities.get(owner) or base.model.effects[owner]
         others = ", ".join(n for n in group if n != name)
         why = (

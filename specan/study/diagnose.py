@@ -361,7 +361,7 @@ def _ranked(search: Search, refit: Refit) -> Ranked:
         error_after=_errors(refit).rms,
         parameters=parameters_of(refit),
         plausible=search.believable(refit),
-        at_bound=any(n.rpartition(".")[0] in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
+        at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
         pulls=shown(pulls(refit)),
     )
 
@@ -375,13 +375,13 @@ def _errors(refit: Refit) -> ObservableError:
 
 def parameters_of(refit: Refit) -> dict[str, dict[str, Any]]:
     """Own parameters of the effects, with 95 % intervals from the covariance, in their declared units."""
-    table = {}
+    table: dict[str, dict[str, Any]] = {}
     low, high = refit.problem.bounds()
     own = {str(u) for u in refit.uses}
     for k, name in enumerate(refit.fit.names):
-        if name.rpartition(".")[0] not in own:
+        if name.owner not in own:
             continue
-        parameter = refit.problem.assembly.parameters[name.split("[")[0]]
+        parameter = refit.problem.assembly.parameters[name.whole]
         value = float(refit.fit.theta[k])
         reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
         table[name] = {

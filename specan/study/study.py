@@ -368,7 +368,7 @@ class Study:
 
 def _far_from_calibration(problem: Problem, best: Fit) -> bool:
     """Whether a fit has an instrument more than `FAR_FROM_CALIBRATION` standard uncertainties off its prior."""
-    owners = [name.split("[")[0] for name in best.names]
+    owners = [name.whole for name in best.names]
     held = [(k, *problem.priors[o]) for k, o in enumerate(owners) if o in problem.priors]
     return any(abs(best.theta[k] - mean) > FAR_FROM_CALIBRATION * sd for k, mean, sd in held)
 

@@ -48,10 +48,14 @@ def receptance(system: ThreeMasses, frequency: np.ndarray) -> np.ndarray:
     return 1e6 * np.array(found).T
 
 
-def written(path: Path, frequency: np.ndarray, h: np.ndarray, percent: float = 1.0, seed: int = 0) -> np.ndarray:
+def written(
+    path: Path, frequency: np.ndarray, h: np.ndarray, percent: float = 1.0, seed: int = 0
+) -> np.ndarray:
     """A table with a column u, of transfer functions that scatter by so much in each part."""
     random = np.random.default_rng(seed)
-    scatter = percent / 100 * np.abs(h) * (random.standard_normal(h.shape) + 1j * random.standard_normal(h.shape))
+    scatter = (
+        percent / 100 * np.abs(h) * (random.standard_normal(h.shape) + 1j * random.standard_normal(h.shape))
+    )
     noisy = h + scatter
     lines = ["frequency [Hz];x1 re [um/N];x1 im [um/N];x1 u [%];x2 re [um/N];x2 im [um/N];x2 u [%]"]
     for f, (a, b) in zip(frequency, noisy.T, strict=True):
@@ -65,7 +69,9 @@ FREQUENCY = np.arange(8.0, 80.0, 0.25)
 
 def test_the_whole_way_on_a_recording(place):
     (place / "run.csv").write_text(as_text(simulate(ThreeMasses(), seconds=40, seed=5)), encoding="utf-8")
-    said = run("study", "new", "s", "--model", TWO_MASS, "--measurement", "run.csv", "--hold-out", "channel=x2")
+    said = run(
+        "study", "new", "s", "--model", TWO_MASS, "--measurement", "run.csv", "--hold-out", "channel=x2"
+    )
     assert "x1 is x1 over force" in said
     compared = run("study", "compare", "s")
     assert "The model does not fit" in compared
@@ -109,7 +115,9 @@ def test_a_recording_of_the_true_model_is_told_so(place):
 def verdict_on(path: Path):
     model = load_model(TWO_MASS, {})
     assert kind_of(path, model) == "transfer"
-    return diagnose(base_problem(model, open_data(model, {"transfer": MeasuredFiles([DataFile(path.name, path)])}).fitted))
+    return diagnose(
+        base_problem(model, open_data(model, {"transfer": MeasuredFiles([DataFile(path.name, path)])}).fitted)
+    )
 
 
 def test_a_table_of_transfer_functions(place):
@@ -125,7 +133,8 @@ def test_a_table_of_transfer_functions(place):
 
 TABLES = {
     "magnitude and phase": (
-        "f [Hz],x1 magnitude [m/N],x1 phase [deg]", lambda h: (1e-6 * abs(h), np.degrees(np.angle(h)))
+        "f [Hz],x1 magnitude [m/N],x1 phase [deg]",
+        lambda h: (1e-6 * abs(h), np.degrees(np.angle(h))),
     ),
     "radians": ("f [Hz],x1 magnitude [um/N],x1 phase [rad]", lambda h: (abs(h), np.angle(h))),
     "real and imaginary": ("frequency_hz,x1_real [um/N],x1_imag [um/N]", lambda h: (h.real, h.imag)),
@@ -189,13 +198,23 @@ def test_universal_files_of_others(place):
 def test_export_writes_transfer_functions_as_universal_file(place):
     pyuff = pytest.importorskip("pyuff")
     (place / "run.csv").write_text(as_text(simulate(ThreeMasses(), seed=6)), encoding="utf-8")
-    assert "2 channels over force" in run("export", "run.csv", "--to", "uff", "--reference", "force", "-o", "frf.uff")
+    assert "2 channels over force" in run(
+        "export", "run.csv", "--to", "uff", "--reference", "force", "-o", "frf.uff"
+    )
     table = json.loads(run("frf", "run.csv", "--reference", "force", "--channel", "x*", "--json", "-q"))
     sets = pyuff.UFF("frf.uff").read_sets()
-    assert [(s["func_type"], s["rsp_node"], s["ref_node"]) for s in sets] == [(4, 1, 3), (6, 1, 3), (4, 2, 3), (6, 2, 3)]
+    assert [(s["func_type"], s["rsp_node"], s["ref_node"]) for s in sets] == [
+        (4, 1, 3),
+        (6, 1, 3),
+        (4, 2, 3),
+        (6, 2, 3),
+    ]
     assert [s["rsp_ent_name"].strip() for s in sets[::2]] == ["x1", "x2"]
     assert {s["ref_ent_name"].strip() for s in sets} == {"force"}
-    assert (sets[0]["ordinate_axis_units_lab"].strip(), sets[0]["orddenom_axis_units_lab"].strip()) == ("m", "N")
+    assert (sets[0]["ordinate_axis_units_lab"].strip(), sets[0]["orddenom_axis_units_lab"].strip()) == (
+        "m",
+        "N",
+    )
     assert sets[2]["orddenom_spec_data_type"] == 9
     channel = table["channels"][1]
     np.testing.assert_allclose(np.abs(sets[2]["data"]), channel["magnitude"], rtol=1e-9)
@@ -203,13 +222,17 @@ def test_export_writes_transfer_functions_as_universal_file(place):
     # the same file given to a study: its coherence tells the uncertainty once the averages are said
     text = TWO_MASS.read_text("utf-8").replace('reference="force")', 'reference="force", averages=9)')
     (place / "m.py").write_text(text, encoding="utf-8")
-    assert "from the coherence and 9 averages" in run("study", "new", "s", "--model", "m.py", "--measurement", "frf.uff")
+    assert "from the coherence and 9 averages" in run(
+        "study", "new", "s", "--model", "m.py", "--measurement", "frf.uff"
+    )
 
 
 def test_export_of_transfer_functions_as_something_else_is_refused(place):
     (place / "run.csv").write_text(as_text(simulate(ThreeMasses(), seconds=2)), encoding="utf-8")
     with pytest.raises(RequestError, match=r"--reference is for --to uff.*specan frf"):
-        CliRunner().invoke(main, ["export", "run.csv", "--to", "csv", "--reference", "force"], catch_exceptions=False)
+        CliRunner().invoke(
+            main, ["export", "run.csv", "--to", "csv", "--reference", "force"], catch_exceptions=False
+        )
 
 
 def refused(path: Path, **observable) -> str:
@@ -227,7 +250,9 @@ def test_what_does_not_fit_is_said(place):
     written(frf, FREQUENCY, receptance(ThreeMasses(), FREQUENCY))
     run_.write_text(as_text(simulate(ThreeMasses(), seconds=20)), encoding="utf-8")
     assert "holds x1 over its reference, x2 over its reference; expected x3" in refused(frf, response="x3")
-    assert "is in 'um/N'; expected a unit of x1, which the model has in m/s^2/N" in refused(frf, unit="m/s^2/N")
+    assert "is in 'um/N'; expected a unit of x1, which the model has in m/s^2/N" in refused(
+        frf, unit="m/s^2/N"
+    )
     assert "run.csv has no channel 'x3'" in refused(run_, response="x3")
     assert "has no channel 'hammer'" in refused(run_, reference="hammer")
     frf.write_text("frequency [Hz],x1 re\n" + "".join(f"{f},1\n" for f in range(1, 9)), encoding="utf-8")
@@ -252,9 +277,13 @@ def test_a_complex_function_that_is_declared_as_a_column_is_told(place):
         "    parameters={'size': 1.0})\n",
         encoding="utf-8",
     )
-    (place / "t.csv").write_text("frequency,x1\n" + "".join(f"{f},1\n" for f in range(8, 40)), encoding="utf-8")
+    (place / "t.csv").write_text(
+        "frequency,x1\n" + "".join(f"{f},1\n" for f in range(8, 40)), encoding="utf-8"
+    )
     with pytest.raises(RequestError, match=r"m\.py, line 3: 'x1' gives complex numbers.*Frf\("):
-        CliRunner().invoke(main, ["study", "new", "s", "--model", "m.py", "--measurement", "t.csv"], catch_exceptions=False)
+        CliRunner().invoke(
+            main, ["study", "new", "s", "--model", "m.py", "--measurement", "t.csv"], catch_exceptions=False
+        )
 
 
 def test_a_model_without_a_frequency(place):
@@ -281,5 +310,7 @@ def test_two_files_share_parameters_and_a_third_octave_can_be_put_aside(place):
 def test_no_line_in_the_band(place):
     written(place / "frf.csv", FREQUENCY + 200, receptance(ThreeMasses(), FREQUENCY + 200))
     model = load_model(TWO_MASS, {})
-    with pytest.raises(InputError, match=r"has no line between 8 and 80 Hz; expected a band within 208 to 279\.75 Hz"):
+    with pytest.raises(
+        InputError, match=r"has no line between 8 and 80 Hz; expected a band within 208 to 279\.75 Hz"
+    ):
         open_data(model, {"transfer": MeasuredFiles([DataFile("frf.csv", place / "frf.csv")])})

@@ -236,7 +236,8 @@ def _lines_of_file(
         raise InputError(f"{file.name}: {one.said} has lines with no uncertainty above zero")
     return lines, (
         f"{file.name}: {observable.name} is {one.said}, {frequency.size} lines from {frequency[0]:g} to "
-        f"{frequency[-1]:g} Hz{unit_said}; uncertainty {how}" + ("" if one.windowed else "; lines count as independent")
+        f"{frequency[-1]:g} Hz{unit_said}; uncertainty {how}"
+        + ("" if one.windowed else "; lines count as independent")
     )
 
 

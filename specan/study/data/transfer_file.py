@@ -226,7 +226,9 @@ def _as_specan_says(path: Path, found: list[MeasuredFrf]) -> list[MeasuredFrf]:
         comments = [line[1:].strip() for line in takewhile(lambda line: line.startswith("#"), file)]
     if not comments or not re.fullmatch(r"specan \S+ frf", comments[0]):
         return found
-    said = next((text.removeprefix("magnitude in ") for text in comments if text.startswith("magnitude in ")), "")
+    said = next(
+        (text.removeprefix("magnitude in ") for text in comments if text.startswith("magnitude in ")), ""
+    )
     units = {name: unit for unit, name in re.findall(r"(\S+) \((.*?)\)(?:, |$)", said)}
     over = next((m[1] for text in comments if (m := re.search(r": \S+ over (.*) \(.*\)$", text))), "")
     window = any("'window': 'hann'" in text for text in comments)

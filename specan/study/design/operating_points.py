@@ -235,7 +235,7 @@ def _planned(problem: Problem, grid: Mapping[str, Array]) -> TableObservation:
         conditions=conditions,
         covariance=np.diag(sigma**2),
         labels={},
-        recordings=observation.recordings[:1],
+        recordings=problem.recordings,  # each its own elements of a parameter; the readings count to the first
         recording=np.zeros(size, dtype=np.intp),
         parts={},
         series=None,

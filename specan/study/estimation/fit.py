@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError, RequestError, nearest
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.levenberg_marquardt import Minimum, descend
 from specan.study.estimation.problem import Problem
 from specan.study.estimation.refinement import MOST_JACOBIANS, refine
@@ -44,14 +45,14 @@ class Fit:
         Probability of a worse fit of a true model, see `misfit_p_value`.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     theta: Array
     values: Mapping[str, Any]
     chi2: float
     residual: Array
     jacobian: Array
     covariance: Array
-    at_bound: tuple[str, ...]
+    at_bound: tuple[ParameterName, ...]
     converged: bool
     n_effective: float
     dof: float
@@ -179,7 +180,7 @@ def _other_starts(problem: Problem, count: int) -> list[Array]:
 def _plausible(problem: Problem) -> tuple[Array, Array]:
     low, high = problem.bounds()
     start, scale = problem.start(), problem.scale
-    inner = [problem.assembly.parameters[name.split("[")[0]].si for name in problem.names]
+    inner = [problem.assembly.parameters[name.whole].si for name in problem.names]
     low = np.maximum(low, [s.min for s in inner])
     high = np.minimum(high, [s.max for s in inner])
     low = np.where(np.isfinite(low), low, start - 2 * scale)
@@ -218,7 +219,7 @@ def describe(
     )
 
 
-def _snap(problem: Problem, theta: Array) -> tuple[Array, tuple[str, ...]]:
+def _snap(problem: Problem, theta: Array) -> tuple[Array, tuple[ParameterName, ...]]:
     """Put parameters that stopped a hair from an end of their domain on it, where that is no worse."""
     if not theta.size:
         return theta, ()

@@ -26,6 +26,7 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.finite_differences import fine_stencil, usual_stencil
 from specan.study.estimation.known_ranges import KnownRanges
 from specan.study.observation import Array, Observation
@@ -101,10 +102,10 @@ class Problem:
         return tuple(dict.fromkeys(r for o in self.observations for r in o.recordings))
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[ParameterName, ...]:
         """Name of every element of theta: ``churning.exponent``, ``gain-error.gain[Channel 3]``."""
         return tuple(
-            f"{name}[{element}]" if element else name
+            ParameterName(name).at(element)
             for name in self.free
             for element in self.elements.get(name, ("",))
         )
@@ -217,7 +218,7 @@ class Problem:
         A leak that is smaller than those one usually finds is a leak nevertheless.
         """
         si, model = self.assembly.parameters[name].si, self.assembly.model
-        owner, _, own = name.rpartition(".")
+        owner, own = ParameterName(name).owner, ParameterName(name).own
         acting = {str(use): use for use in self.assembly.uses}
         if owner not in acting or owner in map(str, model.base_effects):
             return si.min, si.max
@@ -454,13 +455,13 @@ def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
         parameter = effect.parameters[nuisance.parameter]
         mean = effect.neutral_si[nuisance.parameter]
         sd = abs(parameter.to_si(effect.neutral[nuisance.parameter] + nuisance.prior_sd) - mean)
-        name = f"{use}.{nuisance.parameter}"
+        name = ParameterName.of(use, nuisance.parameter)
         priors[name], values[name] = (mean, sd), mean
         free.append(name)
         new.add(use)
     for use in new:  # parameters without a prior rest where the effect vanishes
-        for name, value in model.effects[use.name].neutral_si.items():
-            values.setdefault(f"{use}.{name}", value)
+        for own, value in model.effects[use.name].neutral_si.items():
+            values.setdefault(ParameterName.of(use, own), value)
     return replace(
         problem,
         assembly=model.assemble({*problem.assembly.uses, *new}),
@@ -473,5 +474,5 @@ def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
 
 def _owned(name: str, uses: Sequence[Use]) -> bool:
     """Whether a parameter's full name belongs to one of the uses."""
-    owner = name.rpartition(".")[0]
+    owner = ParameterName(name).owner
     return any(owner == str(use) for use in uses)

@@ -243,14 +243,18 @@ class TableObservation:
         value = np.asarray(value, dtype=float)
         return value[self._recording] if value.ndim else np.full(self.n, value)
 
-    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
-        """Predictions for the conditions repeated `times` times."""
-        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+    def by_row(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> dict[str, Any]:
+        """Values with one element a row for parameters of each recording, rows repeated `times` times."""
         prepared = dict(values)
         for name, value in values.items():
             if self._is_vector(assembly, name, value) and np.size(value) != self.n * times:
                 prepared[name] = np.tile(self._per_row(value), times)
-        found = self._quantities(assembly, conditions, prepared, self.n * times)
+        return prepared
+
+    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
+        """Predictions for the conditions repeated `times` times."""
+        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+        found = self._quantities(assembly, conditions, self.by_row(assembly, values, times), self.n * times)
         predicted = np.empty(self.n * times)
         for name, rows in self._rows.items():
             rows = np.tile(rows, times)

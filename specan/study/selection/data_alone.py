@@ -56,9 +56,7 @@ def data_alone(base: Refit) -> DataAlone:
     evaluation is expensive.
     """
     problem = base.problem
-    held = sum(
-        1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.split("[")[0] not in problem.priors
-    )
+    held = sum(1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.whole not in problem.priors)
     if problem.expensive or not held:
         return DataAlone()
     free = replace(problem, ranges=False)

@@ -298,7 +298,7 @@ def _not_finite(start: Refit, found: Sequence[Candidate]) -> dict[str, str]:
     """Candidates at whose default values the model has no finite value."""
     reasons = {}
     for candidate in found:
-        point = {n: default_value(candidate, n) for n in candidate.own}
+        point: Point = {n: default_value(candidate, n) for n in candidate.own}
         if changes(start.problem, start.fit, candidate, [point])[0] is None:
             reasons[candidate.use.name] = "gives values that are not finite at these conditions"
     return reasons

@@ -100,7 +100,7 @@ class _ShapeGrid:
         candidate = self.candidate
         reach = max(abs(v) for v in candidate.plausible(amplitude))
         values = [v for v in dict.fromkeys(values) if abs(v - candidate.neutral(amplitude)) > 1e-9 * reach]
-        shapes = {n: default_value(candidate, n) for n in candidate.shapes}
+        shapes: Point = {n: default_value(candidate, n) for n in candidate.shapes}
         for value, unit in zip(values, self._directions([{**shapes, amplitude: v} for v in values])):
             if unit is not None and all(abs(unit @ other) < SAME_DIRECTION for _, other in kept):
                 kept.append((value, unit))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate
@@ -43,7 +44,7 @@ class Signature:
 
     use: Use
     columns: Array
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     neutral: Array
     size: Array
     shapes: Mapping[str, float]
@@ -106,11 +107,15 @@ def carried(seen: Sequence[Signature], old: Problem, new: Problem, uses: Collect
 
 
 def _signature(
-    candidate: Candidate, amplitude: str, value: float, shapes: Mapping[str, float], column: Array
+    candidate: Candidate,
+    amplitude: ParameterName,
+    value: float,
+    shapes: Mapping[str, float],
+    column: Array,
 ) -> Signature:
     neutral = candidate.neutral(amplitude)
     size = value - neutral
-    low, high = candidate.extended.domain(amplitude.split("[")[0])
+    low, high = candidate.extended.domain(amplitude.whole)
     ends = sorted(((low - neutral) / size, (high - neutral) / size))
     return Signature(
         candidate.use, column[:, None], (amplitude,), np.array([neutral]), np.array([size]), shapes,
@@ -164,7 +169,7 @@ def _several_amplitudes(
 
 def _inside(candidate: Candidate, values: Array) -> Array:
     """Values inside the domains of the amplitudes."""
-    ends = [candidate.extended.domain(n.split("[")[0]) for n in candidate.amplitudes]
+    ends = [candidate.extended.domain(n.whole) for n in candidate.amplitudes]
     return np.array([min(max(v, low), high) for v, (low, high) in zip(values, ends)])
 
 
@@ -211,7 +216,7 @@ def _worked_out(
 ) -> list[Array | None]:
     extended = candidate.extended
     start = extended.start({**fit.values, **_neutral_values(candidate)})
-    places = {name: k for k, name in enumerate(extended.names)}
+    places: dict[str, int] = {name: k for k, name in enumerate(extended.names)}
     many = []
     for point in points:
         theta = start.copy()
@@ -226,7 +231,7 @@ def _worked_out(
 
 
 def _neutral_values(candidate: Candidate) -> dict[str, float]:
-    return {f"{candidate.use}.{n}": v for n, v in candidate.effect.neutral_si.items()}
+    return {ParameterName.of(candidate.use, n): v for n, v in candidate.effect.neutral_si.items()}
 
 
 def _residual_changes(
