@@ -37,7 +37,7 @@ class Frf:
     >>> import numpy as np
     >>> found = model.assemble().evaluate({"frequency": np.array([0.0, 25.0])})
     >>> found["receptance"].round(2).tolist()
-    [(20+0j), (596.44-1080.95j)]
+    [(20+0j), (163.89-473.83j)]
     """
 
     unit: str
