@@ -50,7 +50,7 @@ def fine_stencil(theta: Array, steps: Array, low: Array, high: Array) -> tuple[l
     >>> none = np.array([np.inf])
     >>> points, weights = fine_stencil(np.array([1.0]), np.array([1e-3]), -none, none)
     >>> derivative = np.exp(np.array(points)[:, 0]) @ weights
-    >>> abs(derivative[0] - np.e) < 1e-12
+    >>> bool(abs(derivative[0] - np.e) < 1e-12)
     True
     """
     steps = np.minimum(steps, (high - low) / 8)  # four of them fit between one end and the middle
