@@ -210,7 +210,8 @@ class Problem:
         si, model = self.assembly.parameters[name].si, self.assembly.model
         owner, own = ParameterName(name).owner, ParameterName(name).own
         acting = {str(use): use for use in self.assembly.uses}
-        if owner not in acting or owner in map(str, model.base_effects):
+        base = {*model.base_effects, *(form for forms in model.other_forms.values() for form in forms)}
+        if owner not in acting or owner in base:
             return si.min, si.max
         neutral = model.effects[acting[owner].name].neutral_si.get(own, si.min)
         return min(si.min, neutral), max(si.max, neutral)
