@@ -18,13 +18,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from specan.models import Model
-from specan.study.estimation.problem import base_problem
 from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
 from specan.study.observation.table import TableObservation
 from specan.study.selection.law_search import LawSearch, search_laws
 from specan.study.selection.refits import Refit
 
 ROWS = (40, 120)
+LEAST_VISIBLE = 0.03  # share of a hidden law that the base cannot take
 SIZE = (5.0, 40.0)  # sigma of the hidden law's RMS that no base parameter can take
 
 
@@ -104,8 +105,15 @@ def case(seed: int, null: bool) -> tuple[LawSearch, Hidden, dict[str, float]]:
     table = dict(zip(spans, grid))
     fresh = {v: rng.uniform(*spans[v], 60) for v in spans}
     truth = {"stiffness": float(rng.uniform(0.5, 3)), "drag": float(rng.uniform(0.2, 2))}
-    hidden = draw_law(rng, spans)
     clean, clean_fresh = base(**table, **truth), base(**fresh, **truth)
+    # Sized by what the base's own parameters cannot take; a law that they take altogether is not hidden in the data.
+    basis, _ = np.linalg.qr(base_columns(base, truth, table))
+    while True:
+        hidden = draw_law(rng, spans)
+        law, law_fresh = hidden.value(table), hidden.value(fresh)
+        visible = law - basis @ (basis.T @ law)
+        if np.linalg.norm(visible) > LEAST_VISIBLE * np.linalg.norm(law):
+            break
     model = Model.from_function(
         base,
         conditions={v: ("1", *span) for v, span in spans.items()},
@@ -113,16 +121,8 @@ def case(seed: int, null: bool) -> tuple[LawSearch, Hidden, dict[str, float]]:
         parameters=dict.fromkeys(truth, (1.0, 0.01, 10.0)),
     )
     noise = 0.01 * float(np.std(clean))
-    law, law_fresh = hidden.value(table), hidden.value(fresh)
-    # Sized by what the base's own parameters cannot take.
-    steps = [base(**table, **{**truth, name: value * 1.001}) - clean for name, value in truth.items()]
-    basis, _ = np.linalg.qr(np.stack(steps, axis=1))
-    visible = law - basis @ (basis.T @ law)
-    size = (
-        0.0
-        if null
-        else float(np.exp(rng.uniform(*np.log(SIZE)))) * noise / max(np.sqrt(np.mean(visible**2)), 1e-12)
-    )
+    strength = float(np.exp(rng.uniform(*np.log(SIZE))))
+    size = 0.0 if null else strength * noise / float(np.sqrt(np.mean(visible**2)))
     measured = clean + size * law + noise * rng.standard_normal(clean.size)
     observed = TableObservation(
         "sealed",

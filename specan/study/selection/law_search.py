@@ -131,7 +131,11 @@ def search_laws(start: Refit) -> LawSearch:
     p_value = _family_wise(best_ratio, largest, dof)
     if p_value >= LEVEL:
         return LawSearch((), p_value, len(scans))
-    found = [_refined(start, *scans[k], variables, falls[k][1], rest) for k in order[:REFINED]]
+    alike = {count: sum(len(f.factors) == count for _, f in scans) for count in (1, 2)}
+    found = [
+        _refined(start, *scans[k], variables, falls[k][1], rest, alike[len(scans[k][1].factors)])
+        for k in order[:REFINED]
+    ]
     laws = _group(start, [law for law in found if law is not None])
     return LawSearch(tuple(laws[:MOST_LAWS]), p_value, len(scans), max(0, len(laws) - MOST_LAWS))
 
@@ -273,8 +277,13 @@ def _refined(
     variables: dict[str, Array],
     shapes: tuple[float, ...],
     rest: Array,
+    alike: int,
 ) -> Law | None:
-    """The law with its shapes fitted (variable projection), its BIC and its cross-validated gain."""
+    """The law with its shapes fitted (variable projection), its BIC and its cross-validated gain.
+
+    The BIC is that for a choice among many (Chen & Chen 2008, Biometrika 95:759): a law pays for the number `alike`
+    of laws with as many factors, so that products, which are many, do not crowd out single functions.
+    """
     from scipy.optimize import least_squares
 
     bounds = np.array([[s.low, s.high] for s in formula.shapes]).reshape(-1, 2)
@@ -312,7 +321,7 @@ def _refined(
     if not np.isfinite(chi2) or size == 0:
         return None
     dispersion = max(chi2 / max(start.dof - 1 - x.size, 1.0), 1.0)
-    price = (1 + x.size) * math.log(start.problem.n_effective)
+    price = (1 + x.size) * math.log(start.problem.n_effective) + 2.0 * math.log(alike)
     steps = np.eye(x.size) * 1e-4 * np.maximum(np.abs(x), 1e-6)[:, None]
     slopes = [(size / s.max()) * (column(x + s) - c) for s in steps]
     extended = Projection.of(
