@@ -17,12 +17,13 @@ from specan.dsp.frequency_nodes import (
     node_frequencies,
     node_of_band,
     node_range,
+    node_weights,
 )
 from specan.dsp.lag_spectrum import LagSpectrum, total_energy
 from specan.dsp.multirate import LENGTH, MultirateTransform, Stage
 from specan.dsp.record_ends import Fade, RecordEnds
 from specan.dsp.short_record import LONGEST, add_energy, share_of_lines
-from specan.dsp.weighting import power_weighting
+from specan.dsp.weighting import Weighting
 
 # A response below this adds nothing: 200 dB.
 _NOTHING = 1e-20
@@ -75,6 +76,10 @@ class EnergySpectrum:
     def frequencies(self) -> NDArray[np.float64]:
         """Frequencies of the nodes in Hz."""
         return node_frequencies(self.first, self.nodes.shape[1])
+
+    def weights(self, weighting: Weighting) -> NDArray[np.float64]:
+        """A frequency weighting of mean squares at the nodes."""
+        return node_weights(self.first, self.nodes.shape[1], weighting)
 
     @property
     def alternating_mean_square(self) -> NDArray[np.float64]:
@@ -202,16 +207,18 @@ def _found(
     found = EnergySpectrum(first, nodes / n, energy / n, total / n, count, sampling_rate)
     if inner is None or fade is None:
         return found
-    inner *= (_scale(nodes, inner, found.frequencies, fade) / n)[:, None]
+    inner *= (_scale(nodes, inner, found.weights("A"), fade) / n)[:, None]
     return replace(found, inner=inner, independent=fade.independent)
 
 
 def _scale(
-    nodes: NDArray[np.float64], faded: NDArray[np.float64], frequencies: NDArray[np.float64], fade: Fade
+    nodes: NDArray[np.float64], faded: NDArray[np.float64], sound: NDArray[np.float64], fade: Fade
 ) -> NDArray[np.float64]:
-    """Factors on the energy spectrum of the faded record; see `EnergySpectrum.between_ends`."""
+    """Factors on the energy spectrum of the faded record; see `EnergySpectrum.between_ends`.
+
+    `sound` is the A weighting of the nodes.
+    """
     most = fade.n_samples / fade.averaged
-    sound = power_weighting(frequencies, "A")
     whole, inside = (np.add.reduce(each * sound, axis=1) for each in (nodes, faded))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(whole > 0.0, np.clip(whole / inside, 1.0, most), most)

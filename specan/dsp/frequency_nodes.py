@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from specan.dsp.bands import OCTAVE_RATIO, REFERENCE_FREQUENCY
+from specan.dsp.weighting import Weighting, power_weighting
 
 NODES_PER_OCTAVE = 1536
 """64 to a 1/24 octave: cubic interpolation of |H|^2 between them is good to 0.0005 dB on the steepest skirt."""
@@ -26,9 +28,20 @@ def node_range(sampling_rate: float) -> tuple[int, int]:
     return first, max(last - first + 1, 0)
 
 
+@lru_cache(maxsize=8)
 def node_frequencies(first: int, count: int) -> NDArray[np.float64]:
-    """Frequencies in Hz of `count` nodes from `first` on."""
-    return REFERENCE_FREQUENCY * OCTAVE_RATIO ** ((first + np.arange(count)) / NODES_PER_OCTAVE)
+    """Frequencies in Hz of `count` nodes from `first` on; kept for all who ask, not to be written to."""
+    found = REFERENCE_FREQUENCY * OCTAVE_RATIO ** ((first + np.arange(count)) / NODES_PER_OCTAVE)
+    found.flags.writeable = False
+    return np.asarray(found)
+
+
+@lru_cache(maxsize=16)
+def node_weights(first: int, count: int, weighting: Weighting) -> NDArray[np.float64]:
+    """A frequency weighting of mean squares at these nodes; likewise kept."""
+    found = power_weighting(node_frequencies(first, count), weighting)
+    found.flags.writeable = False
+    return found
 
 
 def node_of_band(index: NDArray[np.int64], fraction: int) -> NDArray[np.int64]:

@@ -240,15 +240,7 @@ def phase_deg(response: Complex) -> Real:
     return np.where(phase <= -180.0, 180.0, phase + 0.0)  # no -0.0
 
 
-def delays_of(response: Complex, block: int, rate: float) -> Real:
-    """Delay in seconds of each response: the peak of its impulse response, to a sample.
-
-    Parameters
-    ----------
-    response : complex array (..., block // 2 + 1)
-        Transfer functions on all lines of the DFT; lines that are not finite count as zero.
-    """
-    clean = np.where(np.isfinite(response), response, 0.0)
-    impulse = np.abs(np.fft.irfft(clean, block, axis=-1))
-    peak = np.argmax(impulse, axis=-1)
-    return np.where(peak > block // 2, peak - block, peak) / rate
+def arrivals(impulse: Real) -> NDArray[np.int_]:
+    """Samples by which the strongest arrival of each impulse response (..., n) of magnitudes is late; below 0: early."""
+    n, peak = impulse.shape[-1], np.argmax(impulse, axis=-1)
+    return np.where(peak > n // 2, peak - n, peak)

@@ -116,7 +116,7 @@ def frequencies(values: ArrayLike) -> list[str]:
 
 def rows(columns: Sequence[Sequence[str]]) -> str:
     """Columns of equal length as lines of a table, each ended by a line feed."""
-    return "".join("\t".join(cells) + "\n" for cells in zip(*columns, strict=True))
+    return "".join(f"{line}\n" for line in map("\t".join, zip(*columns, strict=True)))
 
 
 def write_table(path: Path, header: Iterable[str], columns: Sequence[str], blocks: Iterable[str]) -> None:
