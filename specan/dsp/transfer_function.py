@@ -241,6 +241,6 @@ def phase_deg(response: Complex) -> Real:
 
 
 def arrivals(impulse: Real) -> NDArray[np.int_]:
-    """Samples by which the strongest arrival of each impulse response (..., n) of magnitudes is late; below 0: early."""
+    """Samples by which the strongest arrival of each impulse response (..., n) is late; below 0: early."""
     n, peak = impulse.shape[-1], np.argmax(impulse, axis=-1)
     return np.where(peak > n // 2, peak - n, peak)
