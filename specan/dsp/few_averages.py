@@ -6,6 +6,7 @@ See docs/decisions/spectra.md.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -89,6 +90,13 @@ def _height(nu: float) -> float:
     return series / math.sqrt(2 * math.pi)
 
 
+@lru_cache(maxsize=1)
+def _gauss_nodes() -> tuple[Real, Real]:
+    """Places and weights of an integral from 0 to 1."""
+    place, weight = np.polynomial.legendre.leggauss(40)
+    return (place + 1.0) / 2.0, weight / 2.0
+
+
 def _student_quantile(nu: Real) -> Real:
     """t of which |T| is below with a probability of 0.95.
 
@@ -99,8 +107,7 @@ def _student_quantile(nu: Real) -> Real:
         from scipy.special import stdtrit
 
         return np.asarray(stdtrit(nu, 0.975))
-    place, weight = np.polynomial.legendre.leggauss(40)
-    place, weight = (place + 1.0) / 2.0, weight / 2.0
+    place, weight = _gauss_nodes()
     height = np.array([_height(v) for v in nu.tolist()])
     half = (nu + 1.0) / 2.0
     t = np.full(nu.shape, _NORMAL)

@@ -23,6 +23,9 @@ _RINGS = 240
 # What lies below these parts of the next stage's rate belongs to the next stage; a smooth cross-over between.
 CROSS_OVER = (0.28, 0.38)
 
+# Of a line's energy; the cross-over never quite reaches zero.
+_NOTHING = 1e-20
+
 
 def _settling() -> int:
     """Samples of a stage after which its narrowest band, 1/24 octave, has fallen by 180 dB: 10 dB in every 1 / B."""
@@ -98,7 +101,9 @@ def _thinned(transform: NDArray[np.complex128], count: int) -> NDArray[np.float6
 
 @lru_cache(maxsize=16)
 def _spread(stage: Stage, points: int, first: int) -> Spread:
-    return Spread(first, share_of_lines(stage, points), stage.rate / points)
+    share = share_of_lines(stage, points)
+    share[share < _NOTHING * share.max()] = 0.0
+    return Spread(first, share, stage.rate / points)
 
 
 @lru_cache(maxsize=64)
