@@ -185,11 +185,12 @@ def energy_of_short(samples: NDArray[np.float64], sampling_rate: float, n_sample
     """What `BandEnergy` finds in all samples of a record of `n_samples`, at once."""
     first, count = node_range(sampling_rate)
     fade = Fade.of(n_samples, sampling_rate)
-    nodes = np.zeros((2, samples.shape[0], count))
-    energy = add_energy(nodes[0], samples, sampling_rate, first)
-    add_energy(nodes[1], samples * fade.weights(0, samples.shape[1]), sampling_rate, first)
+    rows, n = samples.shape
+    nodes = np.zeros((2 * rows, count))
+    both = np.concatenate([samples, samples * fade.weights(0, n)])
+    energy = add_energy(nodes, both, sampling_rate, first)[:rows]
     total = np.add.reduce(samples, axis=1)
-    return _found(first, nodes[0], nodes[1], energy, total, samples.shape[1], sampling_rate, fade)
+    return _found(first, nodes[:rows], nodes[rows:], energy, total, n, sampling_rate, fade)
 
 
 def _found(

@@ -155,8 +155,8 @@ def rows_of_numbers(before: Sequence[str], numbers: Sequence[Numbers], after: Se
 
     Examples
     --------
-    >>> rows_of_numbers(["a", "50 %"], [fixed_numbers([1, 2], 1), phase_numbers([0, np.nan])], ["", "x"])
-    'a\t1.0\t0.00\t\n50 %\t2.0\t\tx\n'
+    >>> rows_of_numbers(["a", "50 %"], [fixed_numbers([1, 2], 1), phase_numbers([0, np.nan])], ["", "x"]).split()
+    ['a', '1.0', '0.00', '50', '%', '2.0', 'x']
     """
     if not all(np.isfinite(column.values).all() for column in numbers):
         return rows([before, *map(_printed, numbers), after])
