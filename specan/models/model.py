@@ -9,6 +9,7 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
+from specan.models.frf import Frf
 from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
 from specan.models.graph import components
 from specan.models.observable import Observable
@@ -84,6 +85,9 @@ class Model:
         Elements of each axis: ``{"wall": ("x0", "x1", ...), "microphone": ("Mic 1", ...)}``.
     base_effects : tuple of str
         Effects that a new study starts with.
+    other_forms : mapping
+        Other published forms of the same part as a base effect, by its name: taken in its place, never beside it,
+        and never called missing.
     nuisances : tuple of Nuisance
         Instrument errors with a certificate.
     rig : RigStatement
@@ -115,6 +119,7 @@ class Model:
     effects: Mapping[str, Effect]
     observables: Mapping[str, Observable]
     base_effects: tuple[str, ...] = ()
+    other_forms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     nuisances: tuple[Nuisance, ...] = ()
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rig: RigStatement = field(default_factory=RigStatement)
@@ -180,6 +185,7 @@ class Model:
                 limits={**old.limits, **said.limits},
                 setting={**old.setting, **said.setting},
                 reading={**old.reading, **said.reading},
+                reading_percent={**old.reading_percent, **said.reading_percent},
                 discrepancy_percent=said.discrepancy_percent or old.discrepancy_percent,
             ),
         )
@@ -217,7 +223,8 @@ class Model:
             ``{name: unit}``, ``{name: (unit, lowest, highest)}`` or ``{name: Condition}``. A table holds a condition
             in the column of that name: ``flow``, or ``flow [l/s]`` in another unit.
         observables : mapping
-            ``{name: unit}`` or ``{name: (unit, standard uncertainty of a reading)}`` of functions that are measured.
+            ``{name: unit}`` or ``{name: (unit, standard uncertainty of a reading)}`` of functions that are measured;
+            ``{name: Frf(unit, response=, reference=)}`` of transfer functions over the condition ``frequency``.
         parameters : mapping, optional
             ``{name: value}``, ``(value, low, high)``, ``(value, low, high, unit)``, ``dict(value=, min=, max=, vary=,
             unit=)`` or a Parameter. An argument with a default in the signature need not be named.
@@ -264,7 +271,7 @@ class Model:
         first = next(iter(observables))
         name = name or name_of(function) or first
         title = title or title_of(function) or first
-        if law is None:
+        if law is None and not isinstance(observables[first], Frf):
             positive = [n for n, (low, _) in fields["rig"].limits.items() if low >= 0]
             law = LawSpace(first, {n: n for n in positive}) if positive else None
         return cls(
@@ -297,7 +304,12 @@ class Model:
     def candidates(self, assembly: Assembly) -> tuple[Use, ...]:
         """Uses of effects that the assembly lacks, one for each element of the axis they act at."""
         uses = []
+        there = {use.name for use in assembly.uses}
+        parts = [{name, *others} for name, others in self.other_forms.items()]
+        taken = set().union(*(part for part in parts if part & there))
         for effect in self.effects.values():
+            if effect.name in taken:
+                continue
             elements = self.axes[effect.at] if effect.at else ("",)
             uses += [Use(effect.name, element) for element in elements]
         return tuple(use for use in sorted(uses) if use not in assembly.uses)
