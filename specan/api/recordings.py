@@ -122,8 +122,8 @@ def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
     recording : Recording or path
         Opened already, or a file to read.
     **settings
-        ``columns``, ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``,
-        ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
+        ``columns``, ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``,
+        ``fmin_hz``, ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
 
     Returns
     -------
