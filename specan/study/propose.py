@@ -218,7 +218,7 @@ def name_of(law: Law) -> str:
     Returns
     -------
     str
-        Such as ``law-gaussian-speed``.
+        Such as ``law-gaussian-flow``.
     """
     words = [f"{f.family}-{f.variable}" for f in law.formula.factors]
     return re.sub(r"[^a-z0-9]+", "-", "law-" + "-".join(words).lower()).strip("-")
