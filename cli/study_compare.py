@@ -59,9 +59,10 @@ def command(
         from specan.report.figures_room import figure_errors
         from specan.report.figures_study import figure_compare
 
-        save_figure(
-            figure_compare(study) if shown is None else figure_errors(study, recorded[0], shown), plot
-        )
+        if shown is None or study.model.receivers is None:
+            save_figure(figure_compare(study, channel), plot)
+        else:
+            save_figure(figure_errors(study, recorded[0], shown), plot)
 
 
 def _content(study: Study, found: Comparison) -> dict[str, Any]:

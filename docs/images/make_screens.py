@@ -51,7 +51,7 @@ def photograph(place: str, query: str, done: str, name: str) -> None:
         driver.get(server.stdout.readline().strip() + query)
         end = time.monotonic() + MOST_S
         while time.monotonic() < end and not driver.execute_script(
-            f"const text = (n) => Bokeh.documents[0].get_model_by_name(n)?.text ?? ''; return {done}"
+            f"const text = (n) => window.Bokeh?.documents[0]?.get_model_by_name(n)?.text ?? ''; return {done}"
         ):
             time.sleep(0.5)
         time.sleep(2.0)

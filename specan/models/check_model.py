@@ -142,13 +142,15 @@ def _plan(model: Model) -> Conditions:
 
 
 def _predict(assembly: Assembly, conditions: Conditions, values: Mapping[str, float]) -> Array:
-    """All observables one behind the other, each divided by its largest value without effects."""
+    """All observables one behind the other, real and imaginary parts of complex ones."""
     nodes = [o.quantity for o in assembly.model.observables.values()]
     size = len(next(iter(conditions.values())))
     with np.errstate(all="ignore"):
         found = assembly.evaluate(conditions, values, wanted=nodes)
-    parts = [np.broadcast_to(np.asarray(found[n], dtype=float), (size,)) for n in nodes]
-    return np.concatenate(parts)
+    parts = [np.broadcast_to(np.asarray(found[n]), (size,)) for n in nodes]
+    return np.concatenate(
+        [p for part in parts for p in ([part.real, part.imag] if part.dtype.kind == "c" else [part])]
+    )
 
 
 def _jacobian(

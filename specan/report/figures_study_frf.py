@@ -41,7 +41,7 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
     assert isinstance(observation, FrfObservation)
     found = measured_transfer(observation, study.problem.predictions(study.shown.theta)[0])
     chosen = found.by_misfit()[:MOST_CHANNELS] if channel is None else [_number(found, channel)]
-    unit = study.model.observables[observation.observable].unit
+    unit = study.model.observables[str(observation.observable[0])].unit
     figure = new_figure(6.4, max(1.2 + 3.0 * len(chosen), 5.6))
     grid = figure.subplots(
         3, len(chosen), sharex=True, sharey="row", squeeze=False, height_ratios=[3, 2, 1.5]

@@ -145,7 +145,7 @@ def _positions(rivals: Sequence[Refit], count: int) -> list[Proposal]:
     """Places for receivers that separate the rivals."""
     names = [_name(r) for r in rivals]
     model = rivals[0].problem.assembly.model
-    unit = model.observables[rivals[0].problem.observations[0].observable].unit  # type: ignore[attr-defined]
+    unit = model.observables[str(rivals[0].problem.observations[0].observable[0])].unit  # type: ignore[attr-defined]
     noun = _noun(model)
     return [
         Proposal(
