@@ -11,7 +11,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.design.operating_points import Proposal, explore, propose
-from specan.study.estimation.fit import Fit, fit
+from specan.study.estimation.fit import Fit, fit, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import MOST_ROWS
@@ -389,10 +389,10 @@ def _ranking(search: Search, sets: list[Refit]) -> tuple[Ranked, ...]:
     dispersion = search.best.dispersion
     others = [r for r in search.refits.done.values() if r.uses and r not in sets]
     others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
-    return tuple(_ranked(search, refit) for refit in [*sets, *others])
+    return tuple([*(_ranked(search, r, True) for r in sets), *(_ranked(search, r, False) for r in others)])
 
 
-def _ranked(search: Search, refit: Refit) -> Ranked:
+def _ranked(search: Search, refit: Refit, named: bool) -> Ranked:
     base, dispersion = search.base, search.best.dispersion
     decision = search.decision(refit)
     return Ranked(
@@ -402,7 +402,7 @@ def _ranked(search: Search, refit: Refit) -> Ranked:
         p_value=decision.p_value,
         held_out_gain=decision.held_out_gain,
         error_after=_errors(refit).rms,
-        parameters=parameters_of(refit),
+        parameters=parameters_of(refit, named),
         plausible=search.believable(refit),
         at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
         pulls=shown(pulls(refit)),
@@ -416,24 +416,40 @@ def _errors(refit: Refit) -> ObservableError:
     return observable_errors(problem, problem.observations, predicted)[0]
 
 
-def parameters_of(refit: Refit) -> dict[str, dict[str, Any]]:
-    """Own parameters of the effects, with 95 % intervals from the covariance, in their declared units."""
+def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, Any]]:
+    """Own parameters of the effects, with 95 % intervals, in their declared units.
+
+    `profiled`: all other parameters are refitted along an interval, which then follows a valley and the ends of known
+    ranges; else, or where such a refit fails, it is that of the covariance.
+    """
     table: dict[str, dict[str, Any]] = {}
-    low, high = refit.problem.bounds()
     own = {str(u) for u in refit.uses}
     for k, name in enumerate(refit.fit.names):
         if name.owner not in own:
             continue
         parameter = refit.problem.assembly.parameters[name.whole]
-        value = float(refit.fit.theta[k])
-        reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
+        low, high = _interval(refit, k, profiled and not refit.problem.expensive)
         table[name] = {
-            "value": parameter.from_si(value),
-            "low": parameter.from_si(float(max(value - reach, low[k]))),
-            "high": parameter.from_si(float(min(value + reach, high[k]))),
+            "value": parameter.from_si(float(refit.fit.theta[k])),
+            "low": parameter.from_si(low),
+            "high": parameter.from_si(high),
             "unit": parameter.unit,
         }
     return table
+
+
+def _interval(refit: Refit, k: int, profiled: bool) -> tuple[float, float]:
+    """95 % interval of one element of theta, SI, inside its domain."""
+    name = refit.fit.names[k]
+    if profiled:
+        try:
+            return profile_interval(refit.problem, refit.fit, name, inflate=True)
+        except (ComputationError, ValueError):  # a refit that fails, or an end that is not bracketed
+            pass
+    low, high = refit.problem.bounds()
+    value = float(refit.fit.theta[k])
+    reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
+    return float(max(value - reach, low[k])), float(min(value + reach, high[k]))
 
 
 def _places(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:
