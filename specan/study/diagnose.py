@@ -389,7 +389,7 @@ def _ranking(search: Search, sets: list[Refit]) -> tuple[Ranked, ...]:
     dispersion = search.best.dispersion
     others = [r for r in search.refits.done.values() if r.uses and r not in sets]
     others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
-    return tuple([*(_ranked(search, r, True) for r in sets), *(_ranked(search, r, False) for r in others)])
+    return tuple(_ranked(search, refit, refit in sets) for refit in [*sets, *others])
 
 
 def _ranked(search: Search, refit: Refit, named: bool) -> Ranked:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
 from specan.study.data.plausible_rows import check_limits, duplicates
-from specan.study.data.setpoints import cells, grouped, levels
+from specan.study.data.setpoints import apart_in_rounds, cells, grouped, levels
 from specan.study.data.table_reader import Measurement
 from specan.study.observation import Array
 from specan.study.observation.variable import Variable
@@ -126,6 +126,7 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         points, is_set[name] = levels(distinct[:, k], settings[name])
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
+    level = _parted(level, is_set, measurements, recording, conditions, settings)
     alike = cells(*(values for name, values in level.items() if name != TIME))
     replicate_group = _within_files(alike, recording)
     setup, how = _setups(measurements, recording, replicate_group, conditions, settings)
@@ -149,6 +150,27 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
             *([copied] if copied else []),
         ),
     )
+
+
+def _parted(
+    level: dict[str, Array],
+    is_set: Mapping[str, bool],
+    measurements: Sequence[Measurement],
+    recording: NDArray[np.intp],
+    conditions: Mapping[str, Array],
+    settings: Mapping[str, SettingError],
+) -> dict[str, Array]:
+    """Levels parted by what a round of the plan holds, where the tables number the rounds."""
+    marks = [m.repeat for m in measurements if m.repeat is not None]
+    if len(marks) < len(measurements) or any(m.setup is not None for m in measurements):
+        return level
+    rounds = cells(recording, np.concatenate(marks))
+    for name, values in conditions.items():
+        if name != TIME and not is_set[name]:
+            others = [c for other, c in level.items() if other not in (name, TIME)]
+            scatter = np.asarray(settings[name].at(values), dtype=float) + 1e-300
+            level[name] = apart_in_rounds(values, level[name], cells(rounds, *others), scatter)
+    return level
 
 
 def _conditions(
