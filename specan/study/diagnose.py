@@ -215,7 +215,7 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     others.sort(key=lambda r: r.bic(search.best.dispersion))
     if len(sets) > 1:
         return propose(sets)
-    if search.base.problem.expensive:
+    if search.base.problem.strategy.pruning:
         others = [r for r in others[:1] if not search.refits.beyond_pruning_bound(r.chi2, search.best.chi2)]
     return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
 
@@ -345,7 +345,7 @@ def _too_good(base: Refit) -> tuple[str, ...]:
 
 def _error_fall(base: Refit, best: Refit) -> ErrorFall:
     before, after = _errors(base), _errors(best)
-    if base.problem.expensive:
+    if not base.problem.strategy.secondary_refits:
         return ErrorFall(before, after)
     return ErrorFall(before, after, left_out_error(base), left_out_error(best))
 

@@ -236,7 +236,7 @@ class Study:
     @cached_property
     def problem(self) -> Problem:
         """The model as the study has it, over the fitted data."""
-        if not self._assembled.state_dependent:
+        if not self._assembled.strategy.linearised_covariance:
             return self._assembled
         last = self.history.last
         known = kept_values(self._assembled, last.parameters) if last else {}
@@ -262,7 +262,7 @@ class Study:
         A model of resonances that lacks much fits best with absurd instruments, and then fails everywhere a little
         instead of where it fails. It is shown as a continuation fit leaves it, in which priors hold them.
         """
-        if not self.problem.multimodal or not _far_from_calibration(self.problem, self.best):
+        if not self.problem.strategy.continuation or not _far_from_calibration(self.problem, self.best):
             return self.best
         return describe(self.problem, self.problem.start(continuation_fit(self._assembled)))
 
