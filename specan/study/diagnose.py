@@ -428,7 +428,7 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
         if name.owner not in own:
             continue
         parameter = refit.problem.assembly.parameters[name.whole]
-        low, high = _interval(refit, k, profiled and not refit.problem.expensive)
+        low, high = _interval(refit, k, profiled and refit.problem.strategy.secondary_refits)
         table[name] = {
             "value": parameter.from_si(float(refit.fit.theta[k])),
             "low": parameter.from_si(low),

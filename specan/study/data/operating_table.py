@@ -19,6 +19,7 @@ from specan.study.observation.variable import Variable
 from specan.units import convert, printed_unit
 
 TIME = "elapsed_time"  # orders the readings; never a setting
+NEXT, LATER = 0.5, 0.1  # standard deviations of setting within which two rows are readings of one setting
 ENOUGH = 8  # degrees of freedom above which repeats are believed
 
 
@@ -217,15 +218,37 @@ def _setups(
     for how in ("setup", "repeat"):
         marks = [getattr(m, how) for m in measurements]
         if all(mark is not None for mark in marks):
-            return cells(recording, replicate_group, np.concatenate(marks)), how
+            marked = cells(recording, replicate_group, np.concatenate(marks))
+            if how == "setup":
+                return marked, how
+            # One round sets a condition once: rows of it at other values are other settings, not second readings.
+            order = np.argsort(marked, kind="stable")
+            new = (np.diff(marked[order], prepend=-1) != 0) | _set_anew(conditions, settings, order)
+            number = np.empty(order.size, dtype=np.intp)
+            number[order] = np.cumsum(new)
+            return number, how
     # Without a mark: the next row at the same condition, at values that were not set anew, is a second
     # reading; a condition that comes back later was set again.
+    everything = np.arange(recording.size)
     changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(replicate_group, prepend=-1) != 0)
+    return np.cumsum(changed | _set_anew(conditions, settings, everything)), "order"
+
+
+def _set_anew(
+    conditions: Mapping[str, Array], settings: Mapping[str, SettingError], order: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Whether a row lies further from the one before it, in an order, than readings of one setting do.
+
+    Half the scatter of setting where the one row follows the other in the table, a tenth where other rows lie between.
+    """
+    changed = np.zeros(order.size, dtype=bool)
+    share = np.where(np.diff(order, prepend=-1) == 1, NEXT, LATER)
     for name, values in conditions.items():
         if name != TIME:
-            apart = np.abs(np.diff(values, prepend=values[0]))
-            changed |= apart > 0.5 * settings[name].at(values) + 1e-12
-    return np.cumsum(changed), "order"
+            ordered = values[order]
+            apart = np.abs(np.diff(ordered, prepend=ordered[0]))
+            changed |= apart > share * settings[name].at(ordered) + 1e-12
+    return changed
 
 
 def check_varied(rows: Rows, model: Model) -> None:
