@@ -100,8 +100,8 @@ def fft(recording: Source, **settings: Any) -> Spectrum:
     recording : Recording or path
         Opened already, or a file to read.
     **settings
-        ``channels``, ``scaling``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``, ``fmax_hz``,
-        ``start_s``, ``stop_s``, ``whole``, ``averaging``, ``n_exponential``, ``reference``: see
+        ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``,
+        ``fmax_hz``, ``start_s``, ``stop_s``, ``whole``, ``averaging``, ``n_exponential``, ``reference``: see
         `specan.analysis.spectrum.FourierSpectrum`.
 
     Returns
@@ -122,8 +122,8 @@ def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
     recording : Recording or path
         Opened already, or a file to read.
     **settings
-        ``columns``, ``channels``, ``scaling``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``,
-        ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
+        ``columns``, ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``,
+        ``fmin_hz``, ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
 
     Returns
     -------
