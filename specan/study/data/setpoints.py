@@ -142,8 +142,8 @@ def apart_in_rounds(values: Array, level: Array, rounds: NDArray[np.intp], scatt
     Examples
     --------
     >>> import numpy as np
-    >>> torque = np.array([66.2, 75.9, 69.1, 79.8])
-    >>> apart_in_rounds(torque, np.full(4, 72.75), np.array([0, 0, 1, 1]), 0.05 * torque).round(2)
+    >>> read = np.array([66.2, 75.9, 69.1, 79.8])
+    >>> apart_in_rounds(read, np.full(4, 72.75), np.array([0, 0, 1, 1]), 0.05 * read).round(2)
     array([67.65, 77.85, 67.65, 77.85])
     """
     out = level.copy()
