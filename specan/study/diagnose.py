@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from specan.study.localisation.localise import localise
 from specan.study.localisation.result import Block
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.alternatives import alternatives
-from specan.study.selection.data_alone import DataAlone, data_alone
+from specan.study.selection.data_alone import ODDS, DataAlone, data_alone
 from specan.study.selection.detectable_size import by_effect, minimum_detectable_sizes
 from specan.study.selection.f_test import LACK_OF_FIT
 from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
@@ -72,7 +72,7 @@ def diagnose(
         A fit that a verdict would rest on did not converge or is not finite.
     """
     start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
-    why = _untestable(start)
+    why = untestable(start)
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
@@ -136,7 +136,7 @@ def _nearer(start: Refit, near: InitialFit, search: Search) -> Search:
     return Search(Refits(base, {**near.known, **done}), likely, search.bootstrap, search.progress, only=True)
 
 
-def _untestable(start: Refit) -> str:
+def untestable(start: Refit) -> str:
     """Why no test is possible; empty where one is."""
     problem = start.problem
     if start.dof < LEAST_DOF:
@@ -191,8 +191,9 @@ def _conclude(whole: _Searched, form: str) -> Diagnosis:
         else None,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
+        other_form=form,
         next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
-        pulls=shown(pulls(best)),
+        pulls=shown(found.values or pulls(best)),
         error=_error_fall(base, best),
         remarks=tuple(
             r
@@ -227,6 +228,7 @@ class _Found:
     kind: str
     reason: str
     doubt: bool = False
+    values: tuple[Pull, ...] = ()  # that another fit takes, on which the verdict rests
 
 
 def _verdict(search: Search, sets: list[Refit]) -> _Found:
@@ -269,7 +271,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
 def _with_form(found: _Found, form: str) -> _Found:
     """The verdict with the other form of a part that it rests on; which form is right stays open."""
     said = f"with {form}, another published form of the same part"
-    return _Found(found.kind, f"{said}: {found.reason}" if found.reason else said, True)
+    return replace(found, reason=f"{said}: {found.reason}" if found.reason else said, doubt=True)
 
 
 def _of_base(search: Search) -> _Found:
@@ -291,6 +293,7 @@ def _of_base(search: Search) -> _Found:
             "fits-only-if",
             f"the model fits only with {_values(other.values)}{_beside(other)}{_telling(base)}",
             True,
+            other.values,
         )
     if other.values and other.likelier:
         reason = (
@@ -307,7 +310,11 @@ def _values(contradicted: Sequence[Pull]) -> str:
 
 
 def _beside(other: DataAlone) -> str:
-    return f"; held to what is known chi-square is higher by {other.gain:.1f} (p = {other.p_value:.2g})"
+    said = f"; held to what is known chi-square is higher by {other.gain:.1f} (p = {other.p_value:.2g})"
+    if other.predicts > ODDS:
+        odds = float(f"{np.exp(min(other.predicts / 2, 30.0)):.1g}")
+        said += f", and conditions that are left out are predicted worse (odds of {odds:,.0f} to 1)"
+    return said
 
 
 def _telling(refit: Refit) -> str:
