@@ -3,37 +3,34 @@
     python benchmarks/room_search.py --cases 20 --seed 3000 --cache DIR --out results.jsonl
     python benchmarks/room_search.py --report results.jsonl
 
-Each case hides what is strong in a simulated room, asks for a verdict, and starts a fit at the truth besides. A search has
-missed the minimum where none of the sets that it fitted comes as low as that fit. Strengths, walls and places are drawn.
+Each case hides what is strong in a simulated room, asks for a verdict, and starts a fit at the truth besides. A
+search has missed the minimum where none of the sets that it fitted comes as low as that fit. Strengths, walls and
+places are drawn.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import tempfile
 import time
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
 sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
-from hidden_effects.run import fingerprint
-from truth.room import RoomCase, simulate, write
 
+from hidden_effects.run import fingerprint
 from specan.study.create import begin
 from specan.study.estimation.levenberg_marquardt import descend_a_little
 from specan.study.estimation.linearised_covariance import about
 from specan.study.estimation.problem import Problem
 from specan.study.study import Study
+from truth.room import RoomCase, simulate, write
 
 JACOBIANS = 8  # from the truth, and from where a search has ended
 MISSED = 1.1, 12.0  # times the chi-square at the truth, and beyond it, above which a search has missed it
@@ -72,11 +69,11 @@ KINDS = ("lining", "corner", "warm", "lining-warm", "box", "moved", "two-moved",
 
 
 def at_truth(made: RoomCase) -> dict[str, Values]:
-    """The effects of the catalogue that were hidden, by their use, with SI values as near to the truth as it has them."""
+    """What was hidden as effects of the catalogue, by their use, with SI values as near to the truth as it has them."""
     found: dict[str, Any] = {}
     dims = np.array(made.truth.layout.dims_m)
     for full, strength in made.effects.items():
-        kind, _, at = full.partition("@")
+        kind, _, _ = full.partition("@")
         details = made.truth.details[full]
         if kind in ("wall-impedance", "panel-resonance"):
             omega = 2 * np.pi * float(details["frequency_hz"])
@@ -195,7 +192,9 @@ def right(record: Mapping[str, Any]) -> str:
 
 def table(records: Sequence[Mapping[str, Any]]) -> str:
     """One line a kind: how many, right, in the group, minimum missed, CPU seconds."""
-    lines = ["| kind | rooms | right alone | in the group | 'unknown' | minimum missed | CPU s (middle, most) |"]
+    lines = [
+        "| kind | rooms | right alone | in the group | 'unknown' | minimum missed | CPU s (middle, most) |"
+    ]
     lines.append("|---|---|---|---|---|---|---|")
     for kind in KINDS:
         own = [r for r in records if r["kind"] == kind and "error" not in r]

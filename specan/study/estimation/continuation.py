@@ -16,6 +16,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
 STAGES = (20.0, 5.0)  # per cent of the RMS over channels
+GO_ON = 2  # of several starts
 ENOUGH = 8  # Jacobians a stage: what a fit still gains then, such uncertainties do not tell from nothing
 
 
@@ -30,11 +31,14 @@ def coarse(problem: Problem, percent: float = STAGES[-1], values: Mapping[str, A
     return problem.over([o.coarse(percent) for o in seen])
 
 
-def coarse_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> dict[str, Any]:
+def coarse_fit(
+    problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},), rough: bool = False
+) -> dict[str, Any]:
     """SI values where a fit in stages ends, the best of several starts.
 
-    A coarse view is blind to small effects: of starts, and of what it makes of them, that meet it equally well, a
-    sketch with the windows chooses.
+    Of many starts the two that some Jacobians lead lowest go on. A coarse view is blind to small effects: of starts,
+    and of what it makes of them, that meet it equally well, a sketch with the windows chooses; not where a `rough` fit
+    will do.
 
     Raises
     ------
@@ -46,9 +50,11 @@ def coarse_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
     reason = ""
     for values in starts:
         try:
-            near.append(descend_a_little(first, problem.start(values), ENOUGH))
+            few = LED if len(starts) > GO_ON else ENOUGH
+            near.append(descend_a_little(first, problem.start(values), few))
         except ComputationError as fault:
             reason = fault.found
+    near = sorted(near, key=lambda theta: _chi2(first, theta))[:GO_ON]
     try:
         theta = descend_a_little(last, led_lowest(last, near), ENOUGH)
     except ComputationError as fault:
@@ -56,7 +62,7 @@ def coarse_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
             f"a first fit failed: {reason or fault.found}",
             remedy="give other start values or narrower bounds",
         ) from fault
-    if len(starts) == 1:
+    if len(starts) == 1 or rough:
         return problem.values_at(theta)
     plain = coarse(problem, values=problem.values_at(theta))  # what windows do would hide a small effect
     given = [problem.start(values) for values in starts]

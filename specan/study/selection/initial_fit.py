@@ -24,9 +24,8 @@ from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import candidates, taken_for
 from specan.study.selection.refits import FAR, OUT_OF_REACH, EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, score
-from specan.study.selection.shape_grid import plan
 from specan.study.selection.signatures import Known, traces
-from specan.study.selection.starting_values import looked_over, promised, ways
+from specan.study.selection.starting_values import looked_over, planned_points, promised, ways
 
 LOOKED_AT = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
 TRIED, ALIKE = 4, 2  # of them that are refitted, and at most so many of one effect
@@ -124,7 +123,7 @@ def _tried(problem: Problem) -> list[Refit]:
     for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}
-        points = plan(best.problem, best.fit, found, known)
+        points = planned_points(best, found, known)
         scored = best_of_each(
             score(best.linear, traces(best.problem, best.fit, found, points, known), best.weights)
         )

@@ -227,7 +227,7 @@ class Refits:
             return []
         own = [{n: v for n, v in s.items() if n.rpartition(".")[0] in map(str, uses)} for s in starts]
         try:
-            return [coarse_fit(problem, own)]
+            return [coarse_fit(problem, own, self.rough)]
         except ComputationError:  # the other starts may do better
             return []
 
