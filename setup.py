@@ -1,9 +1,14 @@
 """Maps the folder ``cli`` to the package ``specan_cli``; everything else stands in pyproject.toml."""
 
 import ast
+import subprocess
 from pathlib import Path
 
 from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
+
+HERE = Path(__file__).parent
 
 
 def samples() -> list[str]:
@@ -13,7 +18,40 @@ def samples() -> list[str]:
     return list(ast.literal_eval(found.value))
 
 
+def commit() -> str:
+    """The commit that is built: of the repository, or as a source distribution brings it; empty if unknown."""
+    brought = HERE / "specan" / "commit.txt"
+    if brought.is_file():
+        return brought.read_text(encoding="ascii").strip()
+    try:
+        return subprocess.run(
+            ["git", "rev-parse", "HEAD"], cwd=HERE, capture_output=True, text=True, check=True
+        ).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
+
+class BuildWithCommit(build_py):
+    """A wheel says which commit it is of."""
+
+    def run(self):
+        """Build, then add the file; an editable installation reads the repository itself."""
+        super().run()
+        if not self.editable_mode and commit():
+            (Path(self.build_lib) / "specan" / "commit.txt").write_text(commit(), encoding="ascii")
+
+
+class SourceWithCommit(sdist):
+    """So does a source distribution, which holds no repository."""
+
+    def make_release_tree(self, base_dir, files):
+        """Make it, then add the file."""
+        super().make_release_tree(base_dir, files)
+        (Path(base_dir) / "specan" / "commit.txt").write_text(commit(), encoding="ascii")
+
+
 setup(
+    cmdclass={"build_py": BuildWithCommit, "sdist": SourceWithCommit},
     packages=[
         *find_packages(include=["specan", "specan.*"]),
         "specan_cli",

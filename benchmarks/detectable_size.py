@@ -58,7 +58,7 @@ def run_case(number: int, seed: int, only: tuple[str, ...]) -> dict[str, Any] | 
     stated = {
         n: v["value"] for n, v in null.smallest_visible.items() if v is not None and (not only or n in only)
     }
-    found = {c.use.name: c for c in candidates(problem)[0] if c.use.name in stated and not c.released}
+    found = {c.use.name: c for c in candidates(problem)[0] if c.use.name in stated and not c.without_prior}
     if not found:
         return None
     effect = sorted(found)[number % len(found)]

@@ -26,7 +26,7 @@ import numpy as np
 
 from hidden_effects.run import fingerprint
 from specan.study.create import begin
-from specan.study.estimation.levenberg_marquardt import descend_a_little
+from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.linearised_covariance import about
 from specan.study.estimation.problem import Problem
 from specan.study.study import Study
@@ -157,7 +157,7 @@ def _compared(problem: Problem, true: Mapping[str, Any], said: Mapping[str, Any]
 def _extended(problem: Problem, values: Mapping[str, Any]) -> tuple[Any, dict[str, float]]:
     """The assembly with some uses, and where it is near the field: the base fitted beside them."""
     whole = problem.with_uses(sorted(values))
-    theta = descend_a_little(whole, whole.start(_flat(values)), JACOBIANS)
+    theta = descend_steps(whole, whole.start(_flat(values)), JACOBIANS)
     return whole.assembly, whole.values_at(theta)
 
 
@@ -167,7 +167,7 @@ def _flat(values: Mapping[str, Any]) -> dict[str, float]:
 
 def _lowest(seen: Problem, values: Mapping[str, Any]) -> float:
     whole = seen.with_uses(sorted(values))
-    theta = descend_a_little(whole, whole.start(_flat(values)), JACOBIANS)
+    theta = descend_steps(whole, whole.start(_flat(values)), JACOBIANS)
     return float(np.sum(whole.residual(theta) ** 2)) / whole.n_data
 
 

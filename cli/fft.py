@@ -46,6 +46,12 @@ if TYPE_CHECKING:
 )
 @click.option("--blocks", "n_exponential", type=int, help="Blocks of an exponential average.  [default: 10]")
 @click.option("--reference", metavar="CH", help="Give phases over this channel; an average has no others.")
+@click.option(
+    "--weighting",
+    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
+    metavar="A|B|C|Z",
+    help="Of the magnitudes of sound pressure; phases stay.  [default: Z]",
+)
 @click.option("--fmin", "fmin_hz", type=float, metavar="HZ", help="Lowest line.")
 @click.option("--fmax", "fmax_hz", type=float, metavar="HZ", help="Highest line.")
 @click.option(
@@ -103,25 +109,30 @@ def command(
 
 def _single(recording: Recording, options: dict[str, Any], peaks: int, output: Path | None) -> int:
     """A single block, which may be the whole recording: shown and written channel by channel."""
-    from specan.analysis.section import of_one_rate
+    from specan.analysis.section import weightable
     from specan.analysis.spectrum import FourierSpectrum, phase_of_lines, single_blocks, with_phase
     from specan.io.results_text import write_table
     from specan.schema import parse
 
     settings = parse(FourierSpectrum, given(**options), "fft")
     reference = None if settings.reference is None else recording.channel(settings.reference)
-    channels, _ = of_one_rate(recording, settings.channels, like=reference)
+    channels, _ = weightable(recording, settings.channels, settings.weighting, like=reference)
     parts = single_blocks(recording, settings)
     sheet: list[list[str]] = []
     about: list[Spectrum] = []  # without their lines
 
     def texts(wanted: bool) -> Iterator[str]:
         for part, lines in parts:
-            sheet.extend(
-                _rows(part, peaks, lambda _, k, lines=lines: float(phase_of_lines(lines[k : k + 1])[0]))
-            )
+
+            def phase(_: Any, k: int, lines: Any = lines) -> float:
+                return float(phase_of_lines(lines[k : k + 1])[0])
+
+            sheet.extend(_rows(part, peaks, phase))
             # What is said about the spectrum in the end; not its lines, nor a view that would keep them.
-            short = {"density": part.density[:, :1].copy(), "frequency_hz": part.frequency_hz[:1].copy()}
+            short: dict[str, Any] = {
+                "density": part.density[:, :1].copy(),
+                "frequency_hz": part.frequency_hz[:1].copy(),
+            }
             about.append(replace(part, has_mirror=part.has_mirror[:1].copy(), **short))
             yield from _text(with_phase(part, lines)) if wanted else ()
             del part, lines
@@ -183,6 +194,7 @@ def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
     common = {
         "file": found.label,
         "scaling": scale.scaling,
+        "weighting": scale.weighting,
         "window": {
             "name": scale.window,
             "coherent_gain": scale.coherent_gain,
@@ -193,7 +205,7 @@ def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
         "notes": found.notes,
         "settings": found.settings,
     }
-    values, levels = found.values, found.level_db
+    values, levels = found.values, found.level_dB
     channels = [
         {
             "channel": name,
@@ -219,7 +231,7 @@ def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
         "averaging": found.averaging,
         "n_blocks": found.n_blocks,
         "n_effective": found.n_effective,
-        "u_dB": found.u_db,
+        "u_dB": found.u_dB,
         "degrees_of_freedom": found.degrees_of_freedom,
         "phase_reference": found.phase_reference,
         "channels": channels,
@@ -239,6 +251,7 @@ def _title(found: Spectrum | Spectrogram) -> str:
     scale = found.scale
     title = f"{found.label}: {scale.scaling}, {scale.window}, lines {scale.line_spacing_hz:.6g} Hz apart, "
     title += f"noise bandwidth {scale.enbw_hz:.6g} Hz, "
+    title += "" if scale.weighting == "Z" else f"{scale.weighting} weighting, "
     if isinstance(found, Spectrogram):
         return title + f"{len(found.time_s)} columns of {found.blocks_per_column} blocks"
     return title + f"{found.n_blocks} blocks, averaging {found.averaging}"
@@ -262,7 +275,7 @@ def _rows(
     rows = []
     for row, (name, unit) in enumerate(zip(found.channels, found.units)):
         for rank, k in enumerate(highest(values[row], peaks)):
-            first, level = rank == 0, float(scale.level_db(density[row, k], unit))
+            first, level = rank == 0, float(scale.level_dB(density[row, k], unit))
             rows.append(
                 [
                     name if first else "",
@@ -334,7 +347,7 @@ def _text(found: Spectrum | Spectrogram) -> Iterator[str]:
             for column, time in enumerate(text.fixed(found.time_s, 4)):
                 density = found.density[row, column]
                 values = scale.values(density, found.has_mirror)
-                parts = [text.significant(values), text.levels(scale.level_db(density, found.units[row]))]
+                parts = [text.significant(values), text.levels(scale.level_dB(density, found.units[row]))]
                 yield text.rows([named, [time] * count, frequencies, *parts])
             continue
         for first in range(0, count, PIECE):
@@ -344,7 +357,7 @@ def _text(found: Spectrum | Spectrogram) -> Iterator[str]:
             phase = [""] * len(shown) if found.phase_deg is None else text.phases(found.phase_deg[row, piece])
             parts = [
                 text.significant(scale.values(density, found.has_mirror[piece])),
-                text.levels(scale.level_db(density, found.units[row])),
+                text.levels(scale.level_dB(density, found.units[row])),
                 phase,
             ]
             yield text.rows([[text.word(name)] * len(shown), shown, *parts])

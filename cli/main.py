@@ -12,7 +12,6 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from specan import __version__
 from specan.errors import SpecanError, unforeseen
 
 # verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
@@ -22,6 +21,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
     "orders": ("orders", "Order spectra, lines and averages against a tacho or a known speed."),
+    "impulse": ("impulse", "Impulse responses from noise, sweeps, sequences and impulses."),
+    "decay": ("decay", "Reverberation times, clarity, definition (ISO 3382)."),
     "rms": ("rms", "RMS, level, peak, crest factor, equivalent and percentile levels."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "Everything in a directory of recordings, as text tables."),
@@ -30,6 +31,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "What a model predicts, as a table, a look-up map or a figure."),
     "study": ("study", "Model against measurement: where it fails, what is missing, what to add."),
+    "conformance": ("conformance", "Clauses of IEC 61260-1, IEC 61672-1, IEEE 1057: expected, found."),
     "demo": ("demo", "The sample data of the examples, written to a directory."),
     "completion": ("completion", "Tab completion for bash, zsh, fish and PowerShell."),
 }
@@ -94,7 +96,10 @@ class LazyGroup(click.Group):
 @click.group(
     cls=LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]}
 )
-@click.version_option(__version__, prog_name="specan")
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, help="Show the version and exit.",
+    callback=lambda ctx, _, wanted: _show_version(ctx, wanted),
+)  # fmt: skip
 @click.option("--debug", is_flag=True, help="Show a traceback with an error.")
 @click.pass_context
 def main(ctx: click.Context, debug: bool) -> None:
@@ -105,6 +110,14 @@ def main(ctx: click.Context, debug: bool) -> None:
 
         click.echo(ctx.get_help())
         click.echo(first_steps(Path.cwd()))
+
+
+def _show_version(ctx: click.Context, wanted: bool) -> None:
+    if wanted:
+        from specan_cli.version import version_text
+
+        click.echo(version_text())
+        ctx.exit()
 
 
 def run() -> None:

@@ -116,7 +116,11 @@ def command(
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
         )
-    known = {"channel_table": channel_table, "calibration": calibration, "sampling_rate": sampling_rate}
+    known: dict[str, Any] = {
+        "channel_table": channel_table,
+        "calibration": calibration,
+        "sampling_rate": sampling_rate,
+    }
     recording = open_recording(file, **known)
     found = joined_levels([fed(part, recording) for part in settings.groups(recording)])
     if background is not None:
@@ -152,23 +156,23 @@ def content(found: BandLevels) -> dict[str, Any]:
                 "group": found.groups[row],
                 "unit": found.units[row],
                 "level_reference": found.references[row].text,
-                "level_dB": found.level_db[row],
-                "overall_dB": {weighting: values[row] for weighting, values in found.overall_db.items()},
+                "level_dB": found.level_dB[row],
+                "overall_dB": {weighting: values[row] for weighting, values in found.overall_dB.items()},
                 "flags": found.flags[row],
-                "overall_flags": {w: found.overall_flags(row, w) for w in found.overall_db},
+                "overall_flags": {w: found.overall_flags(row, w) for w in found.overall_dB},
                 "band_flags": [found.band_flags(row, band) for band in range(found.exact_hz.size)],
             }
         )
         if found.other is not None:
             channels[-1]["edges"] = found.edges[row]
-            channels[-1]["other_settling_dB"] = found.other.level_db[row]
+            channels[-1]["other_settling_dB"] = found.other.level_dB[row]
             channels[-1]["other_settling_overall_dB"] = {
-                weighting: values[row] for weighting, values in found.other.overall_db.items()
+                weighting: values[row] for weighting, values in found.other.overall_dB.items()
             }
         if found.history is not None:
-            channels[-1]["history_dB"] = found.history.level_db[row]
+            channels[-1]["history_dB"] = found.history.level_dB[row]
             channels[-1]["overall_history_dB"] = {
-                weighting: values[row] for weighting, values in found.history.overall_db.items()
+                weighting: values[row] for weighting, values in found.history.overall_dB.items()
             }
     return {
         "file": found.label,
@@ -185,7 +189,7 @@ def content(found: BandLevels) -> dict[str, Any]:
         "exact_hz": found.exact_hz,
         "lower_hz": found.lower_hz,
         "upper_hz": found.upper_hz,
-        "u_dB": found.u_db,
+        "u_dB": found.u_dB,
         "history_interval_s": None if found.history is None else found.history.interval_s,
         "history_time_s": None if found.history is None else found.history.time_s,
         "channels": channels,
@@ -210,9 +214,9 @@ def show(found: BandLevels) -> None:
         lines = []
         for band, nominal in enumerate(found.nominal_hz):
             words = _common_words([found.band_flags(r, band) for r in rows], [found.flags[r] for r in rows])
-            cells = [_decibels(found.level_db[r, band]) for r in rows]
-            lines.append([f"{nominal:g}", *cells, f"{found.u_db[band]:.2f}", words])
-        for weighting, values in found.overall_db.items():
+            cells = [_decibels(found.level_dB[r, band]) for r in rows]
+            lines.append([f"{nominal:g}", *cells, f"{found.u_dB[band]:.2f}", words])
+        for weighting, values in found.overall_dB.items():
             if np.isfinite(values[list(rows)]).any():
                 flags = [found.overall_flags(r, weighting) for r in rows]
                 words = _common_words(flags, [found.flags[r] for r in rows])
@@ -242,7 +246,7 @@ def write_text(found: BandLevels, path: Path) -> None:
 
     blocks = []
     for row, name in enumerate(found.channels):
-        totals = {w: v[row] for w, v in found.overall_db.items() if v[row] == v[row]}
+        totals = {w: v[row] for w, v in found.overall_dB.items() if v[row] == v[row]}
         bands = [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)]
         marks = [" ".join(found.band_flags(row, band)) for band in range(found.exact_hz.size)]
         blocks.append(
@@ -250,8 +254,8 @@ def write_text(found: BandLevels, path: Path) -> None:
                 [
                     [text.word(name)] * len(bands),
                     bands,
-                    text.levels([*found.level_db[row], *totals.values()]),
-                    [*text.levels(found.u_db), *[""] * len(totals)],
+                    text.levels([*found.level_dB[row], *totals.values()]),
+                    [*text.levels(found.u_dB), *[""] * len(totals)],
                     [*marks, *(" ".join(found.overall_flags(row, w)) for w in totals)],
                 ]
             )

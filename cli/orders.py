@@ -221,7 +221,7 @@ def show(found: OrderSpectrum, peaks: int, impulsive: dict[str, Any] | None) -> 
                     f"{found.synchronous_rms[row]:.5g}" if first else "",
                     f"{found.order[k + 1]:.6g}",
                     f"{found.amplitude[row, k + 1]:.5g} {unit}",
-                    f"{found.level_db[row, k + 1]:.2f}",
+                    f"{found.level_dB[row, k + 1]:.2f}",
                 ]
             )
     table("", ["channel", "RMS", "synchronous", "order", "amplitude", "dB"], rows)

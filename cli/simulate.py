@@ -85,7 +85,7 @@ from specan_cli.output_file import OutputFile, Verb
     help="Write a look-up table: speed, torque, temperature -> efficiency, loss.",
 )
 @click.option("--plot", type=OutputFile(), help="Draw the efficiency map into this file.")
-@click.option("--figure", "number", type=int, help="Draw the article's figure 4, 5, 6, 7 or 11 into -o.")
+@click.option("--figure", "number", type=int, help="Draw a figure of the model's article into -o.")
 @click.option(
     "--measurement",
     type=click.Path(path_type=Path),
@@ -98,10 +98,11 @@ def command(model_name: str, rig: Path | None, **options: Any) -> None:
     Any model of tables: without --grid or --conditions the conditions run over the limits. A model in a file of your
     own needs no rig file.
 
-    Worm gear: without --grid or --conditions the conditions run over the limits of the rig file.
+    Worm gear: without --grid or --conditions the conditions run over the limits of the rig file. --figure 4, 5, 6, 7
+    or 11.
 
     Planetary gear: a recording of forces, torques, accelerations and tachos (-o run.tdms), or order lines
-    (-o lines.csv).
+    (-o lines.csv). --figure 3 or 4 of a pair, 7 to 12 of a set.
 
     Room: a recording of microphones, vibrometer and generator (-o recording.tdms), or with --field the sound field on a
     plane.
@@ -111,7 +112,7 @@ def command(model_name: str, rig: Path | None, **options: Any) -> None:
     """
     from specan.errors import RequestError
     from specan.models.catalogue import effects_from_file, example_rig, is_file, load_model
-    from specan.models.request import override
+    from specan.models.chosen_model import override
     from specan.models.rig_file import read_rig_file
     from specan_cli.simulators import simulator_of
 

@@ -21,12 +21,14 @@ _PATIENCE_S = 5.0  # from which on the time that a run takes is told before it s
 def run(model: Model, options: Mapping[str, Any]) -> None:
     """Carry out the request."""
     path = options["output"]
-    if path is None:
+    if options["number"] is not None:
+        _draw(model, path, options)
+    elif path is None:
         raise RequestError(
             "a simulated run has nowhere to go",
             remedy="name a file with -o: run.tdms, or lines.csv for order lines",
         )
-    if path.suffix.lower() == ".csv":
+    elif path.suffix.lower() == ".csv":
         _lines(model, path, options)
     elif path.suffix.lower() == ".tdms":
         _record(model, path, options)
@@ -41,7 +43,7 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
 
     from specan.io.write_tdms import write_tdms
     from specan.models.planetary_gear.compiled import HAS_NUMBA
-    from specan.models.planetary_gear.dynamics import check_duration, estimate_s, simulate, step_error
+    from specan.models.planetary_gear.dynamics import check_duration, simulate, step_error
     from specan.models.planetary_gear.simulated_recording import recorded_channels
 
     if options["effects"] or options["without"]:
@@ -51,10 +53,7 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
         raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
     rig, duration = model.settings["parsed_rig"], options["duration"]
     check_duration(duration)
-    needed = estimate_s(rig, duration)
-    if needed > _PATIENCE_S or not HAS_NUMBA:
-        slow = "" if HAS_NUMBA else "; install specan[fast] (numba) to have it some hundred times faster"
-        say(f"The run takes about {needed:.0f} s{slow}.")
+    _announce(rig, duration)
     motion = simulate(rig, duration, sampling_rate=RATE)
     error = step_error(rig) if HAS_NUMBA else None
     channels = recorded_channels(motion, RATE)
@@ -92,7 +91,44 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
         table("", ["channel", "mean", "rms about it", "unit"], cells)
 
 
-def _noise(options: Mapping[str, Any], count: int):  # type: ignore[no-untyped-def]
+def _draw(model: Model, path: Path | None, options: Mapping[str, Any]) -> None:
+    """A figure of the article, and what the article says of it beside what is found here."""
+    from specan.models.planetary_gear.dynamics import simulate
+    from specan.report.figure_style import figure_format, save_figure
+    from specan.report.figures_planetary_gear import DURATION_S, check_figure, compared, figure
+
+    if path is None:
+        raise RequestError("--figure has nowhere to go", remedy="name a file with -o, for example figure.png")
+    if options["effects"] or options["without"]:
+        raise RequestError(
+            "the run in time knows no effects, and the figures are of it", remedy="leave --effects out"
+        )
+    number, rig = options["number"], model.settings["parsed_rig"]
+    check_figure(number, rig)
+    figure_format(path)
+    _announce(rig, DURATION_S)
+    motion = simulate(rig, DURATION_S, sampling_rate=RATE)
+    save_figure(figure(number, motion), path)
+    say(f"figure {number} written to {path}")
+    rows = compared(number, motion)
+    if options["as_json"]:
+        emit_json({"figure": number, "compared": [vars(row) for row in rows]})
+    else:
+        table("", ["", "the article", "here"], [[row.what, row.article, row.here] for row in rows])
+
+
+def _announce(rig: Any, duration: float) -> None:
+    """Say before a long run how long it takes."""
+    from specan.models.planetary_gear.compiled import HAS_NUMBA
+    from specan.models.planetary_gear.dynamics import estimate_s
+
+    needed = estimate_s(rig, duration)
+    if needed > _PATIENCE_S or not HAS_NUMBA:
+        slow = "" if HAS_NUMBA else "; install specan[fast] (numba) to have it some hundred times faster"
+        say(f"The run takes about {needed:.0f} s{slow}.")
+
+
+def _noise(options: Mapping[str, Any], count: int):
     """Volts that each channel adds."""
     import numpy as np
 
@@ -116,15 +152,15 @@ def _described(rig: Any) -> dict[str, object]:
 
 def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, Any]:
     """Orders, complex lines (sensors, orders), and the effects with which they were made."""
+    from specan.models.chosen_model import choose_model
     from specan.models.planetary_gear.lines import line_conditions
-    from specan.models.request import read_request
 
     if model.order_lines is None:
         raise RequestError(
             "a gear pair has no order-domain model: no order lines and no effects",
             remedy="write its run in time: -o run.tdms",
         )
-    request = read_request(model, options["effects"], options["without"])
+    request = choose_model(model, options["effects"], options["without"])
     conditions = line_conditions(model)
     values = {**request.assembly.defaults(), **request.values}
     found = request.assembly.evaluate(conditions, values, wanted=["order_lines"])["order_lines"]

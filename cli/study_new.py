@@ -91,7 +91,7 @@ def _named_columns(given: tuple[str, ...]) -> dict[str, str]:
 
 
 def _show(begun: object, as_json: bool) -> None:
-    from specan.study.build_problem import certificates, held_for_want_of_variation
+    from specan.study.build_problem import calibration_priors, held_for_want_of_variation
     from specan.study.create import Begun
     from specan_cli.output import emit_json
     from specan_cli.study_output import amount, error_table
@@ -115,7 +115,7 @@ def _show(begun: object, as_json: bool) -> None:
                 "assumptions": list(study.data.statements),
                 "certificates": {
                     name: {"standard_uncertainty": sd, "unit": unit}
-                    for name, (sd, unit) in certificates(study.problem).items()
+                    for name, (sd, unit) in calibration_priors(study.problem).items()
                 },
                 "rig_defaults_used": defaults,
                 "parameters_held": [*held, *begun.held],
@@ -130,7 +130,7 @@ def _show(begun: object, as_json: bool) -> None:
     click.echo("\nWhat was found and assumed about the measurement:")
     for text in study.data.statements:
         click.echo(f"  {text}")
-    for name, (sd, unit) in certificates(study.problem).items():
+    for name, (sd, unit) in calibration_priors(study.problem).items():
         click.echo(f"  {name}: an error common to all readings, standard uncertainty {sd:.3g} {unit}")
     for name, needed in held.items():
         columns = ", ".join(study.model.conditions[n].column for n in needed if n in study.model.conditions)

@@ -22,7 +22,7 @@ from specan.study.selection.search import Search
 from specan.units import convert
 from truth.worm_gear import TruthCase
 
-STARTS = 3  # traces of a candidate from which it is refitted to noise-free data
+STARTS = 3  # signatures of a candidate from which it is refitted to noise-free data
 
 
 def diagnose(case: Case, directory: Path) -> dict[str, Any]:
@@ -53,7 +53,7 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
     singles = {use: refits.fit(refits.base, _starts(items)) for use, items in step.by_use.items()}
     right = _pair(refits, step.scored, names) if len(names) > 1 else singles.get(next(iter(names), None))
     found["planted"] = {use.name: _amplitude(singles.get(use)) for use in names}
-    if names and right is None:  # the base swallows it whole
+    if names and right is None:  # the base is collinear with it whole
         return found
     found["left"] = right.chi2 if right is not None else 0.0  # the truth itself leaves nothing
     if len(names) < 2:
@@ -96,10 +96,10 @@ def _noise_free(problem: Problem, truth: TruthCase) -> Problem:
 
 
 def _starts(items: Sequence[Scored]) -> list[list[Scored]]:
-    """The best trace and the best of those that have other shapes."""
+    """The best signature and the best of those that have other shapes."""
     kept: list[Scored] = []
     for item in items:
-        if all(item.trace.shapes != other.trace.shapes for other in kept):
+        if all(item.signature.shapes != other.signature.shapes for other in kept):
             kept.append(item)
     return [[item] for item in kept[:STARTS]]
 

@@ -15,7 +15,7 @@ STANDS_OUT_DB = 6.0
 
 
 def background_correction(
-    level_db: NDArray[np.float64], background_db: NDArray[np.float64]
+    level_dB: NDArray[np.float64], background_dB: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Take the energy of the background off; where it is too loud for that, take off 1.26 dB and say so.
 
@@ -35,11 +35,11 @@ def background_correction(
     ([69.54, 68.74], [False, True])
     """
     with np.errstate(invalid="ignore"):
-        margin = level_db - background_db
-    margin = np.where(np.isneginf(background_db), np.inf, margin)
-    low_snr = ~(margin >= STANDS_OUT_DB) & ~np.isnan(level_db)
+        margin = level_dB - background_dB
+    margin = np.where(np.isneginf(background_dB), np.inf, margin)
+    low_snr = ~(margin >= STANDS_OUT_DB) & ~np.isnan(level_dB)
     used = np.where(low_snr, STANDS_OUT_DB, margin)
-    return level_db + 10.0 * np.log10(1.0 - 10.0 ** (-0.1 * used)), low_snr
+    return level_dB + 10.0 * np.log10(1.0 - 10.0 ** (-0.1 * used)), low_snr
 
 
 def without_background(levels: BandLevels, background: BandLevels) -> BandLevels:
@@ -67,10 +67,10 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
             expected=f"bands from {levels.nominal_hz[0]:g} to {levels.nominal_hz[-1]:g} Hz",
         )
     rows = [_row(levels, row, background) for row in range(len(levels.channels))]
-    corrected, low_snr = background_correction(levels.level_db, background.level_db[rows])
+    corrected, low_snr = background_correction(levels.level_dB, background.level_dB[rows])
     overall, flags = {}, [list(words) for words in levels.flags]
-    for name, values in levels.overall_db.items():
-        overall[name], low = background_correction(values, background.overall_db[name][rows])
+    for name, values in levels.overall_dB.items():
+        overall[name], low = background_correction(values, background.overall_dB[name][rows])
         for words, is_low in zip(flags, low):
             if is_low and "low-snr" not in words:
                 words.append("low-snr")
@@ -78,17 +78,17 @@ def without_background(levels: BandLevels, background: BandLevels) -> BandLevels
     if levels.other is not None and background.other is not None:
         other_settling = OtherSettling(
             levels.other.name,
-            background_correction(levels.other.level_db, background.other.level_db[rows])[0],
+            background_correction(levels.other.level_dB, background.other.level_dB[rows])[0],
             {
-                name: background_correction(values, background.other.overall_db[name][rows])[0]
-                for name, values in levels.other.overall_db.items()
+                name: background_correction(values, background.other.overall_dB[name][rows])[0]
+                for name, values in levels.other.overall_dB.items()
             },
         )
     return replace(
         levels,
         other=other_settling,
-        level_db=corrected,
-        overall_db=overall,
+        level_dB=corrected,
+        overall_dB=overall,
         low_snr=low_snr,
         flags=tuple(tuple(words) for words in flags),
         notes=(

@@ -108,9 +108,9 @@ def band_levels(
         **_common(index, channels, settings, label, file_flags, quality, notes),
         averaging="linear",
         hold=None,
-        level_db=shown[0],
-        u_db=scatter_of_noise(upper - lower, averaged),
-        overall_db=shown[1],
+        level_dB=shown[0],
+        u_dB=scatter_of_noise(upper - lower, averaged),
+        overall_dB=shown[1],
         duration_s=duration,
         sampling_rate=spectrum.sampling_rate,
         settling=LINEAR_SETTLING[settings.settling],
@@ -167,26 +167,26 @@ def weighted_levels(
     }[settings.hold]
     usable = _usable(channels, overall)
     lower, upper = bands.band_edges(index, settings.fraction)
-    shown_db = level(shown, zero[:, None])
-    readings_db = level(histories.readings[:, :, :-1], zero[:, None, None])
+    shown_dB = level(shown, zero[:, None])
+    readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])
     # An exponential average of time constant tau scatters like a linear one over 2 tau.
     averaged = min(2.0 * settings.time_constant, duration)
     return BandLevels(
         **_common(index, channels, settings, label, file_flags, quality, notes),
         averaging=settings.averaging_name,
         hold=settings.hold,
-        level_db=shown_db[:, :n],
-        u_db=scatter_of_noise(upper - lower, averaged),
-        overall_db={w: np.where(usable[w], shown_db[:, n + k], np.nan) for k, w in enumerate(overall)},
+        level_dB=shown_dB[:, :n],
+        u_dB=scatter_of_noise(upper - lower, averaged),
+        overall_dB={w: np.where(usable[w], shown_dB[:, n + k], np.nan) for k, w in enumerate(overall)},
         duration_s=duration,
         sampling_rate=sampling_rate,
         settling=settling,
         unsettled=histories.settled_s[:n] > duration,
         history=LevelHistory(
             time_s=times,
-            level_db=readings_db[:, :n],
-            overall_db={
-                w: np.where(usable[w][:, None], readings_db[:, n + k], np.nan) for k, w in enumerate(overall)
+            level_dB=readings_dB[:, :n],
+            overall_dB={
+                w: np.where(usable[w][:, None], readings_dB[:, n + k], np.nan) for k, w in enumerate(overall)
             },
             interval_s=settings.reading_interval(duration),
         ),

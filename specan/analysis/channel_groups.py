@@ -45,4 +45,4 @@ def _stacked(values: Sequence[Any]) -> Any:
         return {key: _stacked([value[key] for value in values]) for key in first}
     if isinstance(first, np.ndarray):
         return np.concatenate(values)
-    return joined(values, ("level_db", "overall_db"))
+    return joined(values, ("level_dB", "overall_dB"))

@@ -22,6 +22,7 @@ from specan.dsp.history_filters import weighting_filter
 from specan.dsp.multirate import MultirateTransform
 from specan.dsp.statistics import exceeded
 from specan.dsp.time_weighting import FAST, SLOW
+from specan.dsp.weighted_peak import WeightedPeak
 from specan.dsp.weighting import WEIGHTINGS, Weighting, power_weighting
 from specan.schema import Settings
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
@@ -56,7 +57,7 @@ class Levels(Settings):
     >>> pascals = 1.0 * np.sqrt(2) * np.sin(2 * np.pi * 1000 * np.arange(48000) / 48000)
     >>> mic = Channel("Mic 1", role="microphone", unit="Pa", sampling_rate=48000.0, n_samples=48000)
     >>> found = Levels()(Recording("a.tdms", (mic,), ArraySource([pascals])))
-    >>> found.rms.round(4).tolist(), found.level_db.round(2).tolist(), found.crest_factor.round(3).tolist()
+    >>> found.rms.round(4).tolist(), found.level_dB.round(2).tolist(), found.crest_factor.round(3).tolist()
     ([1.0], [93.98], [1.414])
     """
 
@@ -126,6 +127,7 @@ class LevelsAccumulator:
             rows, self.sampling_rate, [self._energy, self._history], self._constant
         )
         self._quality = QualityAccumulator(self.channels)
+        self._c_peak = WeightedPeak(int(self._pressure.sum()), self.sampling_rate, "C")
 
     def _times(self) -> NDArray[np.float64]:
         """When the time-weighted level is read: after it has settled."""
@@ -139,6 +141,8 @@ class LevelsAccumulator:
         self._quality.add(samples)
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             self._transform.add(samples)
+            if self._pressure.any():
+                self._c_peak.add((samples - self._constant[:, None])[self._pressure])
 
     def result(self) -> SignalLevels:
         """What was found; call it once."""
@@ -157,6 +161,11 @@ class LevelsAccumulator:
             crest = np.where(rms > 0, peak / rms, np.nan)
         # Column 0 is the weighting's, column 1 that of channels for which there is none.
         row, column = np.arange(len(self.channels)), np.where(self._pressure, 0, 1)
+        c_peak = np.full(len(self.channels), np.nan)
+        c_peak[self._pressure] = self._c_peak.result()
+        equivalent: dict[str, NDArray[np.float64]] = {
+            w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS
+        }
         percentile = exceeded(
             level(histories.readings[row, column], zero[:, None]), self.settings.percentiles
         )
@@ -172,14 +181,16 @@ class LevelsAccumulator:
             rms=rms,
             peak=peak,
             crest_factor=crest,
-            level_db=level(np.square(rms), zero),
-            equivalent_db={w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS},
-            peak_db=level(np.square(peak), zero),
+            level_dB=level(np.square(rms), zero),
+            equivalent_dB=equivalent,
+            exposure_dB={w: values + 10.0 * np.log10(self.duration) for w, values in equivalent.items()},
+            peak_dB=level(np.square(peak), zero),
+            c_peak_dB=level(np.square(c_peak), zero),
             weighting=self._weighting,
             averaging=self.settings.averaging,
-            percentile_db=dict(zip(self.settings.percentiles, percentile)),
-            maximum_db=level(histories.maximum[row, column], zero),
-            minimum_db=level(histories.minimum[row, column], zero),
+            percentile_dB=dict(zip(self.settings.percentiles, percentile)),
+            max_dB=level(histories.maximum[row, column], zero),
+            min_dB=level(histories.minimum[row, column], zero),
             start_s=self.settings.start_s,
             duration_s=self.duration,
             sampling_rate=self.sampling_rate,

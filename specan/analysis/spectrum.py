@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from specan.analysis.section import of_one_rate, section
+from specan.analysis.section import section, weightable
 from specan.data.recording import Channel, Recording
 from specan.data.spectrum import Scaling, Spectrum, SpectrumScale
 from specan.dsp.fft import AmplitudeTransform, has_mirror
 from specan.dsp.transfer_function import phase_deg
+from specan.dsp.weighting import Weighting, power_weighting
 from specan.dsp.welch import CrossSpectra
 from specan.dsp.windows import WindowName, window_properties
 from specan.errors import InputError, RequestError
@@ -45,6 +46,8 @@ class BlockSettings(Settings):
         Take the mean out of each block.
     fmin_hz, fmax_hz, start_s, stop_s : float
         Range of the lines that are kept, and time section.
+    weighting : {"A", "B", "C", "Z"}
+        Of the magnitudes (IEC 61672-1:2013, annex E); A, B and C of sound pressure only. Phases stay.
     """
 
     channels: tuple[str, ...] = ()
@@ -57,6 +60,7 @@ class BlockSettings(Settings):
     fmax_hz: float | None = Field(default=None, gt=0.0)
     start_s: float = Field(default=0.0, ge=0.0)
     stop_s: float | None = Field(default=None, gt=0.0)
+    weighting: Weighting = "Z"
 
 
 class FourierSpectrum(BlockSettings):
@@ -125,7 +129,9 @@ class SpectrumAccumulator:
             raise RequestError(
                 f"a {settings.averaging} hold has no phase over a reference", remedy="leave out the reference"
             )
-        self.shown, self.notes = of_one_rate(recording, settings.channels, like=self.reference)
+        self.shown, self.notes = weightable(
+            recording, settings.channels, settings.weighting, like=self.reference
+        )
         self.channels = self.shown
         if self.reference is not None and self.reference not in self.shown:
             self.channels = (*self.shown, self.reference)
@@ -185,7 +191,7 @@ def single_blocks(
         Its complex lines, from which `with_phase` finds the phase of those that are wanted.
     """
     reference = None if settings.reference is None else recording.channel(settings.reference)
-    shown, notes = of_one_rate(recording, settings.channels, like=reference)
+    shown, notes = weightable(recording, settings.channels, settings.weighting, like=reference)
     channels = shown if reference is None or reference in shown else (*shown, reference)
     start, stop = section(recording, channels, settings.start_s, settings.stop_s)
     block = stop - start if settings.whole else block_of(recording, settings, stop - start)
@@ -278,6 +284,7 @@ def scale_of(settings: BlockSettings, block: int, rate: float) -> SpectrumScale:
         spacing,
         properties.enbw_lines * spacing,
         properties.coherent_gain,
+        settings.weighting,
     )
 
 
@@ -318,6 +325,8 @@ def spectrum_of(
     kept = lines_between(frequency_hz, settings) if kept is None else kept
     rate = channels[0].sampling_rate
     density = density[:, kept]
+    if settings.weighting != "Z":
+        density = density * power_weighting(frequency_hz[kept], settings.weighting)
     if settings.averaging in ("linear", "exponential") and phase is None and not phased:
         notes = (*notes, "no phase: an average has one only over a reference")
     return Spectrum(

@@ -138,16 +138,17 @@ class TransferFunctionAccumulator:
                 remedy="ask for fewer lines" if settings.lines else "analyse a longer section",
             )
         first = block_of(settings.lines or self._most_lines(DEFAULT_LINES))
-        self.look = self._look(first) if settings.align or settings.lines is None else None
-        self.sufficient = (
-            None if self.look is None else sufficient_block(self.look, first, n, settings.overlap)
-        )
+        seen = self._look(first) if settings.align or settings.lines is None else None
+        self.sufficient = None if seen is None else sufficient_block(seen, first, n, settings.overlap)
+        self.foreign_share = np.nan if seen is None else seen.foreign_share
         if self.sufficient is not None and settings.lines is None:
             lines = self._most_lines(round(self.sufficient / SAMPLES_PER_LINE))
             self.settings = settings.model_copy(update={"lines": lines})
         self.shifts = [0] * len(self.channels)
-        if self.look is not None and settings.align:
-            self.shifts = shifts_of(self.look, self.settings.block, n)
+        if seen is not None and settings.align:
+            self.shifts = shifts_of(seen, self.settings.block, n)
+        # Where its blocks are no longer than those of the analysis it has nothing more to say.
+        self._longer = seen if seen is not None and seen.block > self.settings.block else None
         self._spectra = self._accumulate(self.settings.lines, self.shifts)
 
     def _find_instrument(self) -> Channel | None:
@@ -229,10 +230,15 @@ class TransferFunctionAccumulator:
         """Transfer functions from what was added so far."""
         spectra = _without_mean(self._spectra.result())
         found = self._estimate(spectra)
+        spectra = spectra._replace(
+            cross=spectra.cross[..., :0].copy()
+        )  # the largest array by far, and used up
         f, settings = spectra.frequency_hz, self.settings
-        own, base = np.stack([c.correction(f) for c in self.responses]), self.reference.correction(f)
+        base = self.reference.correction(f)
+        response = np.empty_like(found.response)
         with np.errstate(divide="ignore", invalid="ignore"):
-            response = found.response * own / base
+            for row, channel in enumerate(self.responses):
+                np.divide(found.response[row] * channel.correction(f), base, out=response[row])
         lost = self._lost(found)
         u_relative = np.hypot(found.u_relative, lost)
         step = self.reference.sampling_rate / settings.block
@@ -298,8 +304,8 @@ class TransferFunctionAccumulator:
         first = len(self.channels) - len(self.responses)
         square = np.empty(found.response.shape)
         seen = None
-        if self.look is not None and self.look.block > block:
-            seen = np.abs(self.look.bias(block)[first:, : len(f)]) ** 2
+        if self._longer is not None:
+            seen = np.abs(self._longer.bias(block)[first:, : len(f)]) ** 2
         for row, (response, u) in enumerate(zip(found.response, found.u_relative, strict=True)):
             turned = response * np.exp(2j * np.pi * f * self.shifts[first + row] / block)
             variance = 2 * (u * np.abs(response)) ** 2
@@ -307,9 +313,9 @@ class TransferFunctionAccumulator:
             if seen is not None:
                 more = _mean_over(seen[row], _NEIGHBOURS) > 2 * _mean_over(square[row], _NEIGHBOURS)
                 square[row] = np.where(more, np.maximum(square[row], seen[row]), square[row])
-            square[row] = _mean_over(square[row], (0.25, 0.5, 0.25))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.sqrt(square / 2) / np.abs(found.response))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                square[row] = np.sqrt(_mean_over(square[row], (0.25, 0.5, 0.25)) / 2) / np.abs(response)
+        return square
 
     def _together(self, of: Any) -> NDArray[np.float64]:
         """Uncertainty of response and reference in quadrature, (responses, lines)."""
@@ -335,15 +341,18 @@ class TransferFunctionAccumulator:
             if self.sufficient is not None and settings.block < self.sufficient:
                 why = "as many as the length of the section allows"
             remarks.append(f"{settings.n_lines} lines, {why} ({settings.block / rate:.3g} s)")
-        mask = leaking(100 * lost, 100 * np.hypot(found.u_relative, lost))
-        worst = [row for row in range(len(lost)) if np.median(mask[row]) > 0.5]
+        worst = [
+            row
+            for row, (taken, u) in enumerate(zip(lost, found.u_relative, strict=True))
+            if np.median(leaking(100 * taken, 100 * np.hypot(u, taken))) > 0.5
+        ]
         if not worst:
             return remarks
         with np.errstate(invalid="ignore"):
             size = [
                 np.sqrt(
                     2
-                    * np.nansum((lost * np.abs(found.response))[row] ** 2)
+                    * np.nansum((lost[row] * np.abs(found.response[row])) ** 2)
                     / np.nansum(np.abs(found.response[row]) ** 2)
                 )
                 for row in worst
@@ -365,7 +374,7 @@ class TransferFunctionAccumulator:
         return f"--lines {wanted} would do, with a longer recording"
 
     def _on_the_instrument(self) -> list[str]:
-        share = np.nan if self.look is None else self.look.foreign_share
+        share = self.foreign_share
         if self.instrument is not None or not share > _FOREIGN:
             return []
         return [

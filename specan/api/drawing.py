@@ -20,6 +20,7 @@ FIGURES = {
     "FrequencyResponse": "specan.report.figures_spectra:figure_frequency_response",
     "SignalLevels": "specan.report.figures_levels:figure_levels",
     "OrderSpectrum": "specan.report.figures_orders:figure_orders",
+    "DecayTimes": "specan.report.figures_decay:figure_decay",
     "Calibration": "specan.report.figures_calibration:figure_calibration",
     "Diagnosis": "specan.report.figures_diagnosis:figure_diagnosis",
 }

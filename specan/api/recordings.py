@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport
     from specan.data.band_levels import BandLevels
     from specan.data.calibration import Calibration
+    from specan.data.decay import DecayTimes
     from specan.data.frequency_response import FrequencyResponse
+    from specan.data.impulse_response import ImpulseResponses
     from specan.data.levels import SignalLevels
     from specan.data.orders import OrderSpectrum
     from specan.data.spectrum import Spectrogram, Spectrum
@@ -204,6 +206,59 @@ def orders(recording: Source, **settings: Any) -> OrderSpectrum:
     from specan.analysis.orders import Orders
 
     return _settings(Orders, "orders", **settings)(_opened(recording))
+
+
+def impulse(recording: Source, reference: str | None = None, **settings: Any) -> ImpulseResponses:
+    """Impulse responses to the excitation: deconvolution of sweeps and sequences, H1 of noise.
+
+    Parameters
+    ----------
+    recording : Recording or path
+    reference : str, optional
+        Channel of the excitation; by default the generator, else the vibrometer.
+    **settings
+        ``channels``, ``method``, ``length_s``, ``start_s``, ``stop_s``: see
+        `specan.analysis.impulse_response.ImpulseResponse`.
+
+    Returns
+    -------
+    ImpulseResponses
+    """
+    from specan.analysis.impulse_response import ImpulseResponse
+
+    return _settings(ImpulseResponse, "impulse", reference=reference, **settings)(_opened(recording))
+
+
+def decay(recording: Source, reference: str | None = None, **settings: Any) -> DecayTimes:
+    """Reverberation times, clarity, definition and centre time in bands (ISO 3382-1, ISO 3382-2).
+
+    Parameters
+    ----------
+    recording : Recording or path
+        Impulse responses; of noise and sweeps, and where `reference` is named, they are found first.
+    reference : str, optional
+        Channel of the excitation.
+    **settings
+        ``fraction``, ``fmin``, ``fmax``, ``channels``, ``start_s``, ``stop_s``: see `specan.analysis.decay.Decay`.
+
+    Returns
+    -------
+    DecayTimes
+    """
+    from dataclasses import replace
+
+    from specan.analysis.decay import Decay
+    from specan.analysis.excitation import recognise
+
+    asked, source = _settings(Decay, "decay", **settings), _opened(recording)
+    if reference is None and recognise(source).kind not in ("noise", "sweep", "stepped-sine"):
+        return asked(source)
+    section = {"start_s": asked.start_s, "stop_s": asked.stop_s}
+    responses = impulse(source, reference, channels=asked.channels, **section)
+    whole = asked.model_copy(update={"start_s": 0.0, "stop_s": None, "channels": ()})
+    found = whole(responses.recording(), responses.upper_hz)
+    remark = f"of impulse responses to {responses.reference} ({responses.method})"
+    return replace(found, notes=(*found.notes, remark), settings=asked.model_dump(mode="json"))
 
 
 def calibrate(

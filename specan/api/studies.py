@@ -157,8 +157,12 @@ class Study:
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
     ) -> Diagnosis:
         """Find out which effect is missing; see `specan.diagnose`."""
+        from specan.study.kept_diagnoses import diagnose_and_keep
+
         if bootstrap not in self._diagnosis:
-            self._diagnosis[bootstrap] = self._opened.diagnose(bootstrap=bootstrap, progress=progress)
+            self._diagnosis[bootstrap] = diagnose_and_keep(
+                self._opened, bootstrap=bootstrap, progress=progress
+            )
         return self._diagnosis[bootstrap]
 
     def add(self, effect: str | Path, because: str = "") -> Change:

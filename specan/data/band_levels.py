@@ -31,13 +31,13 @@ class OtherSettling:
     Attributes
     ----------
     name : {"left-out", "counted"}
-    level_db : array (channels, bands)
-    overall_db : mapping of str to array (channels,)
+    level_dB : array (channels, bands)
+    overall_dB : mapping of str to array (channels,)
     """
 
     name: str
-    level_db: Real
-    overall_db: Mapping[str, Real]
+    level_dB: Real
+    overall_dB: Mapping[str, Real]
 
 
 @dataclass(frozen=True, repr=False)
@@ -62,11 +62,11 @@ class BandLevels(Result):
         "max" or "min" of the time-weighted level; None for the reading at the end of the section.
     exact_hz, nominal_hz, lower_hz, upper_hz : arrays (bands,)
         Mid-band frequencies (IEC 61260-1:2014), and the edges of the bands.
-    level_db : array (channels, bands)
+    level_dB : array (channels, bands)
         Minus infinity where there is no energy, NaN where there is no result.
-    u_db : array (bands,)
+    u_dB : array (bands,)
         Standard deviation that the level of stationary noise has for its limited duration.
-    overall_db : mapping of str to array (channels,)
+    overall_dB : mapping of str to array (channels,)
         "Z", "A", "B", "C": level of the whole signal, its constant part left out; A, B and C of sound
         pressure only (NaN otherwise).
     start_s, duration_s : float
@@ -103,9 +103,9 @@ class BandLevels(Result):
     nominal_hz: Real
     lower_hz: Real
     upper_hz: Real
-    level_db: Real
-    u_db: Real
-    overall_db: Mapping[str, Real]
+    level_dB: Real
+    u_dB: Real
+    overall_dB: Mapping[str, Real]
     start_s: float
     duration_s: float
     sampling_rate: float
@@ -135,8 +135,8 @@ class BandLevels(Result):
             "channel": np.repeat(names, bands),
             "nominal_hz": np.tile(self.nominal_hz, len(names)),
             "exact_hz": np.tile(self.exact_hz, len(names)),
-            "level_dB": self.level_db.ravel(),
-            "u_dB": np.tile(self.u_db, len(names)),
+            "level_dB": self.level_dB.ravel(),
+            "u_dB": np.tile(self.u_dB, len(names)),
             "level_reference": np.repeat([r.text for r in self.references], bands),
             "flags": [" ".join(self.band_flags(c, b)) for c in range(len(names)) for b in range(bands)],
         }
@@ -150,19 +150,19 @@ class BandLevels(Result):
     def edges(self) -> NDArray[np.bool_]:
         """Bands (channels, bands) whose level hangs on the cut at the ends of the section."""
         if self.other is None:
-            return np.zeros(self.level_db.shape, dtype=bool)
-        return _apart(self.level_db, self.other.level_db)
+            return np.zeros(self.level_dB.shape, dtype=bool)
+        return _apart(self.level_dB, self.other.level_dB)
 
     def overall_edges(self, weighting: str) -> NDArray[np.bool_]:
         """The same for an overall level, shape (channels,)."""
         if self.other is None:
             return np.zeros(len(self.channels), dtype=bool)
-        return _apart(self.overall_db[weighting], self.other.overall_db[weighting])
+        return _apart(self.overall_dB[weighting], self.other.overall_dB[weighting])
 
     @property
     def low_bt(self) -> NDArray[np.bool_]:
         """Bands (bands,) too narrow for the section: noise scatters by more than 1 dB there."""
-        return self.u_db > LOW_BT_DB
+        return self.u_dB > LOW_BT_DB
 
     def band_flags(self, channel: int, band: int) -> tuple[str, ...]:
         """Words for one band of one channel: the channel's, ``low-BT``, ``unsettled``, ``low-snr``, ``edges``.
@@ -177,14 +177,14 @@ class BandLevels(Result):
         if self.low_snr is not None and self.low_snr[channel, band]:
             words.append("low-snr")
         if self.other is not None and self.edges[channel, band]:
-            words += _edges(self.other.name, self.other.level_db[channel, band])
+            words += _edges(self.other.name, self.other.level_dB[channel, band])
         return tuple(words)
 
     def overall_flags(self, channel: int, weighting: str) -> tuple[str, ...]:
         """Words for one overall level of one channel: the channel's, ``edges``."""
         words = list(self.flags[channel])
         if self.other is not None and self.overall_edges(weighting)[channel]:
-            words += _edges(self.other.name, self.other.overall_db[weighting][channel])
+            words += _edges(self.other.name, self.other.overall_dB[weighting][channel])
         return tuple(words)
 
 
@@ -193,8 +193,8 @@ def _apart(one: Real, other: Real) -> NDArray[np.bool_]:
         return np.asarray(np.abs(one - other) > EDGES_DB)
 
 
-def _edges(name: str, level_db: float) -> list[str]:
-    return ["edges", f"{name}={level_db:.3f}"]
+def _edges(name: str, level_dB: float) -> list[str]:
+    return ["edges", f"{name}={level_dB:.3f}"]
 
 
 @dataclass(frozen=True)
@@ -205,13 +205,13 @@ class LevelHistory:
     ----------
     time_s : array (times,)
         From the beginning of the recording.
-    level_db : array (channels, bands, times)
-    overall_db : mapping of str to array (channels, times)
+    level_dB : array (channels, bands, times)
+    overall_dB : mapping of str to array (channels, times)
     interval_s : float
         Distance of the readings.
     """
 
     time_s: Real
-    level_db: Real
-    overall_db: Mapping[str, Real]
+    level_dB: Real
+    overall_dB: Mapping[str, Real]
     interval_s: float

@@ -171,7 +171,7 @@ class FrequencyResponse(Result):
         return np.abs(self.response)
 
     @property
-    def level_db(self) -> Real:
+    def level_dB(self) -> Real:
         """20 log10 |H|, re 1 of its unit."""
         with np.errstate(divide="ignore"):
             return 20 * np.log10(self.magnitude)

@@ -69,18 +69,23 @@ class SignalLevels(Result):
     mean, minimum, maximum : arrays (channels,)
     rms, peak, crest_factor : arrays (channels,)
         `peak` is the largest magnitude, `crest_factor` peak / rms.
-    level_db : array (channels,)
+    level_dB : array (channels,)
         20 lg(rms / reference).
-    equivalent_db : mapping of str to array (channels,)
+    equivalent_dB : mapping of str to array (channels,)
         Equivalent levels over the section with the weightings "Z", "A", "B", "C"; A, B and C of sound
         pressure only (NaN otherwise).
-    peak_db : array (channels,)
+    exposure_dB : mapping of str to array (channels,)
+        Exposure levels, re the square of the reference times 1 s (IEC 61672-1:2013, 3.15): equivalent level plus
+        10 lg(duration / 1 s).
+    peak_dB : array (channels,)
         20 lg(peak / reference).
+    c_peak_dB : array (channels,)
+        C-weighted peak sound level (IEC 61672-1:2013, 3.11); of sound pressure only (NaN otherwise).
     weighting, averaging : str
         Of the time-weighted level that the next three are about ("A", "fast").
-    percentile_db : mapping of float to array (channels,)
+    percentile_dB : mapping of float to array (channels,)
         Level exceeded during N percent of the time.
-    maximum_db, minimum_db : arrays (channels,)
+    max_dB, min_dB : arrays (channels,)
         Largest time-weighted level, and smallest one after it has settled.
     start_s, duration_s : float
     sampling_rate : float
@@ -102,14 +107,16 @@ class SignalLevels(Result):
     rms: Real
     peak: Real
     crest_factor: Real
-    level_db: Real
-    equivalent_db: Mapping[str, Real]
-    peak_db: Real
+    level_dB: Real
+    equivalent_dB: Mapping[str, Real]
+    exposure_dB: Mapping[str, Real]
+    peak_dB: Real
+    c_peak_dB: Real
     weighting: str
     averaging: str
-    percentile_db: Mapping[float, Real]
-    maximum_db: Real
-    minimum_db: Real
+    percentile_dB: Mapping[float, Real]
+    max_dB: Real
+    min_dB: Real
     start_s: float
     duration_s: float
     sampling_rate: float
@@ -135,11 +142,13 @@ class SignalLevels(Result):
             "minimum": self.minimum,
             "maximum": self.maximum,
             "level_reference": [reference.text for reference in self.references],
-            "level_dB": self.level_db,
-            "peak_dB": self.peak_db,
-            **{f"Leq_{weighting}_dB": values for weighting, values in self.equivalent_db.items()},
-            "max_dB": self.maximum_db,
-            "min_dB": self.minimum_db,
-            **{f"L{n:g}_dB": values for n, values in self.percentile_db.items()},
+            "level_dB": self.level_dB,
+            "peak_dB": self.peak_dB,
+            "C_peak_dB": self.c_peak_dB,
+            **{f"Leq_{weighting}_dB": values for weighting, values in self.equivalent_dB.items()},
+            **{f"LE_{weighting}_dB": values for weighting, values in self.exposure_dB.items()},
+            "max_dB": self.max_dB,
+            "min_dB": self.min_dB,
+            **{f"L{n:g}_dB": values for n, values in self.percentile_dB.items()},
             "flags": [" ".join(words) for words in self.flags],
         }

@@ -137,7 +137,7 @@ class OrderSpectrum(Result):
             "channel": np.repeat(self.channels, count),
             "order": np.tile(self.order, len(self.channels)),
             "amplitude": self.amplitude.ravel(),
-            "level_dB": self.level_db.ravel(),
+            "level_dB": self.level_dB.ravel(),
         }
 
     def overview(self) -> pd.DataFrame:
@@ -158,12 +158,12 @@ class OrderSpectrum(Result):
         )
 
     @property
-    def level_db(self) -> Real:
+    def level_dB(self) -> Real:
         """RMS levels of the lines."""
         return self._level(self.amplitude)
 
     @property
-    def map_level_db(self) -> Real:
+    def map_level_dB(self) -> Real:
         """RMS levels of the map, (columns, channels, lines)."""
         return self._level(self.map)
 

@@ -32,6 +32,8 @@ class SpectrumScale:
         Distance of the lines, and the window's equivalent noise bandwidth.
     coherent_gain : float
         Mean of the window; already allowed for.
+    weighting : {"A", "B", "C", "Z"}
+        Frequency weighting of the magnitudes.
     """
 
     scaling: Scaling
@@ -39,6 +41,7 @@ class SpectrumScale:
     line_spacing_hz: float
     enbw_hz: float
     coherent_gain: float
+    weighting: str = "Z"
 
     def unit_of(self, unit: str) -> str:
         """Unit of the values of a channel.
@@ -53,9 +56,10 @@ class SpectrumScale:
         return f"({unit})^2/Hz" if "/" in unit or "^" in unit else f"{unit}^2/Hz"
 
     def level_text(self, unit: str) -> str:
-        """What 0 dB is: ``dB re 20 uPa``; for densities ``dB re (20 uPa)^2/Hz``."""
+        """What 0 dB is: ``dB re 20 uPa``, ``dB(A) re 20 uPa``; for densities ``dB re (20 uPa)^2/Hz``."""
         base = level_reference(unit).text
-        return f"dB re ({base})^2/Hz" if self.scaling == "psd" else f"dB re {base}"
+        decibels = "dB" if self.weighting == "Z" else f"dB({self.weighting})"
+        return f"{decibels} re ({base})^2/Hz" if self.scaling == "psd" else f"{decibels} re {base}"
 
     def values(self, density: Real, has_mirror: NDArray[np.bool_]) -> Real:
         """Density, RMS or amplitude of each line.
@@ -76,7 +80,7 @@ class SpectrumScale:
             return np.asarray(rms)
         return np.asarray(rms * np.where(has_mirror, np.sqrt(2.0), 1.0))
 
-    def level_db(self, density: Real, unit: str) -> Real:
+    def level_dB(self, density: Real, unit: str) -> Real:
         """Level of a density: of the density itself, or of the RMS of a line (also under "amplitude")."""
         base = level_reference(unit).value ** 2
         power = density if self.scaling == "psd" else density * self.enbw_hz
@@ -146,7 +150,7 @@ class Spectrum(Result):
             "channel": np.repeat(self.channels, count),
             "frequency_hz": np.tile(self.frequency_hz, len(self.channels)),
             self.scale.scaling: self.values.ravel(),
-            "level_dB": self.level_db.ravel(),
+            "level_dB": self.level_dB.ravel(),
         }
         return found if self.phase_deg is None else {**found, "phase_deg": self.phase_deg.ravel()}
 
@@ -178,12 +182,12 @@ class Spectrum(Result):
         return tuple(self.scale.unit_of(unit) for unit in self.units)
 
     @property
-    def level_db(self) -> Real:
-        """Levels (channels, n); see `SpectrumScale.level_db`."""
-        return np.stack([self.scale.level_db(row, unit) for row, unit in zip(self.density, self.units)])
+    def level_dB(self) -> Real:
+        """Levels (channels, n); see `SpectrumScale.level_dB`."""
+        return np.stack([self.scale.level_dB(row, unit) for row, unit in zip(self.density, self.units)])
 
     @property
-    def u_db(self) -> float:
+    def u_dB(self) -> float:
         """Standard uncertainty of a line of noise in dB; of a tone it is less.
 
         10 / ln 10 times the root of the trigamma function of the effective averages, the standard deviation of the
@@ -243,7 +247,7 @@ class Spectrogram(Result):
             "time_s": np.tile(np.repeat(self.time_s, lines), names),
             "frequency_hz": np.tile(self.frequency_hz, names * times),
             self.scale.scaling: self.values.ravel(),
-            "level_dB": self.level_db.ravel(),
+            "level_dB": self.level_dB.ravel(),
         }
 
     def overview(self) -> pd.DataFrame:
@@ -262,6 +266,6 @@ class Spectrogram(Result):
         return self.scale.values(self.density, self.has_mirror)
 
     @property
-    def level_db(self) -> Real:
+    def level_dB(self) -> Real:
         """Levels (channels, columns, n)."""
-        return np.stack([self.scale.level_db(part, unit) for part, unit in zip(self.density, self.units)])
+        return np.stack([self.scale.level_dB(part, unit) for part, unit in zip(self.density, self.units)])

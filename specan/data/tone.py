@@ -101,7 +101,7 @@ class ToneTable(Result):
             "unit": list(self.units),
             "frequency_hz": np.full(len(self.channels), self.frequency_hz),
             "rms": self.rms,
-            "level_dB": self.level_db,
+            "level_dB": self.level_dB,
             "tone_rms": self.tone_rms,
             "phase_deg": self.phase_deg,
             "u_phase_deg": self.u_phase_deg,
@@ -113,12 +113,12 @@ class ToneTable(Result):
         }
 
     @property
-    def level_db(self) -> Real:
+    def level_dB(self) -> Real:
         """Level of `rms` re the reference of each unit (ISO 1683)."""
         return _level(self.rms, self.units)
 
     @property
-    def tone_level_db(self) -> Real:
+    def tone_level_dB(self) -> Real:
         """Level of `tone_rms`."""
         return _level(self.tone_rms, self.units)
 

@@ -20,6 +20,8 @@ ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 SMOOTHED_LINES = 15
 # Standard deviation of a phase that may be anything, 360 / sqrt(12) degrees.
 U_PHASE_UNKNOWN_DEG = 360.0 / np.sqrt(12.0)
+# Lines of responses that are worked on together: temporary arrays stay small, and few responses take few calls.
+_TOGETHER = 1 << 18
 
 
 class Estimate(NamedTuple):
@@ -98,14 +100,55 @@ def estimate(
     >>> complex(found.response[0]), float(found.coherence[0]), round(float(found.u_relative[0]), 4)
     ((2+0j), 0.8, 0.0358)
     """
+    instrument = (auto_instrument, instrument_reference, instrument_response)
+    if estimator == "H3c" and any(given is None for given in instrument):
+        raise ValueError("H3c needs the spectra of an instrument")
+    if cross.ndim < 2 or cross.size <= _TOGETHER or auto_response.shape != cross.shape:
+        return _estimate(
+            estimator, auto_reference, auto_response, cross, n_effective, line_correlation, *instrument
+        )
+    found = Estimate(np.empty(cross.shape, dtype=complex), *(np.empty(cross.shape) for _ in range(3)))
+    step = max(1, _TOGETHER // (cross.size // len(cross)))
+    for first in range(0, len(cross), step):
+        rows = slice(first, first + step)
+        of_rows = None if instrument_response is None else instrument_response[rows]
+        part = _estimate(
+            estimator,
+            auto_reference,
+            auto_response[rows],
+            cross[rows],
+            n_effective,
+            line_correlation,
+            auto_instrument,
+            instrument_reference,
+            of_rows,
+        )
+        for total, new in zip(found, part, strict=True):
+            total[rows] = new
+    return found
+
+
+def _estimate(
+    estimator: Estimator,
+    auto_reference: Real,
+    auto_response: Real,
+    cross: Complex,
+    n_effective: float,
+    line_correlation: float,
+    auto_instrument: Real | None,
+    instrument_reference: Complex | None,
+    instrument_response: Complex | None,
+) -> Estimate:
+    """As `estimate`."""
     with np.errstate(divide="ignore", invalid="ignore"):
         strength = np.abs(cross) ** 2
         coherence = strength / (auto_reference * auto_response)
         # 0/0 where a channel is dead: nothing is known, NaN. Rounding may pass 1 by an ulp.
         coherence = np.minimum(coherence, 1.0)
         if estimator == "H3c":
-            if auto_instrument is None or instrument_reference is None or instrument_response is None:
-                raise ValueError("H3c needs the spectra of an instrument")
+            assert auto_instrument is not None
+            assert instrument_reference is not None
+            assert instrument_response is not None
             response = instrument_response / instrument_reference
             left = auto_response + np.abs(response) ** 2 * auto_reference
             left = left - 2 * np.real(np.conj(response) * cross)

@@ -66,6 +66,27 @@ def effective_averages(n_blocks: int, name: WindowName, overlap_hop: float) -> f
     return n_blocks / (1 + 2 * alike)
 
 
+class _Scratch(NamedTuple):
+    """Arrays that each block is worked in."""
+
+    windowed: Real
+    spectra: Complex
+    power: Real
+    square: Real
+    product: Complex
+
+    @classmethod
+    def of(cls, channels: int, block: int, lines: int, *, cross: bool) -> _Scratch:
+        kept = (channels, lines + 1)
+        return cls(
+            np.empty((channels, block)),
+            np.empty((channels, block // 2 + 1), dtype=complex),
+            np.empty(kept),
+            np.empty(kept),
+            np.empty(kept if cross else (0, 0), dtype=complex),
+        )
+
+
 class CrossSpectra:
     """Accumulates auto spectra of all channels and cross spectra against some, piece by piece.
 
@@ -134,12 +155,9 @@ class CrossSpectra:
         self._lines = block // 2 if lines is None else min(lines, block // 2)
         self._window = window(window_name, block)
         self._grid = OverlappedBlocks(block, self.hop, shifts)
-        self._windowed = np.empty((n_channels, block))
-        self._spectra = np.empty((n_channels, block // 2 + 1), dtype=complex)
         kept = (n_channels, self._lines + 1)
-        self._power, self._square = np.empty(kept), np.empty(kept)
+        self._scratch: _Scratch | None = None
         self._auto = np.zeros(kept)
-        self._product = np.empty(kept, dtype=complex)
         self._cross = np.zeros((len(self.references), *kept), dtype=complex)
 
     def add(self, samples: Real) -> None:
@@ -148,21 +166,24 @@ class CrossSpectra:
             self._add_block(block)
 
     def _add_block(self, block: Real) -> None:
+        if self._scratch is None:
+            self._scratch = _Scratch.of(len(block), self.block, self._lines, cross=bool(self.references))
+        windowed, transformed, power, square, product = self._scratch
         if self.detrend:
             mean = np.add.reduce(block, axis=-1, keepdims=True) / self.block
-            np.subtract(block, mean, out=self._windowed)
-            self._windowed *= self._window
+            np.subtract(block, mean, out=windowed)
+            windowed *= self._window
         else:
-            np.multiply(block, self._window, out=self._windowed)
-        spectra = np.fft.rfft(self._windowed, axis=-1, out=self._spectra)[:, : self._lines + 1]
+            np.multiply(block, self._window, out=windowed)
+        spectra = np.fft.rfft(windowed, axis=-1, out=transformed)[:, : self._lines + 1]
         self.n_blocks += 1
-        np.multiply(spectra.real, spectra.real, out=self._power)
-        np.multiply(spectra.imag, spectra.imag, out=self._square)
-        self._power += self._square
-        self._take(self._auto, self._power)
+        np.multiply(spectra.real, spectra.real, out=power)
+        np.multiply(spectra.imag, spectra.imag, out=square)
+        power += square
+        self._take(self._auto, power)
         for reference, total in zip(self.references, self._cross, strict=True):
-            np.multiply(spectra, np.conj(spectra[reference]), out=self._product)
-            self._take(total, self._product)
+            np.multiply(spectra, np.conj(spectra[reference]), out=product)
+            self._take(total, product)
 
     def _take(self, total: NDArray[Any], new: NDArray[Any]) -> None:
         if self.averaging == "linear":
@@ -180,6 +201,7 @@ class CrossSpectra:
 
     def result(self) -> SpectralMatrix:
         """The average so far; NaN if no block was complete."""
+        self._scratch = None  # the next block makes it anew
         lines = np.arange(self._lines + 1)
         frequency = np.asarray(lines * (self.rate / self.block), dtype=np.float64)
         scale = np.full(len(lines), 2.0 / (self.rate * np.sum(self._window**2)))

@@ -34,7 +34,7 @@ class WindowProperties(NamedTuple):
         Mean of the window: the factor on the amplitude of a tone that falls on a line.
     enbw_lines : float
         Equivalent noise bandwidth in lines, n sum(w^2) / sum(w)^2 (Harris 1978, eq. 11).
-    scallop_loss_db : float
+    scallop_loss_dB : float
         Loss of a tone halfway between two lines.
     half_lobe_lines : int
         Half the width of the main lobe, in lines.
@@ -42,7 +42,7 @@ class WindowProperties(NamedTuple):
 
     coherent_gain: float
     enbw_lines: float
-    scallop_loss_db: float
+    scallop_loss_dB: float
     half_lobe_lines: int
 
 
@@ -92,7 +92,7 @@ def window_properties(name: WindowName) -> WindowProperties:
     return WindowProperties(
         coherent_gain=float(a[0]),
         enbw_lines=float(power / a[0] ** 2),
-        scallop_loss_db=float(-20 * np.log10(response / a[0])),
+        scallop_loss_dB=float(-20 * np.log10(response / a[0])),
         half_lobe_lines=len(a),
     )
 

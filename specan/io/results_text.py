@@ -25,7 +25,7 @@ COLUMNS = {
     ),
     "noise.txt": (
         "file", "channel", "frequency_hz", "magnitude", "phase_deg", "coherence", "u_magnitude_percent",
-        "flags",
+        "u_phase_deg", "flags",
     ),
     "bands.txt": ("file", "channel", "band_hz", "level_dB", "u_dB", "flags"),
     "other.txt": ("file", "channel", "role", "unit", "band_hz", "rms", "level_dB", "u_dB", "flags"),

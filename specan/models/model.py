@@ -9,6 +9,7 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
+from specan.models.frf import Frf
 from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
 from specan.models.graph import components
 from specan.models.observable import Observable
@@ -180,6 +181,7 @@ class Model:
                 limits={**old.limits, **said.limits},
                 setting={**old.setting, **said.setting},
                 reading={**old.reading, **said.reading},
+                reading_percent={**old.reading_percent, **said.reading_percent},
                 discrepancy_percent=said.discrepancy_percent or old.discrepancy_percent,
             ),
         )
@@ -217,7 +219,8 @@ class Model:
             ``{name: unit}``, ``{name: (unit, lowest, highest)}`` or ``{name: Condition}``. A table holds a condition
             in the column of that name: ``flow``, or ``flow [l/s]`` in another unit.
         observables : mapping
-            ``{name: unit}`` or ``{name: (unit, standard uncertainty of a reading)}`` of functions that are measured.
+            ``{name: unit}`` or ``{name: (unit, standard uncertainty of a reading)}`` of functions that are measured;
+            ``{name: Frf(unit, response=, reference=)}`` of transfer functions over the condition ``frequency``.
         parameters : mapping, optional
             ``{name: value}``, ``(value, low, high)``, ``(value, low, high, unit)``, ``dict(value=, min=, max=, vary=,
             unit=)`` or a Parameter. An argument with a default in the signature need not be named.
@@ -264,7 +267,7 @@ class Model:
         first = next(iter(observables))
         name = name or name_of(function) or first
         title = title or title_of(function) or first
-        if law is None:
+        if law is None and not isinstance(observables[first], Frf):
             positive = [n for n, (low, _) in fields["rig"].limits.items() if low >= 0]
             law = LawSpace(first, {n: n for n in positive}) if positive else None
         return cls(

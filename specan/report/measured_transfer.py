@@ -40,21 +40,22 @@ class MeasuredTransfer:
     u_relative: Array
     u_phase_deg: Array
 
-    def band_db(self) -> tuple[Array, Array]:
+    def band_dB(self) -> tuple[Array, Array]:
         """Levels two standard uncertainties below and above the measured one."""
-        return band_about(level_db(self.measured), 2 * self.u_relative)
+        return band_about(level_dB(self.measured), 2 * self.u_relative)
 
     @property
-    def error_db(self) -> Array:
+    def error_dB(self) -> Array:
         """Level of the model less that of the measurement."""
-        return np.asarray(level_db(self.model) - level_db(self.measured))
+        return np.asarray(level_dB(self.model) - level_dB(self.measured))
 
     def by_misfit(self) -> list[int]:
-        """Numbers of the channels, that with the largest error in units of the uncertainty first."""
+        """Numbers of the channels in use, that with the largest error in units of the uncertainty first."""
         with np.errstate(invalid="ignore", divide="ignore"):
             off = np.abs(self.model - self.measured) / (np.abs(self.measured) * self.u_relative)
         share = [float(np.nanmean(row**2)) if np.isfinite(row).any() else 0.0 for row in off]
-        return [int(k) for k in np.argsort(share, kind="stable")[::-1]]
+        used = np.isfinite(self.measured).any(axis=1)
+        return [int(k) for k in np.argsort(share, kind="stable")[::-1] if used[k]]
 
 
 def measured_transfer(observation: FrfObservation, predicted: Array) -> MeasuredTransfer:
@@ -93,7 +94,7 @@ def measured_transfer(observation: FrfObservation, predicted: Array) -> Measured
     )
 
 
-def level_db(response: Complex) -> Array:
+def level_dB(response: Complex) -> Array:
     """``20 log10 |H|``, minus infinity of zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(20 * np.log10(np.abs(response)))

@@ -20,12 +20,12 @@ from specan.study.localisation.result import Block
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.alternatives import alternatives
 from specan.study.selection.data_alone import DataAlone, data_alone
-from specan.study.selection.detectable_size import by_effect, smallest_visible
+from specan.study.selection.detectable_size import by_effect, minimum_detectable_sizes
 from specan.study.selection.f_test import LACK_OF_FIT
-from specan.study.selection.initial_fit import Approach, approached, seen_about
+from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
 from specan.study.selection.left_out_error import left_out_error
 from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_would_tell
-from specan.study.selection.refits import FORM, Refit, Refits
+from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.search import Search
 from specan.study.selection.suspect_rows import rows_of_two_kinds, suspect_rows
@@ -75,7 +75,7 @@ def diagnose(
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
-    near = approached(start, progress)
+    near = initial_fit(start, progress)
     search = _nearer(start, near, Search(Refits(near.base, near.known), near.likely, bootstrap, progress))
     search.run()
     sets = alternatives(search)
@@ -83,12 +83,12 @@ def diagnose(
     return _conclude(search, sets)
 
 
-def _nearer(start: Refit, near: Approach, search: Search) -> Search:
+def _nearer(start: Refit, near: InitialFit, search: Search) -> Search:
     """The search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
     """
-    if not search.refits.far:
+    if not search.refits.poor_fit:
         return search
     single = search.single
     if single is None or single.uses == near.found:
@@ -97,7 +97,7 @@ def _nearer(start: Refit, near: Approach, search: Search) -> Search:
     done = {uses: r.problem.values_at(r.fit.theta) for uses, r in search.refits.done.items() if uses}
     order = sorted(search.refits.of_size(1), key=lambda r: r.chi2)
     likely = [use for r in order[:MOST_OTHERS] for use in r.uses]
-    base = seen_about(start, single.uses, done[single.uses])
+    base = with_covariances_about(start, single.uses, done[single.uses])
     return Search(Refits(base, {**near.known, **done}), likely, search.bootstrap, search.progress, only=True)
 
 
@@ -122,8 +122,8 @@ def _check_failures(search: Search) -> None:
     for uses, reason in search.refits.failed.items():
         if len(uses) == 1:
             step = search.step(search.base)
-            gain = step.by_use[next(iter(uses))][0].gain
-            if search.best.uses or gain / search.base.scale < step.gate.needed_gain:
+            gain = step.by_use[next(iter(uses))][0].chi2_reduction
+            if search.best.uses or gain / search.base.dispersion < step.acceptance.needed_reduction:
                 continue
             raise ComputationError(
                 f"the fit with {', '.join(map(str, uses))} failed ({reason}) though the data ask for it",
@@ -136,7 +136,9 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
     found = _verdict(search, sets)
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at
-    visible = by_effect([*smallest_visible(step.seen, step.gate, best.scale), *_of_members(search)])
+    visible = by_effect(
+        [*minimum_detectable_sizes(step.seen, step.acceptance, best.dispersion), *_of_members(search)]
+    )
     return Diagnosis(
         verdict=found.kind,
         reason=found.reason,
@@ -173,11 +175,11 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     if verdict == "unknown-effect":
         return explore(search.best, fails_at)
     others = [r for r in search.refits.of_size(1) if r not in sets and search.believable(r)]
-    others.sort(key=lambda r: r.bic(search.best.scale))
+    others.sort(key=lambda r: r.bic(search.best.dispersion))
     if len(sets) > 1:
         return propose(sets)
-    if search.base.problem.dear:
-        others = [r for r in others[:1] if not search.refits.out_of_reach(r.chi2, search.best.chi2)]
+    if search.base.problem.expensive:
+        others = [r for r in others[:1] if not search.refits.beyond_pruning_bound(r.chi2, search.best.chi2)]
     return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
 
 
@@ -199,7 +201,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         return _Found(
             "unknown-effect", "three effects or more would be needed; one unknown is likelier", True
         )
-    if best.lack_beyond(FORM**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
+    if best.lack_of_fit_p_beyond(FORM_TOLERANCE**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
         return _Found("unknown-effect", f"{names} explains a part, and much is left", True)
     contradicted = search.too_far(best)
     if contradicted:
@@ -275,12 +277,12 @@ def _better_but_too_far(search: Search, sets: list[Refit]) -> tuple[str, ...]:
     best = search.best
     if not best.uses or not search.believable(best):
         return ()
-    paid = best.bic(best.scale) - best.pulled / best.scale
+    paid = best.bic(best.dispersion) - best.pulled / best.dispersion
     found = []
     for refit in search.refits.done.values():
         if not refit.uses or refit in sets or refit.uses > best.uses or len(refit.uses) > len(best.uses):
             continue
-        gain = paid - (refit.bic(best.scale) - refit.pulled / best.scale)
+        gain = paid - (refit.bic(best.dispersion) - refit.pulled / best.dispersion)
         if gain > DECISIVE and search.too_far(refit):
             names = " with ".join(sorted(map(str, refit.uses)))
             found.append((gain, f"{names} fits better, but only with {_values(search.too_far(refit))}"))
@@ -300,7 +302,7 @@ def _too_good(base: Refit) -> tuple[str, ...]:
 
 def _error_fall(base: Refit, best: Refit) -> ErrorFall:
     before, after = _errors(base), _errors(best)
-    if base.problem.dear:
+    if base.problem.expensive:
         return ErrorFall(before, after)
     return ErrorFall(before, after, left_out_error(base), left_out_error(best))
 
@@ -336,30 +338,30 @@ def _of_members(search: Search) -> list[Any]:
     if not search.best.uses:
         return []
     step = search.step(search.base)
-    found = smallest_visible(step.seen, step.gate, search.best.scale)
+    found = minimum_detectable_sizes(step.seen, step.acceptance, search.best.dispersion)
     return [v for v in found if v.use in {str(u) for u in search.best.uses}]
 
 
 def _ranking(search: Search, sets: list[Refit]) -> tuple[Ranked, ...]:
-    scale = search.best.scale
+    dispersion = search.best.dispersion
     others = [r for r in search.refits.done.values() if r.uses and r not in sets]
-    others.sort(key=lambda r: (not search.believable(r), r.bic(scale)))
+    others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
     return tuple(_ranked(search, refit) for refit in [*sets, *others])
 
 
 def _ranked(search: Search, refit: Refit) -> Ranked:
-    base, scale = search.base, search.best.scale
-    passage = search.passage(refit)
+    base, dispersion = search.base, search.best.dispersion
+    decision = search.decision(refit)
     return Ranked(
         effects=tuple(sorted(u.name for u in refit.uses)),
         at=_places(refit.uses),
-        delta_bic=base.bic(scale) - refit.bic(scale),
-        p_value=passage.p_value,
-        held_out_gain=passage.held_out_gain,
+        delta_bic=base.bic(dispersion) - refit.bic(dispersion),
+        p_value=decision.p_value,
+        held_out_gain=decision.held_out_gain,
         error_after=_errors(refit).rms,
         parameters=parameters_of(refit),
         plausible=search.believable(refit),
-        at_bound=any(n.rpartition(".")[0] in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
+        at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
         pulls=shown(pulls(refit)),
     )
 
@@ -373,15 +375,15 @@ def _errors(refit: Refit) -> ObservableError:
 
 def parameters_of(refit: Refit) -> dict[str, dict[str, Any]]:
     """Own parameters of the effects, with 95 % intervals from the covariance, in their declared units."""
-    table = {}
+    table: dict[str, dict[str, Any]] = {}
     low, high = refit.problem.bounds()
     own = {str(u) for u in refit.uses}
     for k, name in enumerate(refit.fit.names):
-        if name.rpartition(".")[0] not in own:
+        if name.owner not in own:
             continue
-        parameter = refit.problem.assembly.parameters[name.split("[")[0]]
+        parameter = refit.problem.assembly.parameters[name.whole]
         value = float(refit.fit.theta[k])
-        reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.scale))
+        reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
         table[name] = {
             "value": parameter.from_si(value),
             "low": parameter.from_si(float(max(value - reach, low[k]))),

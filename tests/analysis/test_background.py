@@ -31,11 +31,11 @@ def test_what_was_added_is_taken_off() -> None:
     settings = Octave(band=500)
     found = without_background(settings(loud), settings(quiet))
     own = settings(recording("c", ("Mic 1", "Pa", SIGNAL)))
-    assert found.level_db[0, 0] == pytest.approx(own.level_db[0, 0], abs=0.01)
-    assert found.overall_db["Z"][0] == pytest.approx(own.overall_db["Z"][0], abs=0.01)
+    assert found.level_dB[0, 0] == pytest.approx(own.level_dB[0, 0], abs=0.01)
+    assert found.overall_dB["Z"][0] == pytest.approx(own.overall_dB["Z"][0], abs=0.01)
     assert found.band_flags(0, 0) == ()
     # 1 dB above its background: 1.26 dB are taken off, and it is said to be too little.
-    assert settings(loud).level_db[1, 0] - found.level_db[1, 0] == pytest.approx(1.256, abs=0.001)
+    assert settings(loud).level_dB[1, 0] - found.level_dB[1, 0] == pytest.approx(1.256, abs=0.001)
     assert "low-snr" in found.band_flags(1, 0)
     assert found.flags[1] == ("low-snr",)
     assert "corrected for the background b" in found.notes[-1]

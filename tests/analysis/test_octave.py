@@ -30,18 +30,18 @@ def recording(*channels: tuple[str, str, np.ndarray], rate: float = RATE, **more
 def test_a_tone_has_its_level_in_its_band_and_in_all_totals() -> None:
     found = Octave()(recording(("Mic 1", "Pa", 0.02 * TONE), ("Vib", "m/s", 1e-3 * TONE)))
     band = int(np.argmin(np.abs(found.nominal_hz - 500)))
-    assert found.level_db[:, band] == pytest.approx([60.0, 120.0], abs=0.01)
+    assert found.level_dB[:, band] == pytest.approx([60.0, 120.0], abs=0.01)
     assert [r.text for r in found.references] == ["20 uPa", "1 nm/s"]
-    assert found.overall_db["Z"] == pytest.approx([60.0, 120.0], abs=1e-6)
-    assert found.overall_db["A"][0] == pytest.approx(60.0 - 3.25, abs=0.03)
-    assert np.isnan(found.overall_db["A"][1])
+    assert found.overall_dB["Z"] == pytest.approx([60.0, 120.0], abs=1e-6)
+    assert found.overall_dB["A"][0] == pytest.approx(60.0 - 3.25, abs=0.03)
+    assert np.isnan(found.overall_dB["A"][1])
     assert found.nominal_hz[[0, -1]].tolist() == [20.0, 3150.0]
     assert "faded in and out" in found.settling
 
 
 def test_another_reference_of_velocity_can_be_chosen() -> None:
     found = Octave(velocity_reference="50 nm/s")(recording(("Vib", "m/s", 50e-9 * TONE)))
-    assert found.overall_db["Z"][0] == pytest.approx(0.0, abs=1e-6)
+    assert found.overall_dB["Z"][0] == pytest.approx(0.0, abs=1e-6)
     assert found.references[0].text == "50 nm/s"
 
 
@@ -49,7 +49,7 @@ def test_a_band_level_with_a_weighting() -> None:
     source = recording(("Mic 1", "Pa", 0.02 * TONE))
     plain, weighted = Octave(band=500)(source), Octave(band=500, weighting="A")(source)
     assert plain.exact_hz == pytest.approx([501.187], abs=1e-3)
-    assert (weighted.level_db - plain.level_db)[0, 0] == pytest.approx(-3.25, abs=0.01)
+    assert (weighted.level_dB - plain.level_dB)[0, 0] == pytest.approx(-3.25, abs=0.01)
     assert weighted.weighting == "A"
 
 
@@ -58,7 +58,7 @@ def test_a_range_and_a_section() -> None:
     source = recording(("Mic 1", "Pa", louder))
     found = Octave(fmin=100, fmax=1000, start_s=2.5, stop_s=3.5)(source)
     assert found.nominal_hz[[0, -1]].tolist() == [100.0, 1000.0]
-    assert found.overall_db["Z"][0] == pytest.approx(94 + 20 - 0.02, abs=0.01)
+    assert found.overall_dB["Z"][0] == pytest.approx(94 + 20 - 0.02, abs=0.01)
     assert (found.start_s, found.duration_s) == (2.5, 1.0)
 
 
@@ -69,7 +69,7 @@ def test_other_bands_from_the_same_pass() -> None:
     spectrum = accumulator.spectrum()
     for settings in (Octave(fraction=24, weighting="A"), Octave(fraction=1, fmin=60)):
         again = band_levels(spectrum, accumulator.channels, settings)
-        assert np.array_equal(again.level_db, settings(source).level_db)
+        assert np.array_equal(again.level_dB, settings(source).level_dB)
 
 
 def test_a_displacement_becomes_a_velocity() -> None:
@@ -81,8 +81,8 @@ def test_a_displacement_becomes_a_velocity() -> None:
         found = Octave()(source)
         near = np.abs(found.nominal_hz - 500) < 10
         assert found.units == ("m/s",)
-        assert found.level_db[0, near] == pytest.approx(expected.level_db[0, near], abs=0.001)
-        assert found.overall_db["Z"] == pytest.approx(expected.overall_db["Z"], abs=0.001)
+        assert found.level_dB[0, near] == pytest.approx(expected.level_dB[0, near], abs=0.001)
+        assert found.overall_dB["Z"] == pytest.approx(expected.overall_dB["Z"], abs=0.001)
     assert velocity.channels[0].target_unit == "m/s"
 
 
@@ -90,11 +90,11 @@ def test_the_scatter_of_noise_is_what_is_stated() -> None:
     rng = np.random.default_rng(8)
     source = recording(*((f"{i}", "Pa", rng.standard_normal(N)) for i in range(100)))
     found = Octave(fmin=20, fmax=2000)(source)
-    scatter = found.level_db.std(axis=0)
-    wide = found.u_db < 0.7  # few degrees of freedom are not Gaussian in dB
+    scatter = found.level_dB.std(axis=0)
+    wide = found.u_dB < 0.7  # few degrees of freedom are not Gaussian in dB
     assert wide.sum() > 8
-    np.testing.assert_allclose(scatter[wide] / found.u_db[wide], 1.0, atol=0.25)
-    assert (found.low_bt == (found.u_db > 1.0)).all()
+    np.testing.assert_allclose(scatter[wide] / found.u_dB[wide], 1.0, atol=0.25)
+    assert (found.low_bt == (found.u_dB > 1.0)).all()
     assert "low-BT" in found.band_flags(0, 0)
     assert found.band_flags(0, -1) == ()
 
@@ -104,9 +104,9 @@ def test_flags_of_channels_and_of_the_file() -> None:
     source = recording(("Mic 1", "Pa", broken), ("Mic 2", "Pa", np.zeros(N)), ("Mic 3", "Pa", TONE))
     found = Octave()(Recording(source.label, source.channels, source.source, flags=("truncated",)))
     assert found.flags == (("nan", "truncated"), ("dead", "truncated"), ("truncated",))
-    assert np.isnan(found.level_db[0]).all()
-    assert np.isneginf(found.level_db[1]).all()
-    assert np.array_equal(found.level_db[2], Octave()(recording(("Mic 3", "Pa", TONE))).level_db[0])
+    assert np.isnan(found.level_dB[0]).all()
+    assert np.isneginf(found.level_dB[1]).all()
+    assert np.array_equal(found.level_dB[2], Octave()(recording(("Mic 3", "Pa", TONE))).level_dB[0])
 
 
 def test_weightings_are_for_sound_pressure() -> None:
@@ -153,12 +153,12 @@ def test_a_time_weighted_analysis_has_a_history_and_says_what_has_not_settled() 
     assert (history.time_s[[0, -1]].tolist(), history.interval_s) == ([0.125, 4.0], 0.125)
     band = int(np.argmin(np.abs(found.nominal_hz - 500)))
     before = np.abs(history.time_s - 1.9) < 0.05
-    assert history.level_db[0, band, before] == pytest.approx(93.98, abs=0.05)
-    assert history.overall_db["Z"][:, before] == pytest.approx([93.98, 120.0], abs=0.05)
-    assert found.level_db[:, band] == pytest.approx([113.98, 140.0], abs=0.05)
-    assert np.isnan(found.overall_db["A"][1])
+    assert history.level_dB[0, band, before] == pytest.approx(93.98, abs=0.05)
+    assert history.overall_dB["Z"][:, before] == pytest.approx([93.98, 120.0], abs=0.05)
+    assert found.level_dB[:, band] == pytest.approx([113.98, 140.0], abs=0.05)
+    assert np.isnan(found.overall_dB["A"][1])
     assert (found.averaging, found.hold) == ("fast", None)
-    assert found.u_db[band] == pytest.approx(4.343 / np.sqrt(353.08 * 0.25), rel=1e-3)
+    assert found.u_dB[band] == pytest.approx(4.343 / np.sqrt(353.08 * 0.25), rel=1e-3)
     slow = Octave(averaging="slow", fraction=1)(source)
     assert slow.unsettled is not None
     assert slow.unsettled.all()
@@ -172,8 +172,8 @@ def test_the_largest_and_the_smallest_level() -> None:
     source = recording(("Mic 1", "Pa", louder))
     largest = Octave(averaging=0.1, hold="max", band=500)(source)
     smallest = Octave(averaging=0.1, hold="min", band=500)(source)
-    assert largest.level_db[0, 0] == pytest.approx(113.98, abs=0.1)
-    assert smallest.level_db[0, 0] == pytest.approx(93.98, abs=0.1)
+    assert largest.level_dB[0, 0] == pytest.approx(113.98, abs=0.1)
+    assert smallest.level_dB[0, 0] == pytest.approx(93.98, abs=0.1)
     assert (largest.averaging, smallest.hold) == ("0.1 s", "min")
     assert "leaves out" in smallest.settling
     with pytest.raises(RequestError, match="settings: hold and interval are for an exponential average"):
@@ -195,9 +195,9 @@ def test_a_long_history_has_a_bounded_number_of_readings() -> None:
 @pytest.mark.parametrize("n", [1, 2, 40])
 def test_a_few_samples_are_no_error(n: int) -> None:
     few = recording(("Mic 1", "Pa", TONE[7 : 7 + n]))
-    assert Octave()(few).level_db.shape == (1, 23)
+    assert Octave()(few).level_dB.shape == (1, 23)
     found = Octave(averaging="slow", hold="min")(few)
-    assert np.isnan(found.level_db).all()
+    assert np.isnan(found.level_dB).all()
     assert found.unsettled is not None
     assert found.unsettled.all()
 
@@ -207,7 +207,7 @@ def test_samples_that_are_not_finite_or_huge_cost_their_channel_only() -> None:
     source = recording(("a", "Pa", infinite), ("b", "Pa", 1e200 * TONE), ("c", "Pa", TONE))
     for averaging in ("linear", "fast"):
         found = Octave(averaging=averaging, fraction=1)(source)
-        assert np.isnan(found.level_db[0]).all()
+        assert np.isnan(found.level_dB[0]).all()
         assert found.flags[0] == ("nan",)
         alone = Octave(averaging=averaging, fraction=1)(recording(("c", "Pa", TONE)))
-        assert np.array_equal(found.level_db[2], alone.level_db[0])
+        assert np.array_equal(found.level_dB[2], alone.level_dB[0])

@@ -39,7 +39,7 @@ def test_a_tone_reads_right_in_every_window(window, scaling, expected):
     found = settings(recording(cosine(100, 3.0)))
     assert found.values[0, 100] == pytest.approx(expected, rel=1e-9)
     assert found.value_units == ("Pa",)
-    assert found.level_db[0, 100] == pytest.approx(20 * np.log10(3 / np.sqrt(2) / 20e-6), abs=1e-6)
+    assert found.level_dB[0, 100] == pytest.approx(20 * np.log10(3 / np.sqrt(2) / 20e-6), abs=1e-6)
 
 
 @pytest.mark.parametrize("window", WINDOWS)
@@ -49,7 +49,7 @@ def test_noise_has_its_density_in_every_window(window):
     assert np.mean(found.values[0, inside]) == pytest.approx(4 / (RATE / 2), rel=0.03)
     assert found.value_units == ("Pa^2/Hz",)
     level = 10 * np.log10(np.mean(found.values[0, inside]) / 4e-10)
-    assert np.mean(found.level_db[0, inside]) == pytest.approx(level, abs=0.1)
+    assert np.mean(found.level_dB[0, inside]) == pytest.approx(level, abs=0.1)
 
 
 def test_level_texts():
@@ -173,7 +173,7 @@ def test_displacement_becomes_velocity(averaging):
 def test_uncertainty_of_a_line_of_noise():
     found = FourierSpectrum(lines=100, scaling="psd")(recording(NOISE))
     inside = (found.frequency_hz > 200) & (found.frequency_hz < 3800)
-    assert np.std(found.level_db[0, inside]) == pytest.approx(found.u_db, rel=0.2)
+    assert np.std(found.level_dB[0, inside]) == pytest.approx(found.u_dB, rel=0.2)
 
 
 def test_flags_and_refusals():
@@ -207,3 +207,40 @@ def test_spectrogram_is_the_spectrum_in_pieces():
         recording(NOISE)
     )
     np.testing.assert_allclose(found.density.mean(axis=1), whole.density, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("weighting", "expected"),
+    # IEC 61672-1:2013, table 3, at the exact frequency of the nominal 63 Hz and 8 kHz; B: ANSI S1.4-1983.
+    [("A", (-26.2, -1.1)), ("C", (-0.8, -3.0)), ("B", (-9.3, -2.9)), ("Z", (0.0, 0.0))],
+)
+def test_weighted_lines_have_the_levels_of_the_standard(
+    weighting: str, expected: tuple[float, float]
+) -> None:
+    rate, n = 51200.0, 51200
+    t = np.arange(n) / rate
+    tones = [63.096, 7943.3]
+    samples = sum(np.sqrt(2) * np.cos(2 * np.pi * f * t) for f in tones)
+    channels = tuple(
+        Channel(name, unit=unit, sampling_rate=rate, n_samples=n)
+        for name, unit in (("Mic", "Pa"), ("Vib", "m/s"))
+    )
+    recording = Recording("a.tdms", channels, ArraySource([samples, samples]))
+    for settings in (
+        FourierSpectrum(lines=20000, window="flat-top", weighting=weighting),
+        FourierSpectrum(whole=True, window="flat-top", weighting=weighting),
+    ):
+        found = settings(recording)
+        for frequency, weight in zip(tones, expected):
+            near = np.argmin(np.abs(found.frequency_hz - frequency))
+            assert found.level_dB[0, near] == pytest.approx(93.98 + weight, abs=0.08)
+    assert found.channels == (("Mic", "Vib") if weighting == "Z" else ("Mic",))
+    assert found.scale.level_text("Pa") == (
+        "dB re 20 uPa" if weighting == "Z" else f"dB({weighting}) re 20 uPa"
+    )
+    columns = SpectrogramSettings(lines=20000, window="flat-top", weighting=weighting)(recording)
+    near = np.argmin(np.abs(columns.frequency_hz - tones[0]))
+    assert columns.level_dB[0][0][near] == pytest.approx(93.98 + expected[0], abs=0.08)
+    if weighting != "Z":
+        with pytest.raises(RequestError, match="Vib is in m/s"):
+            FourierSpectrum(weighting=weighting, channels=("Vib",))(recording)

@@ -115,7 +115,7 @@ def test_a_path_does_for_a_recording_and_settings_are_checked():
         specan.octave(str(path), channels="Mic 1"),
         specan.octave(specan.read(path), channels=["Mic 1"]),
     )
-    np.testing.assert_array_equal(one.level_db, other.level_db)
+    np.testing.assert_array_equal(one.level_dB, other.level_dB)
     with pytest.raises(RequestError, match=r"specan\.octave: unknown key 'wieghting'.*weighting"):
         specan.octave(path, wieghting="A")
 

@@ -169,7 +169,7 @@ def test_zeros_and_a_tenth_of_a_second():
     one = Recording("z.tdms", (channel,), ArraySource([np.zeros(n)]))
     found = KeptBands().levels(one, one.channels, Octave(), go_on)
     assert found.flags == (("dead",),)
-    assert np.isneginf(found.level_db).all()
+    assert np.isneginf(found.level_dB).all()
     assert low_and_high(np.zeros(n), 300)[0].max() == 0.0
 
 
@@ -189,7 +189,7 @@ def test_pieces_of_a_level_history_are_those_of_the_whole():
     curves.fill(45.0, 50.0, go_on)
     assert order[0] == curves.pieces[2].start  # what is on screen comes first
     whole = Octave(averaging="fast", band=1000.0, interval_s=float(curves.times[0]))(one)
-    expected = whole.history.overall_db["A"][0][: curves.times.size]
+    expected = whole.history.overall_dB["A"][0][: curves.times.size]
     # The last block feels the step that the mean of the loud beginning, taken off the whole, leaves at its end.
     assert np.abs(curves.levels[0] - expected)[:-8].max() < 1e-6
 

@@ -61,7 +61,7 @@ def recording(samples: np.ndarray, rate: float) -> Recording:
 def history(samples: np.ndarray, rate: float, name: str, averaging: str) -> np.ndarray:
     found = Octave(fraction=1, band=1000, averaging=averaging, interval_s=INTERVAL)(recording(samples, rate))
     assert found.history is not None
-    return found.history.overall_db[name][0]
+    return found.history.overall_dB[name][0]
 
 
 def tone(f: float) -> Parts:
@@ -111,10 +111,10 @@ def test_rumble(rate: float) -> None:
     assert np.abs(found[settled:] - expected[settled : found.size]).max() < 0.1
     later = expected[round((BEGIN + 0.625) / INTERVAL) :]
     levels = Levels(percentiles=(1.0, 10.0, 50.0))(recording(signal(rumble(3), rate), rate))
-    for percent, value in levels.percentile_db.items():
+    for percent, value in levels.percentile_dB.items():
         # The readings are not those of the reference, and a few seconds of rumble move by some dB.
         assert value[0] == pytest.approx(np.percentile(later, 100 - percent), abs=0.3)
-    assert levels.maximum_db[0] == pytest.approx(direct(rumble(3), "A", 0.125, 1 / 3200).max(), abs=0.1)
+    assert levels.max_dB[0] == pytest.approx(direct(rumble(3), "A", 0.125, 1 / 3200).max(), abs=0.1)
 
 
 @pytest.mark.parametrize("parts", [tone(16.37), rumble(5)], ids=["tone", "rumble"])
@@ -138,7 +138,7 @@ def test_a_low_tone_does_not_reach_bands_two_decades_above(rate: float, fraction
     )
     assert found.history is not None
     inside = (found.history.time_s > 2.0) & (found.history.time_s < SECONDS - 0.2)
-    assert found.history.level_db[0][:, inside].max() < 94.0 - 80.0
+    assert found.history.level_dB[0][:, inside].max() < 94.0 - 80.0
 
 
 @pytest.mark.parametrize(("f", "expected"), [(16.0, 37.6), (31.5, 54.5), (50.0, 63.7)])
@@ -148,8 +148,8 @@ def test_the_maximum_leaves_the_cut_at_the_beginning_out(f: float, expected: flo
         samples = signal([(np.sqrt(2.0), f, 0.0)], rate, 10.0)
         levels = Levels()(recording(samples, rate))
         ripple = 10 * np.log10(1 + 1 / np.hypot(1, 4 * np.pi * f * 0.125))
-        assert levels.maximum_db[0] == pytest.approx(expected + ripple, abs=0.1)
-        assert levels.equivalent_db["A"][0] == pytest.approx(expected, abs=0.1)
+        assert levels.max_dB[0] == pytest.approx(expected + ripple, abs=0.1)
+        assert levels.equivalent_dB["A"][0] == pytest.approx(expected, abs=0.1)
         held = Octave(fraction=1, averaging="fast", hold="max", band=1000)(recording(samples, rate))
-        assert held.overall_db["A"][0] == pytest.approx(expected + ripple, abs=0.1)
-        assert held.level_db[0, 0] < 30.0
+        assert held.overall_dB["A"][0] == pytest.approx(expected + ripple, abs=0.1)
+        assert held.level_dB[0, 0] < 30.0

@@ -47,7 +47,7 @@ def worst_excess(tones: np.ndarray, bandwidth: np.ndarray, rate: float, fraction
             own = 10 * np.log10(np.mean(samples**2, axis=1) / 4e-10)
             for fraction in fractions:
                 found = band_levels(spectrum, accumulator.channels, Octave(fraction=fraction))
-                attenuation = own[:, None] - found.level_db
+                attenuation = own[:, None] - found.level_dB
                 low, high = class_1_limits(part[:, None] / found.exact_hz, fraction)
                 above = np.where(np.isinf(high), -np.inf, attenuation - np.minimum(high, 1e9))
                 worst = max(worst, float(np.maximum(low - attenuation, above).max()))
@@ -93,8 +93,8 @@ def test_the_effective_bandwidth_is_that_of_the_band(fraction: int, rate: float)
     expected = 10 * np.log10((found.upper_hz - found.lower_hz) / (rate / 2) / n / 4e-10)
     # What a filter lets through above half the sampling rate is not there.
     low = found.upper_hz < 0.2 * rate
-    assert np.abs(found.level_db[0] - expected)[low].max() < 0.002
-    assert np.abs(found.level_db[0] - expected).max() < 0.12
+    assert np.abs(found.level_dB[0] - expected)[low].max() < 0.002
+    assert np.abs(found.level_dB[0] - expected).max() < 0.12
 
 
 @pytest.mark.parametrize("fraction", bands.FRACTIONS)
@@ -166,7 +166,7 @@ def test_levels_of_noise_are_those_of_two_other_libraries() -> None:
     theirs = pyfar.dsp.filter.fractional_octave_bands(
         pyfar.Signal(samples, rate), num_fractions=3, frequency_range=(250, 8000)
     )
-    difference = 10 * np.log10(np.mean(theirs.time**2, axis=-1).ravel() / 4e-10) - found.level_db[0]
+    difference = 10 * np.log10(np.mean(theirs.time**2, axis=-1).ravel() / 4e-10) - found.level_dB[0]
     # Filters of order 14 see other noise at the edges than filters of order 4; on average they agree.
     assert np.abs(difference).max() < 0.15
     assert abs(np.average(difference, weights=found.exact_hz)) < 0.01
@@ -174,4 +174,4 @@ def test_levels_of_noise_are_those_of_two_other_libraries() -> None:
     for band in (0, 7, 15):
         passed = acoustics.signal.bandpass(samples, found.lower_hz[band], found.upper_hz[band], rate, order=8)
         level = 10 * np.log10(np.mean(passed**2) / 4e-10)
-        assert level - found.level_db[0, band] == pytest.approx(0.112, abs=0.02)
+        assert level - found.level_dB[0, band] == pytest.approx(0.112, abs=0.02)

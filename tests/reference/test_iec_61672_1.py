@@ -75,7 +75,7 @@ def test_overall_levels_of_tones_are_within_a_thousandth_of_a_decibel(rate: floa
         channel = Channel("Mic 1", unit="Pa", sampling_rate=rate, n_samples=n)
         found = Octave()(Recording("tone", (channel,), ArraySource([samples])))
         own = 10 * np.log10(np.var(samples) / 4e-10)
-        assert found.overall_db["Z"][0] == pytest.approx(own, abs=1e-9)
+        assert found.overall_dB["Z"][0] == pytest.approx(own, abs=1e-9)
         for name in "ABC":
             expected = own + float(by_poles(np.array(f), name))
-            assert found.overall_db[name][0] == pytest.approx(expected, abs=0.001), (f, name)
+            assert found.overall_dB[name][0] == pytest.approx(expected, abs=0.001), (f, name)

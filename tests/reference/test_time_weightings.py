@@ -48,12 +48,12 @@ def test_fast_and_slow_tone_bursts(row: tuple[float, float, float | None]) -> No
     for averaging, tau, reference in zip(("fast", "slow"), (0.125, 1.0), printed, strict=True):
         if reference is None:
             continue
-        found = measured(samples, averaging=averaging, hold="max").overall_db
+        found = measured(samples, averaging=averaging, hold="max").overall_dB
         formula = 10 * np.log10(1 - np.exp(-milliseconds / 1000 / tau))
         assert found["Z"][0] - STEADY == pytest.approx(formula, abs=0.01)
         assert found["Z"][0] - STEADY == pytest.approx(reference, abs=0.06)
         if milliseconds >= 2:  # a weighting rings: shorter bursts are longer behind it
-            steady_a = measured(tone(4000.0, 1.0)).overall_db["A"][0]
+            steady_a = measured(tone(4000.0, 1.0)).overall_dB["A"][0]
             assert found["A"][0] - steady_a == pytest.approx(formula, abs=0.1)
 
 
@@ -65,14 +65,14 @@ def test_the_level_falls_as_it_should(averaging: str | float, rate: float) -> No
     found = measured(samples, averaging=averaging, interval_s=0.25).history
     assert found is not None
     after = (found.time_s > 4.5) & (found.time_s < 6.4)
-    falling = found.overall_db["Z"][0, after]
+    falling = found.overall_dB["Z"][0, after]
     assert -np.diff(falling) / 0.25 == pytest.approx(rate, rel=0.01)
 
 
 @pytest.mark.parametrize(("milliseconds", "reference"), SINGLE_IMPULSES)
 def test_a_single_burst_with_impulse(milliseconds: float, reference: float) -> None:
     found = measured(burst(2000.0, milliseconds, 0.5), averaging="impulse", hold="max")
-    assert found.overall_db["Z"][0] - STEADY == pytest.approx(reference, abs=0.1)
+    assert found.overall_dB["Z"][0] - STEADY == pytest.approx(reference, abs=0.1)
 
 
 @pytest.mark.parametrize(("per_second", "reference"), REPEATED_IMPULSES)
@@ -83,7 +83,7 @@ def test_repeated_bursts_with_impulse(per_second: float, reference: float) -> No
         first = round(start * RATE)
         samples[first : first + part.size] = part
     found = measured(samples, averaging="impulse", hold="max")
-    assert found.overall_db["Z"][0] - STEADY == pytest.approx(reference, abs=0.1)
+    assert found.overall_dB["Z"][0] - STEADY == pytest.approx(reference, abs=0.1)
 
 
 @pytest.mark.parametrize("weighting", ["A", "B", "C", "Z"])
@@ -93,4 +93,4 @@ def test_a_steady_tone_has_the_level_of_the_linear_average(weighting: str) -> No
     for averaging in ("fast", 0.3, "impulse"):
         found = measured(samples, weighting=weighting, averaging=averaging)
         for name in "ABCZ":
-            assert found.overall_db[name][0] == pytest.approx(linear.overall_db[name][0], abs=0.03)
+            assert found.overall_dB[name][0] == pytest.approx(linear.overall_dB[name][0], abs=0.03)

@@ -38,13 +38,13 @@ def test_transfer_function_with_coherence_strip_and_bands():
     found = TransferFunction(lines=200)(recording())
     magnitude, phase, coherence = figure_frequency_response(found).axes
     assert [line.get_label() for line in magnitude.lines] == ["Ch 1", "Ch 2"]
-    np.testing.assert_allclose(magnitude.lines[0].get_ydata(), found.level_db[0])
+    np.testing.assert_allclose(magnitude.lines[0].get_ydata(), found.level_dB[0])
     assert coherence.get_ylabel() == "Coherence"
     assert phase.get_ylim() == (-190, 190)
     path = magnitude.collections[0].get_paths()[0].vertices
     at = path[np.isclose(path[:, 0], found.frequency_hz[50]), 1]
     relative = 2 * found.u_magnitude_percent[0, 50] / 100
-    expected = found.level_db[0, 50] + 20 * np.log10([1 - relative, 1 + relative])
+    expected = found.level_dB[0, 50] + 20 * np.log10([1 - relative, 1 + relative])
     np.testing.assert_allclose([at.min(), at.max()], expected, rtol=1e-6)
 
 
@@ -75,13 +75,15 @@ def test_wrapped_phase_has_gaps_and_unwrapped_has_none():
 def test_many_channels_have_their_legend_outside():
     figure = figure_frequency_response(TransferFunction(lines=100)(recording(12)))
     assert len(figure.legends) == 1
-    assert len(figure.legends[0].get_texts()) == 11
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts[:2] == ["range of 11 channels", "median"]
+    assert len(texts) == 5
 
 
 def test_spectrum_with_and_without_phase():
     plain = figure_spectrum(FourierSpectrum(lines=100)(recording()))
     assert len(plain.axes) == 1
-    assert plain.axes[0].get_ylabel() == "Level / dB re 20 uPa"
+    assert plain.axes[0].get_ylabel() == "Level / dB re 20 µPa"
     with_phase = figure_spectrum(FourierSpectrum(lines=100, reference="Ch 0")(recording()))
     assert "over Ch 0" in with_phase.axes[1].get_ylabel()
 

@@ -50,7 +50,7 @@ def test_a_prediction_comes_back_to_its_microphone_and_line():
     found = measured_transfer(one, measured)
     assert np.array_equal(np.isnan(found.model), ~one.kept)
     assert found.model[one.kept] == pytest.approx(one.response[one.kept])
-    assert np.nanmax(np.abs(found.error_db)) == pytest.approx(0, abs=1e-12)
+    assert np.nanmax(np.abs(found.error_dB)) == pytest.approx(0, abs=1e-12)
     off = measured.copy()
     off[3] *= 3  # real part of the second microphone's first line
     assert measured_transfer(one, off).by_misfit() == [1, 0]

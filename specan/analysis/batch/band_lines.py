@@ -84,12 +84,12 @@ def _lines(levels: BandLevels) -> Iterator[_Line]:
             yield _Line(
                 row,
                 f"{nominal:g}",
-                float(levels.level_db[row, band]),
-                float(levels.u_db[band]),
+                float(levels.level_dB[row, band]),
+                float(levels.u_dB[band]),
                 np.nan,
                 levels.band_flags(row, band),
             )
-        for weighting, totals in levels.overall_db.items():
+        for weighting, totals in levels.overall_dB.items():
             if not np.isnan(totals[row]) or weighting == "Z":
                 rms = levels.references[row].value * 10 ** (totals[row] / 20) if weighting == "Z" else np.nan
                 yield _Line(

@@ -14,6 +14,7 @@ def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -
     """Lines of all channels; `quality` holds the words that the samples of each gave rise to."""
     frequency = text.frequencies(response.frequency_hz)
     u_percent = np.hypot(response.u_magnitude_percent, response.u_common_percent)
+    u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
     n = len(frequency)
     blocks = []
     for row, name in enumerate(response.channels):
@@ -28,6 +29,7 @@ def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -
                     text.phases(response.phase_deg[row]),
                     text.fixed(response.coherence[row], 5),
                     text.significant(u_percent[row], 3),
+                    text.significant(u_phase[row], 3),
                     _line_words(response, row, words),
                 ]
             )

@@ -36,7 +36,7 @@ def tone_lines(table: ToneTable) -> str:
         table.units,
         [table.frequency_hz] * n,
         rms=table.rms,
-        level=table.level_db,
+        level=table.level_dB,
         tone_rms=table.tone_rms,
         phase=np.where(itself, np.nan, table.phase_deg),
         u_phase=np.where(itself, np.nan, table.u_phase_deg),

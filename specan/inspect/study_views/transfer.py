@@ -12,7 +12,7 @@ from bokeh.models import MultiSelect
 from specan.inspect.plots import WRAPPED, Band, Curve, Lines, plain
 from specan.inspect.trial import Trial
 from specan.report.figure_style import with_gaps
-from specan.report.measured_transfer import MeasuredTransfer, level_db, measured_transfer, phase_deg
+from specan.report.measured_transfer import MeasuredTransfer, level_dB, measured_transfer, phase_deg
 from specan.study.observation.frf import FrfObservation
 from specan.study.study import Study
 
@@ -33,7 +33,7 @@ class TransferAgreement:
             for number, o in enumerate(recordings)
             for name in o.channels
         ]
-        self._unit = study.model.observables[recordings[0].observable].unit
+        self._unit = study.model.observables[str(recordings[0].observable[0])].unit
         self._found: list[MeasuredTransfer] = []
         self._before: list[MeasuredTransfer] | None = None
         self._title, self._first = "", True
@@ -107,12 +107,12 @@ class TransferAgreement:
             responses = [("measured", one.measured[k], 0), *((what, o.model[k], d) for what, o, d in models)]
             for what, response, dash in responses:
                 label = f"{text} {what}"
-                levels.append(Curve(label, one.frequency_hz, level_db(response), hues[dash], dash))
+                levels.append(Curve(label, one.frequency_hz, level_dB(response), hues[dash], dash))
                 phases.append(
                     Curve(label, one.frequency_hz, with_gaps(phase_deg(response)), hues[dash], dash)
                 )
             errors += [
-                Curve(f"{text} {what}", o.frequency_hz, o.error_db[k], hues[d], d) for what, o, d in models
+                Curve(f"{text} {what}", o.frequency_hz, o.error_dB[k], hues[d], d) for what, o, d in models
             ]
         shades = list(zip(*bands)) or [(), (), ()]
         for figure, curves, shaded in zip(
@@ -125,7 +125,7 @@ class TransferAgreement:
 
 def _bands(one: MeasuredTransfer, k: int, hue: int) -> tuple[Band, Band, Band]:
     """Two standard uncertainties about the measured level and phase, and about no error."""
-    f, (low, high), level = one.frequency_hz, one.band_db(), level_db(one.measured[k])
+    f, (low, high), level = one.frequency_hz, one.band_dB(), level_dB(one.measured[k])
     phase, reach = with_gaps(phase_deg(one.measured[k])), 2 * one.u_phase_deg[k]
     return (
         Band(f, low[k], high[k], hue),

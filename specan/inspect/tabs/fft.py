@@ -66,7 +66,7 @@ class FftTab(Tab):
         levels, phases = [], []
         for number, r in found:
             positive = r.frequency_hz > 0
-            f, level = r.frequency_hz[positive], r.level_db[:, positive]
+            f, level = r.frequency_hz[positive], r.level_dB[:, positive]
             phase = r.phase_deg
             for row, name in enumerate(r.channels):
                 text = self.opened.text(number, name)
@@ -94,7 +94,7 @@ class FftTab(Tab):
         for number, r in found:
             line = nearest_line(r.frequency_hz, frequency)
             for row, name in enumerate(r.channels):
-                text = f"{r.values[row, line]:.5g} {r.value_units[row]}, {r.level_db[row, line]:.2f} "
+                text = f"{r.values[row, line]:.5g} {r.value_units[row]}, {r.level_dB[row, line]:.2f} "
                 text += r.scale.level_text(r.units[row])
                 if r.phase_deg is not None:
                     text += f", {round(r.phase_deg[row, line], 2) + 0.0:.2f} degrees"

@@ -85,13 +85,13 @@ class FrfTab(Tab):
             turned = r.unwrapped_phase_deg if view.unwrapped else r.phase_deg
             for row, name in enumerate(r.channels):
                 text = self.opened.text(number, name)
-                magnitude.append(Curve(text, r.frequency_hz, r.level_db[row]))
+                magnitude.append(Curve(text, r.frequency_hz, r.level_dB[row]))
                 one = turned[row] if view.unwrapped else with_gaps(turned[row])
                 if banded:
                     hue = len(magnitude) - 1
                     relative = 2 * np.hypot(r.u_magnitude_percent[row], r.u_common_percent[row]) / 100
                     reach = 2 * np.hypot(r.u_phase_deg[row], r.u_common_phase_deg[row])
-                    levels.append(Band(r.frequency_hz, *band_about(r.level_db[row], relative), hue))
+                    levels.append(Band(r.frequency_hz, *band_about(r.level_dB[row], relative), hue))
                     turns.append(Band(r.frequency_hz, one - reach, one + reach, hue))
                 phase.append(Curve(text, r.frequency_hz, one))
                 coherence.append(Curve(text, r.frequency_hz, r.coherence[row]))
@@ -115,7 +115,7 @@ class FrfTab(Tab):
             line = nearest_line(r.frequency_hz, frequency)
             for row, name in enumerate(r.channels):
                 text = (
-                    f"{r.magnitude[row, line]:.5g} {r.units[row]} ({r.level_db[row, line]:.2f} dB), "
+                    f"{r.magnitude[row, line]:.5g} {r.units[row]} ({r.level_dB[row, line]:.2f} dB), "
                     f"{round(r.phase_deg[row, line], 2) + 0.0:.2f} degrees, coherence {r.coherence[row, line]:.4f}, "
                     f"u {np.hypot(r.u_magnitude_percent, r.u_common_percent)[row, line]:.2g} % and "
                     f"{np.hypot(r.u_phase_deg, r.u_common_phase_deg)[row, line]:.2g} degrees"

@@ -80,16 +80,16 @@ class LevelsTab(Tab):
                 curves.append(Curve(name, history.times, history.levels[row]))
                 texts[level_reference(channel.unit).text] = True
                 rows.append([
-                    name, r.units[row], f"{r.rms[row]:.5g}", _decibels(r.level_db[row]), r.references[row].text,
+                    name, r.units[row], f"{r.rms[row]:.5g}", _decibels(r.level_dB[row]), r.references[row].text,
                     f"{r.peak[row]:.5g}", _decibels(r.crest_factor[row]), f"{r.mean[row]:.4g}",
-                    _decibels(r.equivalent_db["A"][row]), _decibels(r.maximum_db[row]), _decibels(r.minimum_db[row]),
-                    *(_decibels(v[row]) for v in r.percentile_db.values()), " ".join(r.flags[row]),
+                    _decibels(r.equivalent_dB["A"][row]), _decibels(r.max_dB[row]), _decibels(r.min_dB[row]),
+                    *(_decibels(v[row]) for v in r.percentile_dB.values()), " ".join(r.flags[row]),
                 ])  # fmt: skip
         self.history.draw(curves)
         self.history.span(0.0, max(self.opened.duration_s, 1e-3))
         self.history.label("Level / dB re " + "; ".join(texts))
         first = found[0][1]["numbers"]
-        percent = [f"L{n:g}" for n in first.percentile_db]
+        percent = [f"L{n:g}" for n in first.percentile_dB]
         header = ["Channel", "unit", "RMS", "level dB", "re", "peak", "crest", "mean", "Leq A", "max", "min"]
         self.numbers.text = sheet([*header, *percent, ""], rows) + (
             f"<p>Section {first.start_s:g} s to {first.start_s + first.duration_s:g} s; max, min and percentiles of "

@@ -63,7 +63,7 @@ class OctaveTab(Tab):
             edges = np.append(result.lower_hz, result.upper_hz[-1])
             for row, name in enumerate(result.channels):
                 x = np.repeat(edges, 2)[1:-1]
-                curves.append(Curve(self.opened.text(number, name), x, np.repeat(result.level_db[row], 2)))
+                curves.append(Curve(self.opened.text(number, name), x, np.repeat(result.level_dB[row], 2)))
         self.levels.draw(curves)
         results = [result for _, result in found]
         self.levels.span(min(r.lower_hz[0] for r in results), max(r.upper_hz[-1] for r in results))
@@ -81,7 +81,7 @@ class OctaveTab(Tab):
             if band >= 0 and frequency <= r.upper_hz[-1]:
                 for row, name in enumerate(r.channels):
                     words = " ".join(r.band_flags(row, band))
-                    level = f"{r.level_db[row, band]:.2f} dB re {r.references[row].text} {words}".strip()
+                    level = f"{r.level_dB[row, band]:.2f} dB re {r.references[row].text} {words}".strip()
                     rows.append((self.opened.text(number, name), f"{r.nominal_hz[band]:g}", level))
         return rows
 
@@ -117,11 +117,11 @@ def _constants(view: View) -> list[tuple[str, str]]:
 
 
 def _overall(opened: Opened, found: Found) -> str:
-    weightings = list(dict.fromkeys(w for _, r in found for w in r.overall_db))
+    weightings = list(dict.fromkeys(w for _, r in found for w in r.overall_dB))
     rows = []
     for number, r in found:
         for row, name in enumerate(r.channels):
-            values = [r.overall_db[w][row] if w in r.overall_db else np.nan for w in weightings]
+            values = [r.overall_dB[w][row] if w in r.overall_dB else np.nan for w in weightings]
             cells = ["" if v != v else f"{v:.2f}" for v in values]
             name = opened.text(number, name)
             rows.append([name, *cells, r.references[row].text, " ".join(r.flags[row])])

@@ -68,7 +68,7 @@ class SpectrogramTab(Tab):
         """Lowest and highest level of the nearest line over time."""
         number, r = found[0]
         line = nearest_line(r.frequency_hz, frequency)
-        level = r.level_db[0][:, line]
+        level = r.level_dB[0][:, line]
         known = level[np.isfinite(level)]
         text = (
             f"{known.min():.2f} to {known.max():.2f} {r.scale.level_text(r.units[0])} over time"
@@ -102,7 +102,7 @@ class SpectrogramTab(Tab):
         number, r = found[0]
         positive = r.frequency_hz > 0
         f = r.frequency_hz[positive]
-        level = r.level_db[0][:, positive].T
+        level = r.level_dB[0][:, positive].T
         step = r.time_s[1] - r.time_s[0] if len(r.time_s) > 1 else 1.0
         left, right = float(r.time_s[0] - step / 2), float(r.time_s[-1] + step / 2)
         low = max(float(f[0]), 10.0 if f[-1] > 100 else float(f[0]))

@@ -97,17 +97,22 @@ def _carrier_torque(motion: Motion, rig: Rig) -> Real:
     return (sun + planet) * motion.sun_force.sum(axis=0) + (ring - planet) * motion.ring_force.sum(axis=0)
 
 
-def _centres(motion: Motion, rig: Rig) -> list[RecordedChannel]:
-    gear = rig.gear
+def planet_centres(motion: Motion) -> list[tuple[Real, Real]]:
+    """x and y of each planet's centre, m."""
+    gear = motion.rig.gear
     assert gear is not None
     radius = 1e-3 * (gear.centre_distance_mm or gear.module_mm * (gear.z_sun + gear.z_planet) / 2)
+    angles = [motion.carrier_angle + place for place in planet_angles(gear)]
+    return [(radius * np.cos(angle), radius * np.sin(angle)) for angle in angles]
+
+
+def _centres(motion: Motion, rig: Rig) -> list[RecordedChannel]:
     per_volt = rig.sensors.displacement_mm_per_V
-    found = []
-    for i, place in enumerate(planet_angles(gear), 1):
-        angle = motion.carrier_angle + place
-        for axis, samples in (("x", np.cos(angle)), ("y", np.sin(angle))):
-            found.append(RecordedChannel(f"Planet {i} {axis}", "m", radius * samples, per_volt, "mm/V"))
-    return found
+    return [
+        RecordedChannel(f"Planet {i} {axis}", "m", samples, per_volt, "mm/V")
+        for i, centre in enumerate(planet_centres(motion), 1)
+        for axis, samples in zip("xy", centre, strict=True)
+    ]
 
 
 def path_window(angle: Real) -> Real:

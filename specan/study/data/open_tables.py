@@ -13,7 +13,7 @@ from specan.errors import RequestError, nearest
 from specan.models import Model, SettingError
 from specan.models.trial import is_own, try_model
 from specan.study.data.operating_table import Rows, check_varied, grouping_of, join
-from specan.study.data.sources import DataFile, DataRequest, OpenedData
+from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.data.table_covariance import uncertainty
 from specan.study.data.table_reader import Measurement, read_measurement
 from specan.units import convert
@@ -36,7 +36,7 @@ def reads(path: Path) -> bool:
     return bool(start) and b"\0" not in start and not start.startswith((b"RIFF", b"TDSm", b"PK"))
 
 
-def open_data(model: Model, request: DataRequest) -> OpenedData:
+def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     """Read the tables of a study and work out their uncertainty on the rows that are fitted.
 
     Raises
@@ -46,13 +46,13 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
     RequestError
         A condition that no row meets, or nothing left to fit.
     """
-    fitted = [_read(f, model) for f in request.measurements]
-    checked = [_read(f, model) for f in request.validations]
+    fitted = [_read(f, model) for f in wanted.measurements]
+    checked = [_read(f, model) for f in wanted.validations]
     rows = join([*fitted, *checked], model)
     if is_own(model):
         try_model(model, rows.conditions)
     aside = rows.recording >= len(fitted)
-    for file, where in request.hold_out:
+    for file, where in wanted.hold_out:
         aside |= matching(rows, model, where, file)
     if np.all(aside):
         raise RequestError(
@@ -61,7 +61,7 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
     check_varied(rows.take(~aside), model)
     found = uncertainty(model, rows.take(~aside))
     whole = found.observe(rows)
-    kept = replace(whole.take(~aside), pure_dof=whole.pure_dof) if np.any(aside) else whole
+    kept = replace(whole.take(~aside), pure_error_dof=whole.pure_error_dof) if np.any(aside) else whole
     return OpenedData(
         fitted=(kept,),
         held_out=(whole.take(aside),) if np.any(aside) else (),
@@ -88,7 +88,7 @@ def read_tables(
         Rows of the measurements to put aside, ``(None, "load=60,90")``.
     """
     fitted, checked = ([DataFile(path.name, path) for path in paths] for paths in (measurements, validations))
-    return open_data(model, DataRequest(fitted, checked, hold_out))
+    return open_data(model, MeasuredFiles(fitted, checked, hold_out))
 
 
 def _read(file: DataFile, model: Model) -> Measurement:

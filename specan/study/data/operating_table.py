@@ -36,7 +36,7 @@ class Rows:
         Whether a condition's column holds set values rather than readings.
     steps : dict
         Printed step of each condition, and under ``""`` that of the observable; SI.
-    cell : array of int
+    replicate_group : array of int
         Rows that were meant to be alike share a number.
     setup : array of int
         Rows that were read without setting anything in between share a number.
@@ -53,7 +53,7 @@ class Rows:
     levels: dict[str, Array]
     is_set: dict[str, bool]
     steps: dict[str, Array]
-    cell: NDArray[np.intp]
+    replicate_group: NDArray[np.intp]
     setup: NDArray[np.intp]
     setups_from: str
     notes: tuple[str, ...] = ()
@@ -74,7 +74,7 @@ class Rows:
             conditions={name: values[mask] for name, values in self.conditions.items()},
             levels={name: values[mask] for name, values in self.levels.items()},
             steps={name: values[mask] for name, values in self.steps.items()},
-            cell=self.cell[mask],
+            replicate_group=self.replicate_group[mask],
             setup=self.setup[mask],
         )
 
@@ -127,8 +127,8 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
     alike = cells(*(values for name, values in level.items() if name != TIME))
-    cell = _within_files(alike, recording)
-    setup, how = _setups(measurements, recording, cell, conditions, settings)
+    replicate_group = _within_files(alike, recording)
+    setup, how = _setups(measurements, recording, replicate_group, conditions, settings)
     return Rows(
         recordings=tuple(m.name for m in measurements),
         recording=recording,
@@ -139,7 +139,7 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         levels=level,
         is_set=is_set,
         steps=steps,
-        cell=cell,
+        replicate_group=replicate_group,
         setup=setup,
         setups_from=how,
         notes=(
@@ -188,17 +188,17 @@ def _within_files(alike: NDArray[np.intp], recording: NDArray[np.intp]) -> NDArr
 def _setups(
     measurements: Sequence[Measurement],
     recording: NDArray[np.intp],
-    cell: NDArray[np.intp],
+    replicate_group: NDArray[np.intp],
     conditions: Mapping[str, Array],
     settings: Mapping[str, SettingError],
 ) -> tuple[NDArray[np.intp], str]:
     for how in ("setup", "repeat"):
         marks = [getattr(m, how) for m in measurements]
         if all(mark is not None for mark in marks):
-            return cells(recording, cell, np.concatenate(marks)), how
+            return cells(recording, replicate_group, np.concatenate(marks)), how
     # Without a mark: the next row at the same condition, at values that were not set anew, is a second
     # reading; a condition that comes back later was set again.
-    changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(cell, prepend=-1) != 0)
+    changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(replicate_group, prepend=-1) != 0)
     for name, values in conditions.items():
         if name != TIME:
             apart = np.abs(np.diff(values, prepend=values[0]))

@@ -42,7 +42,7 @@ class Noise:
     reading: VarianceFunction | None = None
     setup: VarianceFunction | None = None
     dof: float = np.inf
-    pure_dof: float = 0.0
+    pure_error_dof: float = 0.0
     known: bool = True
 
 
@@ -77,7 +77,7 @@ class Uncertainty:
         return self.model.rig.discrepancy_percent
 
     def observe(self, rows: Rows) -> TableObservation:
-        """Rows with their covariance; `pure_dof` holds for the rows that this was worked out on."""
+        """Rows with their covariance; `pure_error_dof` holds for the rows that this was worked out on."""
         reading, setup = self._variances(rows)
         together = (rows.setup[:, None] == rows.setup) & (rows.observable[:, None] == rows.observable)
         root = np.sqrt(setup)
@@ -96,12 +96,12 @@ class Uncertainty:
             recordings=rows.recordings,
             recording=rows.recording,
             noise_dof=self._dof(rows),
-            pure_dof=sum(noise.pure_dof for noise in self.noise.values()),
+            pure_error_dof=sum(noise.pure_error_dof for noise in self.noise.values()),
             parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},
             available=frozenset(rows.conditions),
             known=self.known,
             lines=rows.lines,
-            cell=rows.cell,
+            replicate_group=rows.replicate_group,
         )
 
     def _variances(self, rows: Rows) -> tuple[Array, Array]:
@@ -273,7 +273,12 @@ def _noise_of(
     told = is_declared(model, str(part.observable[0]))
     instrument = mean(declared) / np.bincount(mean.index) if told else None
     setup = pooled(
-        mean(rest), part.cell[first], means, {n: mean(c) for n, c in grows.items()}, SETTING, instrument
+        mean(rest),
+        part.replicate_group[first],
+        means,
+        {n: mean(c) for n, c in grows.items()},
+        SETTING,
+        instrument,
     )
     measured = model.observables[str(part.observable[0])]
     column, unit = measured.header, f" {printed_unit(measured.unit)}".rstrip()
@@ -344,13 +349,13 @@ def _slopes(rows: Rows, predicted: Array) -> Array:
     }
     columns = list(deviations.values())
     if TIME in rows.conditions:
-        tents = _tents(rows.conditions[TIME])
-        columns += [tent * weight for weight in (predicted, np.ones(rows.n)) for tent in tents]
+        basis = _piecewise_linear_basis(rows.conditions[TIME])
+        columns += [part * weight for weight in (predicted, np.ones(rows.n)) for part in basis]
     columns += [deviation * u for deviation in deviations.values() for u in scaled]
     return np.stack(columns, axis=1) if columns else np.empty((rows.n, 0))
 
 
-def _tents(time: Array) -> list[Array]:
+def _piecewise_linear_basis(time: Array) -> list[Array]:
     """Piecewise straight functions of time whose corners lie closer together at the start."""
     span = max(float(np.ptp(time)), 1e-300)
     corners = time.min() + span * np.linspace(0, 1, CORNERS) ** 2
@@ -359,7 +364,7 @@ def _tents(time: Array) -> list[Array]:
 
 def _check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array, declared: Array) -> None:
     """Refuse repeats that no scatter explains; where the time is given they may drift, which an effect may explain."""
-    _, index, counts = np.unique(part.cell, return_inverse=True, return_counts=True)
+    _, index, counts = np.unique(part.replicate_group, return_inverse=True, return_counts=True)
     if TIME in part.conditions:
         return
     centre = np.array([np.median(rest[index == k]) for k in range(counts.size)])

@@ -145,7 +145,7 @@ def _positions(rivals: Sequence[Refit], count: int) -> list[Proposal]:
     """Places for receivers that separate the rivals."""
     names = [_name(r) for r in rivals]
     model = rivals[0].problem.assembly.model
-    unit = model.observables[rivals[0].problem.observations[0].observable].unit  # type: ignore[attr-defined]
+    unit = model.observables[str(rivals[0].problem.observations[0].observable[0])].unit  # type: ignore[attr-defined]
     noun = _noun(model)
     return [
         Proposal(
@@ -235,12 +235,12 @@ def _planned(problem: Problem, grid: Mapping[str, Array]) -> TableObservation:
         conditions=conditions,
         covariance=np.diag(sigma**2),
         labels={},
-        recordings=observation.recordings[:1],
+        recordings=problem.recordings,  # each its own elements of a parameter; the readings count to the first
         recording=np.zeros(size, dtype=np.intp),
         parts={},
         series=None,
         position=None,
-        pure_dof=0.0,
+        pure_error_dof=0.0,
     )
 
 
@@ -262,7 +262,7 @@ def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> l
     predicted = np.stack([_at(r.problem, planned).predictions(r.fit.theta)[0] for r in rivals])
     usable = np.all(np.isfinite(predicted), axis=0)
     slopes = [_slopes(r, planned) for r in rivals]
-    covariances = [r.fit.covariance * r.scale for r in rivals]
+    covariances = [r.fit.covariance * r.dispersion for r in rivals]
     place = _places(planned)
     found: list[Proposal] = []
     for _ in range(count):
@@ -287,8 +287,8 @@ def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> l
 
 
 def _weights(rivals: Sequence[Refit]) -> Array:
-    scale = min(r.scale for r in rivals)
-    bic = np.array([r.bic(scale) for r in rivals])
+    dispersion = min(r.dispersion for r in rivals)
+    bic = np.array([r.bic(dispersion) for r in rivals])
     weight = np.exp(-0.5 * (bic - bic.min()))
     weight = np.maximum(weight / weight.sum(), LEAST_WEIGHT)
     return np.asarray(weight / weight.sum())

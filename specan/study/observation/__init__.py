@@ -73,7 +73,7 @@ class Observation(Protocol):
         """Degrees of freedom of the noise estimate; inf where the noise is known."""
 
     @property
-    def pure_dof(self) -> float:
+    def pure_error_dof(self) -> float:
         """Degrees of freedom of the residual that only compare repeats, and that the noise was estimated from.
 
         They are spent: whatever the model, their share of chi-square equals their number.
@@ -94,21 +94,21 @@ class Observation(Protocol):
     def take(self, mask: NDArray[np.bool_]) -> Observation:
         """The same observation with some of its rows only."""
 
-    def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Observation:
+    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Observation:
         """About so many rows, cheaper to predict, with the residual that the whole has at these values."""
 
     @property
-    def resonant(self) -> bool:
+    def multimodal(self) -> bool:
         """Whether the rows are narrow peaks, which a fit from far off does not see."""
 
-    def coarse(self, percent: float) -> Observation:
-        """The same with every row uncertain by so much of the level around it; itself where nothing is `resonant`."""
+    def down_weighted(self, percent: float) -> Observation:
+        """The same with every row uncertain by so much of the level around it; itself where nothing is `multimodal`."""
 
-    def unfolded(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
+    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
         """The same without windows, as far as the model at these values knows what they do; itself where none are."""
 
     @property
-    def about_model(self) -> bool:
+    def state_dependent(self) -> bool:
         """Whether the covariance depends on where the model is."""
 
     def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> Observation:

@@ -53,13 +53,11 @@ def data_alone(base: Refit) -> DataAlone:
     chi-square with k degrees of freedom: the likelihood-ratio test against an ordered alternative with data-dependent
     degrees of freedom (Susko 2013, Biometrika 100:1019). It is one test for all values together. Soft tails make it
     cautious. The noise is known from as many degrees of freedom as in the tests of effects. Not done where an
-    evaluation is dear.
+    evaluation is expensive.
     """
     problem = base.problem
-    held = sum(
-        1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.split("[")[0] not in problem.priors
-    )
-    if problem.dear or not held:
+    held = sum(1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.whole not in problem.priors)
+    if problem.expensive or not held:
         return DataAlone()
     free = replace(problem, ranges=False)
     alone = Refit(frozenset(), free, fit(free, start=base.fit.theta, starts=STARTS))
@@ -68,5 +66,5 @@ def data_alone(base: Refit) -> DataAlone:
     values = tuple(pull for pull in pulls(there) if pull.too_far)
     if not values or gain <= 0:
         return DataAlone()
-    chance = improvement_probability(gain, held, scale=alone.scale, noise_dof=noise_dof(alone))
-    return DataAlone(values, gain, held, chance, gain / alone.scale > PRICE * held)
+    chance = improvement_probability(gain, held, dispersion=alone.dispersion, noise_dof=noise_dof(alone))
+    return DataAlone(values, gain, held, chance, gain / alone.dispersion > PRICE * held)

@@ -68,7 +68,7 @@ def test_repeats_set_anew_give_the_noise_that_there_is(tables, tmp_path):
     _, data = opened(tables, tmp_path, tables.bench(repeats=4))
     observed = data.fitted[0]
     np.testing.assert_allclose(observed.sigma, tables.NOISE, rtol=0.2)
-    assert observed.noise_dof == observed.pure_dof == pytest.approx(72, abs=6)
+    assert observed.noise_dof == observed.pure_error_dof == pytest.approx(72, abs=6)
     assert "read values" in " ".join(data.statements)
 
 
@@ -229,14 +229,16 @@ def test_pure_error_is_not_counted_as_fit(tables, tmp_path):
     problem = base_problem(gear, data.fitted)
     found = fit(problem)
     assert found.reduced_chi2 == pytest.approx(
-        (found.chi2 - problem.pure_dof) / (found.dof - problem.pure_dof)
+        (found.chi2 - problem.pure_error_dof) / (found.dof - problem.pure_error_dof)
     )
-    blind = problem.over([replace(problem.observations[0], pure_dof=0.0)])
-    bad = problem.over([replace(problem.observations[0], measured=_bent(problem.observations[0]))])
-    assert fit(bad).p_value < fit(bad.over([replace(bad.observations[0], pure_dof=0.0)])).p_value
+    blind = problem.over([replace(problem.observations[0], pure_error_dof=0.0)])
+    bad = problem.over(
+        [replace(problem.observations[0], measured=_far_from_calibration(problem.observations[0]))]
+    )
+    assert fit(bad).p_value < fit(bad.over([replace(bad.observations[0], pure_error_dof=0.0)])).p_value
     assert fit(blind).chi2 == found.chi2
 
 
-def _bent(observed):
+def _far_from_calibration(observed):
     speed = observed.conditions["worm_speed"]
     return observed.measured + 0.05 * np.sin(speed / 40)

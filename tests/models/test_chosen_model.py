@@ -6,14 +6,14 @@ import pytest
 from specan.errors import RequestError
 from specan.models import conditions_over_limits
 from specan.models.catalogue import example_model
+from specan.models.chosen_model import choose_model
 from specan.models.prediction import grid, outside_validity, predict, to_conditions
-from specan.models.request import read_request
 
 MODEL = example_model("worm-gear")
 
 
 def test_values_come_as_si_by_full_name():
-    request = read_request(
+    request = choose_model(
         MODEL, ["bearing-preload=5", "bearing-preload.free_temperature=20", "running-in.time=2 hour"]
     )
     assert request.values["bearing-preload.growth"] == pytest.approx(0.005)
@@ -25,7 +25,7 @@ def test_values_come_as_si_by_full_name():
 
 
 def test_a_second_copy_has_its_own_value():
-    request = read_request(MODEL, ["seal-drag=0.1", "seal-drag@2=0.3"])
+    request = choose_model(MODEL, ["seal-drag=0.1", "seal-drag@2=0.3"])
     assert request.values == {"seal-drag.torque": 0.1, "seal-drag@2.torque": 0.3}
 
 
@@ -38,7 +38,7 @@ def test_conditions_are_converted_and_others_passed_over():
 
 
 def test_prediction_is_the_models_evaluation():
-    request = read_request(MODEL, ["seal-drag=0.2"])
+    request = choose_model(MODEL, ["seal-drag=0.2"])
     rows = grid(MODEL, {"speed_rpm": [1000, 2000], "output_torque_Nm": [0, 50]})
     got = predict(request, rows)
     again = request.assembly.evaluate(to_conditions(MODEL, rows), request.values)
@@ -52,11 +52,11 @@ def test_an_unknown_column_is_refused():
 
 
 def test_rows_outside_are_counted():
-    request = read_request(MODEL, ["speed-dependent-friction"])
+    request = choose_model(MODEL, ["speed-dependent-friction"])
     rows = grid(MODEL, {"speed_rpm": [0.01, 0.02, 1500.0], "output_torque_Nm": [10.0]})
     [left] = outside_validity(request, rows)
     assert (left.quantity, left.rows, left.low) == ("sliding_speed", 2, 0.0005)
-    assert outside_validity(read_request(MODEL), rows) == []
+    assert outside_validity(choose_model(MODEL), rows) == []
 
 
 def test_own_effects_are_checked_all_over_what_the_rig_can_run():

@@ -24,7 +24,7 @@ _ROOTS = (1.0, 1 / 2, 3 / 8, 5 / 16, 35 / 128)  # of (1 - x)^(-1/2); those of 1 
 
 
 @dataclass(frozen=True)
-class Remainder:
+class StaticCorrection:
     """Polynomials in ``(k^2 - centre) / radius``, one a receiver.
 
     Attributes
@@ -45,16 +45,16 @@ class Remainder:
         t = ((k2 - self.centre) / self.radius)[:, None]
         return _horner(self.rigid, t) + source_wall[:, None] * _horner(self.soft, t)
 
-    def split(self) -> list[Remainder]:
+    def split(self) -> list[StaticCorrection]:
         """One for every receiver."""
         columns = zip(self.rigid.T, self.soft.T, strict=True)
-        return [Remainder(self.centre, self.radius, r[:, None], s[:, None]) for r, s in columns]
+        return [StaticCorrection(self.centre, self.radius, r[:, None], s[:, None]) for r, s in columns]
 
 
-def join(parts: Sequence[Remainder]) -> Remainder:
+def join(parts: Sequence[StaticCorrection]) -> StaticCorrection:
     """Those of several receivers of one room."""
     rigid, soft = ([getattr(p, name) for p in parts] for name in ("rigid", "soft"))
-    return Remainder(
+    return StaticCorrection(
         parts[0].centre, parts[0].radius, np.concatenate(rigid, axis=1), np.concatenate(soft, axis=1)
     )
 
@@ -66,7 +66,7 @@ def _horner(coefficients: Real, t: Complex) -> Complex:
     return total
 
 
-def remainder(
+def static_correction(
     lengths: tuple[float, float, float],
     counts: tuple[int, ...],
     k2_max: float,
@@ -76,7 +76,7 @@ def remainder(
     points: Real,
     radii: Real,
     order: int = 4,
-) -> Remainder:
+) -> StaticCorrection:
     """Rigid-box coupling above the truncation `counts`, for ``0 <= k^2 <= k2_max``.
 
     Along `axis` all modes are summed in closed form,
@@ -102,7 +102,7 @@ def remainder(
     values = np.array([terms.sums(p, r) for p, r in zip(points, radii, strict=True)])
     powers = np.exp(-1j * np.outer(np.arange(order + 1), angles))
     coefficients = np.einsum("on,rsn->sor", powers, values).real * (2 / nodes)
-    return Remainder(centre, circle, coefficients[0], coefficients[1])
+    return StaticCorrection(centre, circle, coefficients[0], coefficients[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,7 +294,7 @@ class _Terms:
         return cls(closed, source, flat.double * flat.shape(source) * flat.mean(radius))
 
     def sums(self, point: Real, radius: float) -> tuple[Complex, Complex]:
-        """Remainder of the rigid box, and its change by a soft source wall."""
+        """StaticCorrection of the rigid box, and its change by a soft source wall."""
         closed, flat = self.closed, self.closed.flat
         here, there, k2 = self.source[flat.axis], float(point[flat.axis]), closed.k2
         gap = abs(there - here)

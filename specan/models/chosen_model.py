@@ -15,14 +15,14 @@ from specan.units import convert
 
 
 @dataclass(frozen=True)
-class Request:
+class ChosenModel:
     """A model with effects switched on and some parameter values, in SI."""
 
     assembly: Assembly
     values: dict[str, float]
 
 
-def read_request(model: Model, effects: Iterable[str] = (), without: Iterable[str] = ()) -> Request:
+def choose_model(model: Model, effects: Iterable[str] = (), without: Iterable[str] = ()) -> ChosenModel:
     """Switch on what a user asks for, beside the base effects.
 
     Parameters
@@ -41,7 +41,7 @@ def read_request(model: Model, effects: Iterable[str] = (), without: Iterable[st
     Examples
     --------
     >>> from specan.models.catalogue import example_model
-    >>> request = read_request(example_model("worm-gear"), ["seal-drag=200 mN*m"], without=["churning"])
+    >>> request = choose_model(example_model("worm-gear"), ["seal-drag=200 mN*m"], without=["churning"])
     >>> [str(use) for use in request.assembly.uses], request.values
     (['bearing-friction', 'seal-drag', 'tooth-friction'], {'seal-drag.torque': 0.2})
     """
@@ -59,7 +59,7 @@ def read_request(model: Model, effects: Iterable[str] = (), without: Iterable[st
         if text is not None:
             full = f"{use}.{parameter or _first(model, use)}"
             values[full] = _value(assembly, full, text)
-    return Request(assembly, values)
+    return ChosenModel(assembly, values)
 
 
 def override(rig: Mapping[str, Any], texts: Iterable[str]) -> dict[str, Any]:

@@ -22,7 +22,7 @@ EXACT = 1e-9  # part of the largest value to which a polynomial must meet those 
 
 
 @dataclass(frozen=True, eq=False)
-class FewLines:
+class FrequencyInterpolation:
     """Some lines that stand for all of them.
 
     Attributes
@@ -48,7 +48,7 @@ class FewLines:
         return bool(off <= EXACT * np.max(np.abs(values)))
 
 
-def few_lines(frequency: Real) -> Iterator[FewLines]:
+def interpolations(frequency: Real) -> Iterator[FrequencyInterpolation]:
     """Choices of lines of a frequency axis, the fewest first; none where all are few already."""
     frequency = np.asarray(frequency, dtype=float)
     for count in COUNTS:
@@ -57,7 +57,7 @@ def few_lines(frequency: Real) -> Iterator[FewLines]:
 
 
 @lru_cache(maxsize=32)
-def _chosen(frequency: bytes, count: int) -> FewLines:
+def _chosen(frequency: bytes, count: int) -> FrequencyInterpolation:
     """Lines at which a polynomial is best pinned down: approximate Fekete points (Sommariva & Vianello 2009).
 
     They are the pivots of a QR decomposition of the Chebyshev polynomials over all lines.
@@ -69,4 +69,4 @@ def _chosen(frequency: bytes, count: int) -> FewLines:
     basis = np.polynomial.chebyshev.chebvander((f - middle) / half, count - 1)
     _, pivots = qr(basis.T, mode="r", pivoting=True)
     chosen = np.sort(pivots[:count])
-    return FewLines(chosen, np.linalg.solve(basis[chosen].T, basis.T).T)
+    return FrequencyInterpolation(chosen, np.linalg.solve(basis[chosen].T, basis.T).T)
