@@ -52,7 +52,7 @@ def drawn(kind: str, seed: int, n_mics: int) -> dict[str, float]:
         "corner": {"helmholtz-resonator@corner": float(np.exp(rng.uniform(*np.log([1e-3, 4e-3]))))},
         "warm": warm,
         "lining-warm": lining | warm,
-        "box": {"scatterer@floor": float(np.exp(rng.uniform(*np.log([2e-3, 7e-3]))))},
+        "box": {"scatterer@floor": float(np.exp(rng.uniform(*np.log([2e-3, 5e-3]))))},
         "moved": {f"microphone-position@Mic {first}": rng.uniform(0.025, 0.045)},
         "two-moved": {
             f"microphone-position@Mic {first}": rng.uniform(0.025, 0.045),

@@ -12,7 +12,7 @@ from truth.room.obstacle import Block
 from truth.room.truth import Details, Truth
 
 _NOMINAL_PERCENT = 50.0
-ABOVE_FLOOR_M = 0.002
+ABOVE_FLOOR_M = 0.02
 
 
 def temperature(truth: Truth, strength: float, at: str, rng: np.random.Generator) -> tuple[Truth, Details]:
@@ -47,7 +47,7 @@ def dimension(truth: Truth, strength: float, at: str, rng: np.random.Generator) 
 
 
 def scatterer(truth: Truth, strength: float, at: str, rng: np.random.Generator) -> tuple[Truth, Details]:
-    """A rigid block of `strength` cubic metres, longer than it is wide, stands somewhere; ``@floor``: 2 mm above z0."""
+    """A rigid block of `strength` cubic metres, longer than it is wide, stands somewhere; ``@floor``: 2 cm above z0."""
     stretch = np.exp(rng.uniform(-0.35, 0.35, 3))
     edges = stretch * (strength / np.prod(stretch)) ** (1.0 / 3.0)
     dims = np.array(truth.room.dims_m)
