@@ -63,7 +63,12 @@ class Trial:
 def as_it_is(study: Study) -> Trial:
     """The study's model, fitted; of many rows from where its last step left it, unless somebody changed it since."""
     last = study.history.last
-    if study.problem.expensive and last is not None and not study.edited and "best" not in vars(study):
+    if (
+        not study.problem.strategy.secondary_refits
+        and last is not None
+        and not study.edited
+        and "best" not in vars(study)
+    ):
         return _trial(
             (), study.problem, fit(study.problem, start=kept_values(study.problem, last.parameters))
         )
@@ -99,7 +104,7 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
             why = not_testable.get(Use.parse(name).name, "it is in the model or unknown")
             raise RequestError(f"{name} cannot be tried: {why}")
     problem = study.problem.with_uses([known[name].use for name in uses])
-    if problem.state_dependent:  # as when the effect is accepted
+    if problem.strategy.linearised_covariance:  # as when the effect is accepted
         problem = linearised(
             problem, starting_values(problem, [known[name].use for name in uses], now.values)
         )

@@ -267,7 +267,7 @@ def _intervals(study: Study, use: Use) -> dict[str, tuple[float, float]]:
 def _interval(study: Study, name: str) -> tuple[float, float]:
     """By profile; of many rows, whose quadratic is sharp, from the covariance."""
     problem, best = study.problem, study.best
-    if not problem.expensive:
+    if problem.strategy.secondary_refits:
         return profile_interval(problem, best, name, inflate=True)
     k = problem.names.index(name)
     reach = WIDTH * best.standard_error(name) * max(best.reduced_chi2, 1.0) ** 0.5

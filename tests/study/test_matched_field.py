@@ -12,6 +12,7 @@ from specan.models.catalogue import load_model
 from specan.study.estimation.fit import describe
 from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.problem import base_problem
+from specan.study.observation.strategy import Strategy
 from specan.study.selection.acceptance import complete
 from specan.study.selection.candidates import candidates
 from specan.study.selection.matched_field import EACH_WAY, FROM_EDGE, likely_places
@@ -72,8 +73,8 @@ def test_a_model_that_cannot_tell_of_places_gives_none(model):
     assert likely_places(refit, candidates(problem)[0]) == {}
 
 
-def set_of(chi2, dof=4000, p=0.5, multimodal=True):
-    problem = SimpleNamespace(multimodal=multimodal)
+def set_of(chi2, dof=4000, p=0.5, peaks=True):
+    problem = SimpleNamespace(strategy=Strategy(continuation=peaks))
     return SimpleNamespace(problem=problem, chi2=chi2, lack_of_fit_chi2=chi2, dof=dof, lack_of_fit=p)
 
 
@@ -84,7 +85,7 @@ def set_of(chi2, dof=4000, p=0.5, multimodal=True):
         (set_of(4000), set_of(4400), False),  # 22 % of 400
         (set_of(4200), set_of(5000), False),  # 200 + 89 of 800
         (set_of(4000, p=1e-4), set_of(9000), False),  # it does not fit itself
-        (set_of(4000, multimodal=False), set_of(9000), False),  # a table has few directions
+        (set_of(4000, peaks=False), set_of(9000), False),  # a table has few directions
     ],
 )
 def test_what_completes_a_fit_is_no_error_of_form(better, worse, expected):

@@ -79,7 +79,8 @@ def fit(
         Theta, or SI values by name, to start from; the problem's own start by default.
     starts : int
         Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
-        so that the same problem always gives the same answer. Only the first where an evaluation is expensive.
+        so that the same problem always gives the same answer. Only the first without
+        `Strategy.further_starts`.
     max_evaluations : int
         Trust-region steps that one start may take before another method is tried.
 
@@ -98,7 +99,7 @@ def fit(
         )
     best: Minimum | None = None
     reason = "no start gave finite values"
-    for theta0 in [first, *_other_starts(problem, 0 if problem.expensive else starts - 1)]:
+    for theta0 in [first, *_other_starts(problem, starts - 1 if problem.strategy.further_starts else 0)]:
         try:
             found = _descend(problem, theta0, max_evaluations)
         except ComputationError as fault:
@@ -111,7 +112,7 @@ def fit(
             f"the fit of {', '.join(problem.names) or 'no parameter'} failed: {reason}",
             remedy="give other start values or narrower bounds, or take an effect out",
         )
-    if best.theta.size and not problem.expensive:
+    if best.theta.size and problem.strategy.exact_minimum:
         best, _ = refine(problem, best.theta)
     return describe(problem, best.theta, best.residual, best.jacobian)
 
@@ -121,8 +122,8 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> Minimum:
     if theta0.size == 0:
         residual = _finite(problem.residual(theta0))
         return Minimum(theta0, residual, np.empty((residual.size, 0)), float(residual @ residual))
-    if problem.expensive:
-        return descend(problem, _nearer(problem, theta0) if problem.multimodal else theta0)
+    if not problem.strategy.exact_minimum:
+        return descend(problem, _nearer(problem, theta0) if problem.strategy.continuation else theta0)
     from scipy.optimize import least_squares
 
     low, high = problem.bounds()

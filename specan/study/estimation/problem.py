@@ -30,8 +30,8 @@ from specan.models.parameter_name import ParameterName
 from specan.study.estimation.finite_differences import fine_stencil, usual_stencil
 from specan.study.estimation.known_ranges import KnownRanges
 from specan.study.observation import Array, Observation
+from specan.study.observation.strategy import Strategy, joined
 
-EXPENSIVE_ROWS = 2000  # rows from which an evaluation of the model is expensive
 SUBSAMPLE_ROWS = 5000  # rows of a subsample
 
 
@@ -119,20 +119,10 @@ class Problem:
         """Number of measured values."""
         return sum(o.n for o in self.observations)
 
-    @property
-    def state_dependent(self) -> bool:
-        """Whether covariances depend on where the model is (see `specan.study.estimation.linearised_covariance`)."""
-        return any(o.state_dependent for o in self.observations)
-
-    @property
-    def multimodal(self) -> bool:
-        """Whether the data are narrow peaks, which a fit from a poor start misses (`estimation.continuation`)."""
-        return any(o.multimodal for o in self.observations)
-
-    @property
-    def expensive(self) -> bool:
-        """Whether an evaluation is worth saving."""
-        return self.n_data > EXPENSIVE_ROWS
+    @cached_property
+    def strategy(self) -> Strategy:
+        """How it is fitted and searched."""
+        return joined([o.strategy for o in self.observations], self.n_data)
 
     @cached_property
     def n_effective(self) -> float:
@@ -220,7 +210,8 @@ class Problem:
         si, model = self.assembly.parameters[name].si, self.assembly.model
         owner, own = ParameterName(name).owner, ParameterName(name).own
         acting = {str(use): use for use in self.assembly.uses}
-        if owner not in acting or owner in map(str, model.base_effects):
+        base = {*model.base_effects, *(form for forms in model.other_forms.values() for form in forms)}
+        if owner not in acting or owner in base:
             return si.min, si.max
         neutral = model.effects[acting[owner].name].neutral_si.get(own, si.min)
         return min(si.min, neutral), max(si.max, neutral)
@@ -268,7 +259,7 @@ class Problem:
             return [np.empty((o.n, 0)) for o in self.observations]
         low, high = self.bounds()
         if steps is None:
-            points, weights = usual_stencil(theta, self.scale, low, high, self.expensive)
+            points, weights = usual_stencil(theta, self.scale, low, high, self.strategy.exact_minimum)
         else:
             points, weights = fine_stencil(theta, steps, low, high)
         many = [self.values_at(p) for p in points]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from specan.models import Assembly, Evaluation
 from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to
+from specan.study.observation.strategy import Strategy
 from specan.study.observation.variable import Variable
 from specan.study.observation.window_leakage import Folding
 
@@ -233,9 +234,9 @@ class FrfObservation:
         return replace(self, kept=kept)
 
     @property
-    def state_dependent(self) -> bool:
-        """Whether errors are declared that act through the field."""
-        return self.declared is not None
+    def strategy(self) -> Strategy:
+        """Narrow peaks, and a covariance about a fit where errors are declared that act through the field."""
+        return Strategy(continuation=True, linearised_covariance=self.declared is not None)
 
     def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> FrfObservation:
         """The same with the declared errors where the model at these values says that they act.
@@ -305,11 +306,6 @@ class FrfObservation:
         folded = self.responses(assembly, [values])[0][:, lines]
         plain = part.responses(assembly, [values])[0]
         return replace(part, response=part.response + plain - folded)
-
-    @property
-    def multimodal(self) -> bool:
-        """Yes."""
-        return True
 
     def down_weighted(self, percent: float) -> FrfObservation:
         """A few lines, predicted without windows, each known to `percent` of the RMS around it."""

@@ -174,7 +174,7 @@ def complete(better: Refit, worse: Refit) -> bool:
     way. That it points along another effect, but for a part `COINCIDENCE` of its square, has a probability of about
     ``COINCIDENCE ** ((n - 1) / 2)`` among n directions: 7e-4 with ten resonances, 2e-7 with twenty.
     """
-    if not better.problem.multimodal or better.lack_of_fit < LACK_OF_FIT:
+    if not better.problem.strategy.continuation or better.lack_of_fit < LACK_OF_FIT:
         return False
     left = better.lack_of_fit_chi2 - better.dof + float(np.sqrt(2 * better.dof))
     return max(left, 0.0) < COINCIDENCE * (worse.chi2 - better.chi2)

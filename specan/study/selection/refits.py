@@ -115,7 +115,7 @@ class Refit:
     @property
     def poor_fit(self) -> bool:
         """Whether it is so far from peaks that nothing may be concluded from its parameters."""
-        return self.problem.multimodal and self.reduced > POOR_FIT
+        return self.problem.strategy.continuation and self.reduced > POOR_FIT
 
     @property
     def dispersion(self) -> float:
@@ -257,7 +257,7 @@ class Refits:
 
         A subsample has the windows of the place where it began: some steps on all lines come before the judgement.
         """
-        if not problem.expensive or len(near) > 1:
+        if not problem.strategy.pruning or len(near) > 1:
             return None
         others = [r.fit.chi2 for other, r in self.done.items() if len(other) <= len(uses)]
         if self._best_within(uses).fit.chi2 <= min(others):
@@ -281,7 +281,7 @@ class Refits:
         best: Minimum | None = None
         reason = ""
         thetas = [problem.start(values) for values in starts]
-        if problem.multimodal:  # many starts, and most of them lead astray slowly
+        if problem.strategy.continuation:  # many starts, and most of them lead astray slowly
             try:
                 thetas = [best_screened(problem, thetas)]
             except ComputationError as fault:
@@ -331,7 +331,7 @@ def _some_steps(problem: Problem, theta: Array) -> Minimum:
 
 def _slopes(fewer: Refit | None, problem: Problem, theta: Array) -> Array | None:
     """First Jacobian where an exact one is expensive: of a fit with fewer effects, and slopes of new parameters."""
-    if fewer is None or not problem.expensive or fewer.poor_fit:
+    if fewer is None or problem.strategy.exact_minimum or fewer.poor_fit:
         return None
     known = {name: fewer.fit.jacobian[:, k] for k, name in enumerate(fewer.fit.names)}
     here = problem.residual(theta)

@@ -40,7 +40,7 @@ def starting_values(
 ) -> list[Mapping[str, Any]]:
     """SI values to start from: the problem's own, and known ones, with several starts for new uses."""
     starts: list[Mapping[str, Any]] = [{}, known] if known else [{}]
-    if not new or not problem.multimodal:
+    if not new or not problem.strategy.continuation:
         return starts
     lean = problem
     for use in new:
