@@ -30,7 +30,10 @@ from specan.study.selection.starting_values import promised, scan_promising
 SCANNED = 6  # candidates with few signatures that are looked at closer before, beside the best place of every effect
 WINDOW = 10.0  # and all whose BIC lies within this of the best
 STARTS = 2
-STANDS_OUT = 5.0  # standard deviations of a chi-square
+STANDS_OUT, LOUDER = (
+    5.0,
+    1.2,
+)  # standard deviations of a chi-square, and times the middle receiver's mean square
 MOST_OUTSTANDING = 3  # receivers
 HALF = 0.5  # of what a set leaves, that a further effect must promise to be refitted whatever the form of the others
 
@@ -360,9 +363,10 @@ def _outstanding(step: Step) -> list[Use]:
                 rows[element] = np.concatenate([rows.get(element, np.empty(0)), part])
     effects = step.start.problem.assembly.model.effects
     uses = [use for use in step.by_use if use.at in rows and effects[use.name].instrument]
+    size = {use.at: float(np.mean(rows[str(use.at)] ** 2)) for use in uses}
+    usual = float(np.median([*size.values()])) if size else 1.0
     excess = {
-        use.at: float(np.sum(rows[str(use.at)] ** 2 - 1) / np.sqrt(2 * rows[str(use.at)].size))
-        for use in uses
+        at: (mean - 1) * np.sqrt(rows[str(at)].size / 2) for at, mean in size.items() if mean > LOUDER * usual
     }
     order = sorted((at for at, off in excess.items() if off > STANDS_OUT), key=lambda at: -excess[at])
     return [use for at in order[:MOST_OUTSTANDING] for use in uses if use.at == at]
