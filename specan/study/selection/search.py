@@ -227,6 +227,12 @@ class Search:
         for predicted, start, members in promising[: self.base.problem.strategy.pairs]:
             if self._below_pruning_bound(reference, predicted):
                 break
+            if (
+                single is not None
+                and self._completed(single)
+                and predicted > single.bic(1.0) - _excess(single)
+            ):
+                break  # what may still win promises at least to take away what the single effect leaves
             self.progress("refitting with " + _text({*start.uses, *(m.use for m in members)}))
             self.refits.fit(start, [members])
         passed, needed = [], []
@@ -243,6 +249,10 @@ class Search:
             least = min(r.bic(dispersion) for r in needed)
             self.extensions = [r for r in needed if r.bic(dispersion) < least + DECISIVE]
         return best
+
+    def _completed(self, single: Refit) -> bool:
+        """Whether a second effect was found that explains all that the best single one leaves."""
+        return any(single.uses < pair.uses and complete(pair, single) for pair in self.refits.of_size(2))
 
     def _pair_decision(self, refit: Refit, single: Refit | None) -> Decision:
         if single is None:
