@@ -92,7 +92,8 @@ def test_what_completes_a_fit_is_no_error_of_form(better, worse, expected):
     assert complete(better, worse) is expected
 
 
-def test_two_displaced_receivers_are_one_explanation():
+def test_two_displaced_receivers_are_one_explanation(monkeypatch):
+    monkeypatch.setattr("tests.study.test_coarse.FREQUENCY", np.arange(60.0, 400.0, 2.0))
     places = [*RIG["mics"]["position_m"], [0.3, 0.2, 0.6], [0.7, 0.15, 0.5]]
     model = load_model("room", {**RIG, "mics": {"position_m": places}})
     kept = ("microphone-position", "microphone-gain", *(n.effect.partition("@")[0] for n in model.nuisances))
