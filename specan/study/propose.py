@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.catalogue import effects_from_file
@@ -149,11 +151,12 @@ def propose_laws(study: Study) -> ProposedLaws:
     own = [e for n, s in sources.items() for e in effects_from_file(study.directory / files[n], s.encode())]
     model = start.problem.assembly.model.with_effect(*own)
     rival = replace(start.problem, assembly=model.assemble(start.problem.assembly.uses))
-    fitted = [
-        (*one, sources[name])
-        for name, law in _named(found.laws).items()
-        if (one := _fitted(rival, start, law, name, files[name])) is not None
-    ]
+    with np.errstate(all="ignore"):  # far from its minimum a law may exceed every number
+        fitted = [
+            (*one, sources[name])
+            for name, law in _named(found.laws).items()
+            if (one := _fitted(rival, start, law, name, files[name])) is not None
+        ]
     fitted.sort(key=lambda one: -one[0].delta_bic)
     refits = [refit for _, refit, _ in fitted]
     folder = study.directory / FOLDER
