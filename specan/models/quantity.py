@@ -49,6 +49,9 @@ class Condition:
         its scale has no zero that a percentage could be taken of (a temperature).
     label : str
         What sentences and axes call it; by default the column without its unit.
+    group : bool
+        Whether the column holds names (of specimens, days), and the value is a name's number; see
+        `specan.models.groups`.
     idles : bool
         Whether rows near zero are runs of another kind (idling), which no bench names as its lower limit.
 
@@ -68,6 +71,7 @@ class Condition:
     usual_setting: SettingError = SettingError(relative=0.02)
     label: str = ""
     idles: bool = False
+    group: bool = False
 
     @property
     def words(self) -> str:

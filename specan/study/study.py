@@ -13,6 +13,7 @@ from specan import __version__
 from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
+from specan.models.groups import with_groups
 from specan.models.rig_file import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
@@ -27,7 +28,7 @@ from specan.study.estimation.prediction_error import (
     held_out_error,
     observable_errors,
 )
-from specan.study.estimation.problem import Problem
+from specan.study.estimation.problem import Problem, grouped_by
 from specan.study.history import History, Step, line_of
 from specan.study.localisation.frf_errors import FrfErrors, frf_errors
 from specan.study.localisation.localise import localise
@@ -119,6 +120,7 @@ class Study:
         named = [read_effect_file(path) for path in effects]
         self.model = self._load_model(named)
         self.data = open_data(self.model, self._measured_files())
+        self.model = grouped_by(self.model, self.data.fitted)
         self._assembled = assemble(self.model, self.content, self.data.fitted)
         for file in named:
             try_effects(file, self.model, self.data.fitted)
@@ -141,8 +143,10 @@ class Study:
         content = self.content
         rig = read_rig_file(self.directory / content.rig) if content.rig else {}
         if is_file(content.model):
-            return load_own_model(self.directory, content.model, content.model_sha256, rig)
-        return load_model(content.model, rig)
+            model = load_own_model(self.directory, content.model, content.model_sha256, rig)
+        else:
+            model = load_model(content.model, rig)
+        return with_groups(model, content.groups)
 
     def _keep(self, named: Sequence[EffectFile]) -> None:
         """Write what opening the study has changed: accepted data, effect files that were named and work."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,8 @@ class Rows:
         Rows that were read without setting anything in between share a number.
     setups_from : str
         How set-ups were told apart: ``setup``, ``repeat`` or ``order``.
+    groups : mapping
+        Names of each group; the rows' conditions hold their numbers.
     """
 
     recordings: tuple[str, ...]
@@ -57,6 +59,7 @@ class Rows:
     setup: NDArray[np.intp]
     setups_from: str
     notes: tuple[str, ...] = ()
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -78,6 +81,17 @@ class Rows:
             setup=self.setup[mask],
         )
 
+    def names_of_first(self, mask: NDArray[np.bool_]) -> Rows:
+        """The same with groups that hold the names of some rows only; other names have numbers behind them."""
+        conditions, levels, groups = dict(self.conditions), dict(self.levels), dict(self.groups)
+        for axis, names in self.groups.items():
+            codes = self.conditions[axis].astype(int)
+            used = [k for k in range(len(names)) if k in set(codes[mask].tolist())]
+            order = [*used, *(k for k in range(len(names)) if k not in used)]
+            conditions[axis] = levels[axis] = np.argsort(order)[codes].astype(float)
+            groups[axis] = tuple(names[k] for k in used)
+        return replace(self, conditions=conditions, levels=levels, groups=groups)
+
     def place(self, row: int) -> str:
         """File and line of a row, for messages."""
         return f"{self.recordings[self.recording[row]]}, line {self.lines[row]}"
@@ -92,6 +106,11 @@ class Rows:
         found: dict[str, NDArray[Any]] = {}
         for name, level in self.levels.items():
             condition = model.conditions[name]
+            if condition.group:
+                if np.unique(level).size > 1:
+                    names = (*self.groups[name], "another")
+                    found[name] = np.array(names)[np.minimum(level.astype(int), len(names) - 1)]
+                continue
             if condition.varies and np.unique(level).size > 1:
                 shown = np.asarray(convert(grouped(level), condition.unit, condition.column_unit))
                 digits = 6 if self.is_set[name] else 3
@@ -114,6 +133,12 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     sizes = [m.n for m in measurements]
     recording = np.repeat(np.arange(len(sizes)), sizes)
     conditions, steps, notes = _conditions(measurements, model)
+    groups = {
+        axis: tuple(dict.fromkeys(n for m in measurements for n in m.groups[axis])) for axis in model.groups
+    }
+    for axis, names in groups.items():
+        conditions[axis] = np.array([float(names.index(n)) for m in measurements for n in m.groups[axis]])
+        steps[axis] = np.zeros(recording.size)
     settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
     lines = np.concatenate([m.lines for m in measurements])
     places = [f"{measurements[int(k)].name}, line {line}" for k, line in zip(recording, lines, strict=True)]
@@ -123,6 +148,9 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0) if conditions else np.empty((0, 0))
     level, is_set = {}, {}
     for k, (name, values) in enumerate(conditions.items()):
+        if name in groups:
+            level[name], is_set[name] = values, True
+            continue
         points, is_set[name] = levels(distinct[:, k], settings[name])
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
@@ -148,6 +176,7 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
             *outside,
             *([copied] if copied else []),
         ),
+        groups=groups,
     )
 
 
