@@ -47,6 +47,8 @@ class Condition:
     usual_setting : SettingError
         Usual uncertainty of setting it; tells levels apart where the rig states none. An absolute one says that
         its scale has no zero that a percentage could be taken of (a temperature).
+    setting_assumed : bool
+        Whether `usual_setting` is a mere guess: then rows that are merely near each other are no repeats.
     label : str
         What sentences and axes call it; by default the column without its unit.
     group : bool
@@ -72,6 +74,7 @@ class Condition:
     label: str = ""
     idles: bool = False
     group: bool = False
+    setting_assumed: bool = False
 
     @property
     def words(self) -> str:

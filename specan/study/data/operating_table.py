@@ -154,7 +154,9 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         points, is_set[name] = levels(distinct[:, k], settings[name])
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
-    alike = cells(*(values for name, values in level.items() if name != TIME))
+    exact = _not_repeats(measurements, conditions, level, model)
+    alike = cells(*(conditions[n] if n in exact else v for n, v in level.items() if n != TIME))
+    nearness = _said_of_near_rows(conditions, level, exact, alike, lines, measurements, recording)
     replicate_group = _within_files(alike, recording)
     setup, how = _setups(measurements, recording, replicate_group, conditions, settings)
     return Rows(
@@ -174,10 +176,70 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
             *(f"{m.name}: {note}" for m in measurements for note in m.notes),
             *notes,
             *outside,
+            *nearness,
             *([copied] if copied else []),
         ),
         groups=groups,
     )
+
+
+def _not_repeats(
+    measurements: Sequence[Measurement],
+    conditions: Mapping[str, Array],
+    level: Mapping[str, Array],
+    model: Model,
+) -> tuple[str, ...]:
+    """Conditions at which rows are alike only where their values are equal: nobody has said how well they are set."""
+    if all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements):
+        return ()
+    return tuple(
+        name
+        for name in conditions
+        if model.conditions[name].setting_assumed
+        and name not in model.rig.setting
+        and not np.array_equal(conditions[name], level[name])
+    )
+
+
+def _said_of_near_rows(
+    conditions: Mapping[str, Array],
+    level: Mapping[str, Array],
+    exact: Sequence[str],
+    alike: NDArray[np.intp],
+    lines: NDArray[np.int_],
+    measurements: Sequence[Measurement],
+    recording: NDArray[np.intp],
+) -> list[str]:
+    """Which rows that are near each other are taken for repeats, or are not, and why."""
+    near = cells(*(v for n, v in level.items() if n != TIME))
+    differ = [n for n, v in conditions.items() if n != TIME and not np.array_equal(v, level[n])]
+    marked = all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements)
+    groups = [np.flatnonzero(near == k) for k in np.unique(near)]
+    taken = [
+        g
+        for g in groups
+        if np.unique(alike[g]).size < g.size and any(np.ptp(conditions[n][g]) > 0 for n in differ)
+    ]
+    left = [g for g in groups if np.unique(alike[g]).size > 1]
+
+    def some(found: list[NDArray[np.intp]]) -> str:
+        texts = [", ".join(str(lines[k]) for k in g[:4]) for g in found[:3]]
+        more = f", and {len(found) - 3} more groups" if len(found) > 3 else ""
+        file = f"{measurements[int(recording[found[0][0]])].name}: " if len(measurements) > 1 else ""
+        return file + "lines " + "; ".join(texts) + more
+
+    said = []
+    if left:
+        said.append(
+            f"{some(left)}: near each other in {' and '.join(exact)}, and not taken for repeats, since nothing "
+            f"says how well it is set (declare {exact[0]}_setting_percent, or give a column 'repeat')"
+        )
+    if taken and not marked and not left:
+        said.append(
+            f"{some(taken)}: taken for repeats, since they differ in {' and '.join(differ)} by no more than the "
+            "scatter of setting"
+        )
+    return said
 
 
 def _conditions(
