@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from specan_cli.limit import EXCEEDED
 from specan_cli.output import emit_json, say, table
 from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
 from specan_cli.verbosity import is_quiet
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 def command(rate: float, output: Path | None, as_json: bool) -> int:
     """Try what IEC 61260-1, IEC 61672-1 and IEEE 1057 ask of an analyser.
 
-    Signals are made and analysed as recordings are. The exit code is 1 where a requirement is not met. Microphones
+    Signals are made and analysed as recordings are. The exit code is 5 where a requirement is not met. Microphones
     and converters are not part of this.
 
     \b
@@ -44,7 +45,7 @@ def command(rate: float, output: Path | None, as_json: bool) -> int:
     elif not to_standard_output(output):
         show(found)
         say_written(output)
-    return 0 if all(check.passed for check in found) else 1
+    return 0 if all(check.passed for check in found) else EXCEEDED
 
 
 def show(found: list[Check]) -> None:

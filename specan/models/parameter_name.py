@@ -30,11 +30,12 @@ class ParameterName(str):
     @classmethod
     def of(cls, owner: object, own: str, element: str = "") -> ParameterName:
         """Name out of its parts; `owner` is a use of an effect or the name of a quantity."""
-        return cls(f"{owner}.{own}").at(element)
+        return cls(f"{owner}.{own}[{element}]" if element else f"{owner}.{own}")
 
     def at(self, element: str) -> ParameterName:
         """Name of one element of the parameter; itself for no element."""
-        return ParameterName(f"{self.whole}[{element}]") if element else self.whole
+        whole = self.partition("[")[0]
+        return ParameterName(f"{whole}[{element}]" if element else whole)
 
     @property
     def whole(self) -> ParameterName:

@@ -192,22 +192,19 @@ class TableObservation:
         vector = knowledge(assembly).vector
         vector.update({n: False for n in varying if assembly.parameters[n].per not in ("", "recording")})
         if not all(vector.get(name, True) for name in varying):
-            return self._one_by_one(assembly, many)
+            return np.stack([self._evaluate(assembly, v) for v in many], axis=1)
         try:
             together = self._evaluate(assembly, self._spread(many, varying), len(many))
         except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
             vector.update(dict.fromkeys(varying, False))
-            return self._one_by_one(assembly, many)
+            return np.stack([self._evaluate(assembly, v) for v in many], axis=1)
         table = together.reshape(len(many), self.n).T
         if all(name in vector for name in varying):
             return table
-        single = self._one_by_one(assembly, many)
+        single = np.stack([self._evaluate(assembly, v) for v in many], axis=1)
         same = np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)
         vector.update(dict.fromkeys(varying, same))
         return single
-
-    def _one_by_one(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        return np.stack([self._evaluate(assembly, values) for values in many], axis=1)
 
     def _in_order(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Predictions of an effect that looks at earlier rows: whole recordings, one after the other."""

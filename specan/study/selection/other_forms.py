@@ -47,7 +47,7 @@ def other_forms(base: Refit) -> Iterator[OtherForm]:
     problem = base.problem
     model = problem.assembly.model
     for part, forms in model.other_forms.items():
-        if problem.expensive or Use(part) not in problem.assembly.uses:
+        if not problem.strategy.secondary_refits or Use(part) not in problem.assembly.uses:
             continue
         for form in forms:
             other = problem.without(part).with_uses([form])
