@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,13 +20,11 @@ from specan.models.parameter import Parameter
 from specan.models.quantity import Condition, Quantity, SettingError
 from specan.models.user_code import Instead
 
-if TYPE_CHECKING:
-    from specan.models.model import Model
-
+ModelT = TypeVar("ModelT", bound=Any)  # a `specan.models.model.Model`, which this module is a part of
 START = 0.1  # share of a parameter's range at which a fit begins to look for a difference
 
 
-def with_groups(model: Model, axes: Sequence[str]) -> Model:
+def with_groups(model: AnyT, axes: Sequence[str]) -> ModelT:
     """The model with columns of names that its tables hold, by which parameters may differ.
 
     The parameters of its quantities become quantities of their own, so that effects can act on them.
@@ -64,7 +62,7 @@ def with_groups(model: Model, axes: Sequence[str]) -> Model:
     )
 
 
-def _set_apart(node: Quantity, model: Model) -> tuple[Quantity, dict[str, Quantity]]:
+def _set_apart(node: Quantity, model: Any) -> tuple[Quantity, dict[str, Quantity]]:
     """A quantity that reads its free parameters as quantities, and these."""
     chosen = {n: p for n, p in node.parameters.items() if not p.fixed}
     if not node.reads or not chosen or node.opaque or node.collection:
@@ -90,7 +88,7 @@ def _constant(name: str, parameter: Parameter) -> Quantity:
     return Quantity(name, parameter.received_unit, parameter.doc or name, value, (), {"value": parameter})
 
 
-def grouped(model: Model, elements: Mapping[str, Sequence[str]]) -> Model:
+def grouped(model: AnyT, elements: Mapping[str, Sequence[str]]) -> ModelT:
     """The model for groups of known names: parameters per group, and effects by which others may differ.
 
     Parameters
@@ -108,7 +106,7 @@ def grouped(model: Model, elements: Mapping[str, Sequence[str]]) -> Model:
     return model
 
 
-def _expanded(model: Model, axis: str, names: tuple[str, ...]) -> Model:
+def _expanded(model: AnyT, axis: str, names: tuple[str, ...]) -> ModelT:
     quantities = {n: _quantity_per(node, axis, names) for n, node in model.quantities.items()}
     effects = {n: _effect_per(effect, axis, names) for n, effect in model.effects.items()}
     if len(names) > 1:
@@ -238,7 +236,7 @@ def _differs(node: Quantity, axis: str, names: tuple[str, ...]) -> Effect:
     )
 
 
-def check_groups(model: Model) -> None:
+def check_groups(model: Any) -> None:
     """Refuse a parameter per something that is nothing."""
     known = ("recording", *model.axes, *model.groups)
     owners = [q.parameters for q in model.quantities.values()] + [

@@ -12,6 +12,7 @@ from specan.models.evaluation import Evaluator
 from specan.models.frf import Frf
 from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
 from specan.models.graph import components
+from specan.models.groups import check_groups, with_groups
 from specan.models.observable import Observable
 from specan.models.order_lines import OrderLines
 from specan.models.quantity import Condition, Quantity
@@ -320,8 +321,6 @@ class Model:
             name, title, **fields, base_effects=tuple(base_effects), law=law, declared_units=True,
             words=Words(discrepancy_of=fields["observables"][first].quantity.replace("_", " ")),
         )  # fmt: skip
-        from specan.models.groups import check_groups, with_groups
-
         made = with_groups(made, [groups] if isinstance(groups, str) else groups)
         check_groups(made)
         return made
