@@ -24,7 +24,7 @@ ModelT = TypeVar("ModelT", bound=Any)  # a `specan.models.model.Model`, which th
 START = 0.1  # share of a parameter's range at which a fit begins to look for a difference
 
 
-def with_groups(model: AnyT, axes: Sequence[str]) -> ModelT:
+def with_groups(model: ModelT, axes: Sequence[str]) -> ModelT:
     """The model with columns of names that its tables hold, by which parameters may differ.
 
     The parameters of its quantities become quantities of their own, so that effects can act on them.
@@ -88,7 +88,7 @@ def _constant(name: str, parameter: Parameter) -> Quantity:
     return Quantity(name, parameter.received_unit, parameter.doc or name, value, (), {"value": parameter})
 
 
-def grouped(model: AnyT, elements: Mapping[str, Sequence[str]]) -> ModelT:
+def grouped(model: ModelT, elements: Mapping[str, Sequence[str]]) -> ModelT:
     """The model for groups of known names: parameters per group, and effects by which others may differ.
 
     Parameters
@@ -106,7 +106,7 @@ def grouped(model: AnyT, elements: Mapping[str, Sequence[str]]) -> ModelT:
     return model
 
 
-def _expanded(model: AnyT, axis: str, names: tuple[str, ...]) -> ModelT:
+def _expanded(model: ModelT, axis: str, names: tuple[str, ...]) -> ModelT:
     quantities = {n: _quantity_per(node, axis, names) for n, node in model.quantities.items()}
     effects = {n: _effect_per(effect, axis, names) for n, effect in model.effects.items()}
     if len(names) > 1:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
+from specan.study.data.near_rows import TIME, not_repeats, parted, said_of_near_rows
 from specan.study.data.plausible_rows import check_limits, duplicates
 from specan.study.data.setpoints import cells, grouped, levels
 from specan.study.data.table_reader import Measurement
@@ -18,7 +19,7 @@ from specan.study.observation import Array
 from specan.study.observation.variable import Variable
 from specan.units import convert, printed_unit
 
-TIME = "elapsed_time"  # orders the readings; never a setting
+NEXT, LATER = 0.5, 0.1  # standard deviations of setting within which two rows are readings of one setting
 ENOUGH = 8  # degrees of freedom above which repeats are believed
 
 
@@ -154,9 +155,10 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         points, is_set[name] = levels(distinct[:, k], settings[name])
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
-    exact = _not_repeats(measurements, conditions, level, model)
+    level = parted(level, is_set, measurements, recording, conditions, settings)
+    exact = not_repeats(measurements, conditions, level, model)
     alike = cells(*(conditions[n] if n in exact else v for n, v in level.items() if n != TIME))
-    nearness = _said_of_near_rows(conditions, level, exact, alike, lines, measurements, recording)
+    nearness = said_of_near_rows(conditions, level, exact, alike, lines, measurements, recording)
     replicate_group = _within_files(alike, recording)
     setup, how = _setups(measurements, recording, replicate_group, conditions, settings)
     return Rows(
@@ -181,65 +183,6 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         ),
         groups=groups,
     )
-
-
-def _not_repeats(
-    measurements: Sequence[Measurement],
-    conditions: Mapping[str, Array],
-    level: Mapping[str, Array],
-    model: Model,
-) -> tuple[str, ...]:
-    """Conditions at which rows are alike only where their values are equal: nobody has said how well they are set."""
-    if all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements):
-        return ()
-    return tuple(
-        name
-        for name in conditions
-        if model.conditions[name].setting_assumed
-        and name not in model.rig.setting
-        and not np.array_equal(conditions[name], level[name])
-    )
-
-
-def _said_of_near_rows(
-    conditions: Mapping[str, Array],
-    level: Mapping[str, Array],
-    exact: Sequence[str],
-    alike: NDArray[np.intp],
-    lines: NDArray[np.int_],
-    measurements: Sequence[Measurement],
-    recording: NDArray[np.intp],
-) -> list[str]:
-    """Which rows that are near each other are taken for repeats, or are not, and why."""
-    near = cells(*(v for n, v in level.items() if n != TIME))
-    differ = [n for n, v in conditions.items() if n != TIME and not np.array_equal(v, level[n])]
-    marked = all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements)
-    groups = [np.flatnonzero(near == k) for k in np.unique(near)]
-    taken = [
-        g
-        for g in groups
-        if np.unique(alike[g]).size < g.size and any(np.ptp(conditions[n][g]) > 0 for n in differ)
-    ]
-    left = [g for g in groups if np.unique(alike[g]).size > 1]
-
-    def some(found: list[NDArray[np.intp]]) -> str:
-        texts = [", ".join(str(lines[k]) for k in g[:4]) for g in found[:3]]
-        more = f", and {len(found) - 3} more groups" if len(found) > 3 else ""
-        file = f"{measurements[int(recording[found[0][0]])].name}: " if len(measurements) > 1 else ""
-        return file + "lines " + "; ".join(texts) + more
-
-    said = []
-    if left:
-        said.append(
-            f"{some(left)}: near each other in {' and '.join(exact)}, and not taken for repeats, since nothing "
-            f"says how well it is set (declare {exact[0]}_setting_percent, or give a column 'repeat')"
-        )
-    if taken and not marked and not left:
-        said.append(
-            f"{some(taken)}: taken for repeats, since they differ in {' and '.join(differ)} by no more than the "
-            "scatter of setting"
-        )
-    return said
 
 
 def _conditions(
@@ -286,15 +229,37 @@ def _setups(
     for how in ("setup", "repeat"):
         marks = [getattr(m, how) for m in measurements]
         if all(mark is not None for mark in marks):
-            return cells(recording, replicate_group, np.concatenate(marks)), how
+            marked = cells(recording, replicate_group, np.concatenate(marks))
+            if how == "setup":
+                return marked, how
+            # One round sets a condition once: rows of it at other values are other settings, not second readings.
+            order = np.argsort(marked, kind="stable")
+            new = (np.diff(marked[order], prepend=-1) != 0) | _set_anew(conditions, settings, order)
+            number = np.empty(order.size, dtype=np.intp)
+            number[order] = np.cumsum(new)
+            return number, how
     # Without a mark: the next row at the same condition, at values that were not set anew, is a second
     # reading; a condition that comes back later was set again.
+    everything = np.arange(recording.size)
     changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(replicate_group, prepend=-1) != 0)
+    return np.cumsum(changed | _set_anew(conditions, settings, everything)), "order"
+
+
+def _set_anew(
+    conditions: Mapping[str, Array], settings: Mapping[str, SettingError], order: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Whether a row lies further from the one before it, in an order, than readings of one setting do.
+
+    Half the scatter of setting where the one row follows the other in the table, a tenth where other rows lie between.
+    """
+    changed = np.zeros(order.size, dtype=bool)
+    share = np.where(np.diff(order, prepend=-1) == 1, NEXT, LATER)
     for name, values in conditions.items():
         if name != TIME:
-            apart = np.abs(np.diff(values, prepend=values[0]))
-            changed |= apart > 0.5 * settings[name].at(values) + 1e-12
-    return np.cumsum(changed), "order"
+            ordered = values[order]
+            apart = np.abs(np.diff(ordered, prepend=ordered[0]))
+            changed |= apart > share * settings[name].at(ordered) + 1e-12
+    return changed
 
 
 def check_varied(rows: Rows, model: Model) -> None:
