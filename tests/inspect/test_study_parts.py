@@ -110,7 +110,10 @@ def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypa
     found = kept.diagnosis(go_on, heard_of.append)
     assert found.alternatives
     assert any("scoring" in text for text in heard_of)
-    monkeypatch.setattr(kept_study, "diagnose", None)
+    said: list[str] = []
+    assert KeptStudy(Study(directory)).diagnosis(go_on, said.append) == found
+    assert said == []  # it was on the disk
+    monkeypatch.setattr(kept_study, "diagnose_and_keep", None)
     assert kept.diagnosis(go_on, heard_of.append) is found
 
 
