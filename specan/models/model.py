@@ -81,6 +81,10 @@ class Model:
 
     Attributes
     ----------
+    name, title : str
+        What users type, and what it is in a few words.
+    conditions, quantities, effects, observables : mapping
+        By name.
     axes : mapping
         Elements of each axis: ``{"wall": ("x0", "x1", ...), "microphone": ("Mic 1", ...)}``.
     base_effects : tuple of str
@@ -170,12 +174,34 @@ class Model:
         return tuple(dict.fromkeys(o.kind for o in self.observables.values()))
 
     def with_effect(self, *more: Effect) -> Model:
-        """The same model with further effects in its catalogue (a user's own)."""
+        """The same model with further effects in its catalogue (a user's own).
+
+        Parameters
+        ----------
+        *more : Effect
+            Effects; one of a known name takes its place.
+
+        Returns
+        -------
+        Model
+            A new one.
+        """
         own = [as_declared(e) for e in more] if self.declared_units else more
         return replace(self, effects={**self.effects, **{e.name: e for e in own}})
 
     def with_rig(self, rig: Mapping[str, Any]) -> Model:
-        """The same model with what a rig file says of limits and uncertainties, which comes first."""
+        """The same model with what a rig file says of limits and uncertainties, which comes first.
+
+        Parameters
+        ----------
+        rig : mapping
+            The parsed rig file.
+
+        Returns
+        -------
+        Model
+            A new one.
+        """
         said = rig_statement(rig, self.conditions.values(), self.observables.values())
         old = self.rig
         return replace(
@@ -240,6 +266,12 @@ class Model:
             Where a law is looked for when something unknown is missing; by default what the first observable lacks,
             over all conditions that have limits above zero.
         name, title : str, optional
+            What users type, and what it is in a few words; by default made of the function's name and docstring.
+
+        Returns
+        -------
+        Model
+            With the functions as quantities.
 
         Raises
         ------
@@ -280,7 +312,23 @@ class Model:
         )  # fmt: skip
 
     def assemble(self, uses: Iterable[Use | str] = ()) -> Assembly:
-        """Switch effects on."""
+        """Switch effects on.
+
+        Parameters
+        ----------
+        uses : iterable of Use or str
+            Effects with their places: ``wall-impedance@z1``.
+
+        Returns
+        -------
+        Assembly
+            The model with exactly these effects.
+
+        Raises
+        ------
+        RequestError
+            An effect or a place that this model does not have.
+        """
         parsed = {Use.parse(u) if isinstance(u, str) else u for u in uses}
         for use in parsed:
             effect = self.effects.get(use.name)
@@ -302,7 +350,18 @@ class Model:
         return Assembly(self, tuple(sorted(parsed)))
 
     def candidates(self, assembly: Assembly) -> tuple[Use, ...]:
-        """Uses of effects that the assembly lacks, one for each element of the axis they act at."""
+        """Uses of effects that the assembly lacks, one for each element of the axis they act at.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            The model with the effects that it has.
+
+        Returns
+        -------
+        tuple of Use
+            In the order of their names.
+        """
         uses = []
         there = {use.name for use in assembly.uses}
         parts = [{name, *others} for name, others in self.other_forms.items()]
@@ -315,7 +374,18 @@ class Model:
         return tuple(use for use in sorted(uses) if use not in assembly.uses)
 
     def not_testable(self, available: Iterable[str]) -> dict[str, str]:
-        """Effects whose conditions the data lack: ``{"running-in": "needs elapsed_time"}``."""
+        """Effects whose conditions the data lack: ``{"running-in": "needs elapsed_time"}``.
+
+        Parameters
+        ----------
+        available : iterable of str
+            Conditions that the data hold.
+
+        Returns
+        -------
+        dict
+            Reason by name of the effect.
+        """
         readable = set(available) | {n for n, c in self.conditions.items() if c.default is not None}
         known = set(available) | {n for n in readable if n in self.conditions and self.conditions[n].known}
         missing = {}

@@ -54,7 +54,7 @@ class MeasuredTransfer:
         with np.errstate(invalid="ignore", divide="ignore"):
             off = np.abs(self.model - self.measured) / (np.abs(self.measured) * self.u_relative)
         share = [float(np.nanmean(row**2)) if np.isfinite(row).any() else 0.0 for row in off]
-        used: NDArray[np.bool_] = np.isfinite(self.measured).any(axis=1)
+        used = np.asarray(np.isfinite(self.measured).any(axis=1), dtype=bool)
         return [int(k) for k in np.argsort(share, kind="stable")[::-1] if used[k]]
 
 

@@ -30,10 +30,9 @@ from specan.study.estimation.prediction_error import (
 from specan.study.estimation.problem import Problem
 from specan.study.history import History, Step, line_of
 from specan.study.kept_results import KeptResults
-from specan.study.localisation.frf_errors import FrfErrors, frf_errors
-from specan.study.localisation.localise import localise
+from specan.study.localisation.frf_errors import FrfErrors
+from specan.study.localisation.localise import curve_errors, localise
 from specan.study.localisation.result import Localisation
-from specan.study.observation.frf import FrfObservation
 from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study_file import (
     NAME,
@@ -307,12 +306,7 @@ class Study:
 
     def frf_errors(self) -> list[FrfErrors]:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
-        predictions = self.problem.predictions(self.shown.theta)
-        return [
-            frf_errors(o, predicted)
-            for o, predicted in zip(self.problem.observations, predictions, strict=True)
-            if isinstance(o, FrfObservation)
-        ]
+        return curve_errors(self.problem, self.shown)
 
     def diagnose(
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
