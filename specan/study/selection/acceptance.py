@@ -15,7 +15,7 @@ from specan.study.selection.refits import FORM_TOLERANCE, Refit
 
 LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
 DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
-DRAWS = 20_000
+DRAWS = 20_000  # of the bootstrap
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from specan.study.selection.starting_values import promised, scan_promising
 
 SCANNED = 6  # candidates with few signatures that are looked at closer before, beside the best place of every effect
 WINDOW = 10.0  # and all whose BIC lies within this of the best
-STARTS = 2
+STARTS = 2  # signatures of a candidate from which it is refitted
 
 Progress = Callable[[str], None]
 
