@@ -249,7 +249,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
     reasons = []
     if left:
         reasons.append("something is left: its form is not exact, or another effect is there too")
-    elif len(best.uses) > 1:
+    elif len(best.uses) > 1 and not search.of_one_instrument(best):
         reasons.append("one unknown effect would explain the data as well")
     if stretched(best):
         reasons.append(
@@ -259,7 +259,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
     doubt = (
         left
-        or len(best.uses) > 1
+        or (len(best.uses) > 1 and not search.of_one_instrument(best))
         or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
     )
     return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
