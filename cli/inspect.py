@@ -48,7 +48,7 @@ def command(
 ) -> int:
     """Look at one recording, or at a study, in the browser of this machine.
 
-    The page is served to this machine only, and holds nothing but what it was opened for. Its settings stand in
+    The page is served to this machine only, and holds nothing but what it was opened for. Its settings are in
     its address. It ends with Ctrl-C.
 
     \b

@@ -60,7 +60,7 @@ class LazyGroup(click.Group):
         return module.command
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb; who reads its output may stop early (``| head``), and that is no error message."""
+        """Run the verb; who reads its output may stop early (``| head``), and that is not an error message."""
         try:
             return super().invoke(ctx)
         except BrokenPipeError:
@@ -103,7 +103,7 @@ class LazyGroup(click.Group):
 @click.option("--debug", is_flag=True, help="Show a traceback with an error.")
 @click.pass_context
 def main(ctx: click.Context, debug: bool) -> None:
-    """Spectral analysis of TDMS recordings, and models held against them."""
+    """Spectral analysis of TDMS recordings, and models compared with them."""
     ctx.obj = {"debug": debug}
     if ctx.invoked_subcommand is None:
         from specan_cli.first_steps import first_steps

@@ -149,7 +149,7 @@ def _show(begun: object, as_json: bool) -> None:
     error_table("Error of the fitted model", study.errors)
     if not study.data.known:
         click.echo(
-            "\nNothing tells how uncertain the measurement is: compare shows errors, diagnose will refuse."
+            "\nThe uncertainty of the measurement is unknown: compare shows errors, diagnose will refuse."
         )
     click.echo(f"\nStep 0 is kept ({step.fit_error['metric']} {amount(step.fit_error)}). ", nl=False)
     click.echo(f"Go on with: specan study compare {study.directory}")

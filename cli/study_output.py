@@ -42,7 +42,7 @@ def open_study(directory: Path, effects: Sequence[Path] = (), accept_changes: bo
         say(f"{name}: the changed data are accepted.")
     if not study.data.known:
         say(
-            "Nothing tells how uncertain the measurement is: errors are shown, but no conclusion can be drawn. "
+            "The uncertainty of the measurement is unknown: errors are shown, but no conclusion can be drawn. "
             "Repeat conditions, or give [uncertainty] in the rig file."
         )
     return study

@@ -69,7 +69,7 @@ def model_from_file(path: Path, rig: Mapping[str, Any], content: bytes | None = 
     Raises
     ------
     RequestError
-        The file is missing, is no valid Python, fails, or holds no model or several.
+        The file is missing, is not a valid Python, fails, or holds no model or several.
     """
     module = _module_from(path, "model", content)
     build = getattr(module, "build", None)
@@ -145,7 +145,7 @@ def effects_from_file(path: Path, content: bytes | None = None) -> list[Effect]:
     Raises
     ------
     RequestError
-        The file is missing, is no valid Python, fails on import, or holds no effect.
+        The file is missing, is not a valid Python, fails on import, or holds no effect.
     """
     module = _module_from(path, "effect", content)
     effects = _effects_of(module)

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 EACH_WAY = 11  # places along an edge, corners among them: a sixth of a wavelength where an edge holds two
 FROM_EDGE = 0.04  # of an edge
 MOST = 3  # places of one element
-LEAST = 0.7  # share of what the best place explains, below which another is no place to begin
+LEAST = 0.7  # share of what the best place explains, below which another is not a place to begin
 
 
 # A search asks for some of the candidates at a time.
