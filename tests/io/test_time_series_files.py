@@ -144,7 +144,7 @@ def test_hdf5_without_a_rate_asks_for_one(tmp_path):
         file["mode_shapes"] = np.ones((30, 30))
     found = open_recording(tmp_path / "run.h5")
     assert found.channel("force").sampling_rate == 0
-    assert "no set of signals" in found.set_aside["mode_shapes"]
+    assert "not a set of signals" in found.set_aside["mode_shapes"]
     assert open_recording(tmp_path / "run.h5", sampling_rate=RATE).channel("force").sampling_rate == RATE
 
 

@@ -27,7 +27,7 @@ def scatterer(
     y=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
     z=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
 ):
-    """A rigid object takes the place of air that would be compressed and moved: modes shift one by one.
+    """A rigid object displaces air that would be compressed and moved: each mode shifts differently.
 
     A mode falls where the object is in a pressure node, and rises where it is in an antinode.
     """
