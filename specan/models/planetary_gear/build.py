@@ -24,6 +24,7 @@ from specan.models.planetary_gear.kinematics import (
 )
 from specan.models.planetary_gear.lines import line_statement
 from specan.models.planetary_gear.rig import Gear, Rig, read_rig
+from specan.models.planetary_gear.simulated_recording import path_window
 from specan.models.quantity import Condition, Quantity, constant
 
 HARMONICS = 3  # of the mesh: what a study compares
@@ -82,7 +83,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
     sun, ring = set_meshes(gear)
     module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
     turns = repeat_turns(gear)
-    per_turn = 2 * (HARMONICS * gear.z_ring + max(16, gear.z_ring // 2))
+    per_turn = _smooth(2 * (HARMONICS * gear.z_ring + max(16, gear.z_ring // 2)))
     if turns * per_turn > MOST_SAMPLES:
         raise RequestError(
             f"the teeth meet again only after {turns} turns of the carrier",
@@ -102,6 +103,8 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("carrier_turn", np.arange(samples) * (turns / samples), "1", "Turns of the carrier.", ()),
         ("mesh_waves", _waves(gear.z_ring, np.arange(samples) * (turns / samples)), "1",
          "exp(2j pi h z_ring turn), one row a harmonic of the mesh.", ()),
+        ("transfer_path", path_window(_distance(rig, places, samples // turns, turns)), "1",
+         "Weight with which each sensor hears each planet as it passes, (sensors, planets, angle).", ("sensor",)),
         ("sun_order", float(sun_order(gear)), "1", "Turns of the sun against the carrier.", ()),
         ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
         ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
@@ -138,6 +141,26 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         opaque=True,
     )
     return [stiff, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
+
+
+def _distance(rig: Rig, places: Any, per_turn: int, turns: int) -> Any:
+    """Angle between each sensor and each planet, over all turns of the carrier."""
+    one = 2 * np.pi * np.arange(per_turn) / per_turn
+    sensors = np.radians(rig.sensors.acc_angle_deg)
+    return np.tile(one + places[None, :, None] - sensors[:, None, None], turns)
+
+
+def _smooth(least: int) -> int:
+    """The next number without prime factors above five: Fourier transforms of such a length are quick."""
+    number = least
+    while True:
+        rest = number
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return number
+        number += 1
 
 
 def _waves(teeth: int, turn: Any) -> Any:
