@@ -10,7 +10,7 @@ from specan.models.order_lines import OrderLines, Tacho
 from specan.models.quantity import constant
 from specan.study.data.open_orders import like
 from specan.study.observation import Observation
-from specan.study.observation.order_lines import OrderLinesObservation, declared_errors
+from specan.study.observation.order_lines import OrderLinesObservation, model_errors, path_errors
 
 ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
 HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])
@@ -23,7 +23,7 @@ def observed(
 ) -> OrderLinesObservation:
     return OrderLinesObservation(
         name="run.tdms",
-        recording="run.tdms",
+        recordings=("run.tdms",),
         quantity="lines",
         channels=("A", "B"),
         order=ORDER,
@@ -31,10 +31,12 @@ def observed(
         family=np.array([f"10h+-{abs(o):g}" for o in OFFSET]),
         amplitude=amplitude,
         noise=np.full((2, 8), sigma),
-        shared=declared_errors(TRUTH, ORDER, OFFSET, near, path),
+        recording=np.zeros(8, dtype=int),
+        shared=model_errors(TRUTH, ORDER, near),
+        path=path_errors(TRUTH, OFFSET, path),
         kept=np.ones((2, 8), dtype=bool),
         order_condition="order",
-        point={"load": 2.0},
+        point={"load": np.array([2.0])},
     )
 
 
