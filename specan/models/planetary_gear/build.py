@@ -29,6 +29,9 @@ from specan.models.quantity import Condition, Quantity, constant
 
 HARMONICS = 3  # of the mesh: what a study compares
 MOST_SAMPLES = 400_000
+EXPONENT = (
+    0.15  # standard uncertainty of the contact law's exponent: 1.3 lies between the three of the literature
+)
 TACHO_DEG = 2.0  # standard uncertainty of the angle between the tacho's mark and planet 1
 
 
@@ -63,7 +66,10 @@ def build(rig: Mapping[str, Any]) -> Model:
             "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.",
                                 kind="orders")
         },
-        nuisances=(Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),),
+        nuisances=(
+            Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),
+            Nuisance("contact-exponent", "change", EXPONENT, "bending 1, contact along a line 10/9, at a point 3/2"),
+        ),
         order_lines=line_statement(settings, HARMONICS),
         axes={
             "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
@@ -116,7 +122,8 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("planet_angle", places, "rad", "Places of the planets on the carrier.", ("planet",)),
         ("nominal_phase", phases, "1", "Phases of sun and ring meshes as drawn, in pitches.", ("planet",)),
         ("sensor_angle", np.radians(rig.sensors.acc_angle_deg), "rad", "Places of the sensors.", ("sensor",)),
-        ("contact_law", si, "1", "K (N/m^e), e, C (N s/m), depth (m) of the contact law.", ()),
+        ("drawn_contact", si, "1", "K (N/m^e), e, C (N s/m), depth (m) of the rig file.", ()),
+        ("contact_exponent", law.exponent, "1", "Exponent of the contact law.", ()),
         ("mesh_geometry", np.array([[m.base_pitch, m.contact_ratio, m.gap_before, m.gap_after] for m in (sun, ring)]),
          "1", "Base pitch, contact ratio, gaps of the sun and the ring mesh.", ()),
         ("load_share", np.ones(gear.planets), "1", "Share of each planet, before errors of place.", ("planet",)),

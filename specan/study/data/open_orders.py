@@ -23,6 +23,7 @@ from specan.study.data.sources import DataFile, DataRequest, OpenedData
 from specan.study.observation.order_lines import (
     OrderLinesObservation,
     joined,
+    level_errors,
     model_errors,
     path_errors,
 )
@@ -33,6 +34,7 @@ TITLE = "a recording"
 NEIGHBOURS = 2  # lines to either side over which the noise is averaged
 # Of that noise: medians of 24 bins (48 real values, of which a median of powers is worth a half: ln(2)^2) over 5 lines.
 NOISE_DOF = 100.0
+LEVEL = 1.0  # relative standard uncertainty of the level of the ideal machine's lines, of each harmonic at each load
 SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
 # Relative difference of speeds up to which recordings share the gains of their path: about a resonance of 3 % damping
 # a gain then changes by less than a tenth, the model's declared discrepancy (0.003 / 0.03).
@@ -154,7 +156,9 @@ def observe(
             Variable(name.replace("_", " "), condition.column_unit),
         )
     (observable,) = (o for o in model.observables.values() if o.kind == "orders")
-    ideal = np.where(_shown(model, observable.quantity, known, point), amplitude, 0.0)
+    noise = _smooth(_noise(lines)[place], known.harmonic)
+    heard = _without_noise(amplitude, noise)
+    ideal = np.where(_shown(model, observable.quantity, known, point), heard, 0.0)
     observation = OrderLinesObservation(
         name=file.name,
         recordings=(file.name,),
@@ -165,8 +169,11 @@ def observe(
         family=np.array(known.family),
         recording=np.zeros(known.order.size, dtype=np.intp),
         amplitude=amplitude,
-        noise=_smooth(_noise(lines)[place], known.harmonic),
-        shared=model_errors(ideal, known.order, known.discrepancy),
+        noise=np.hypot(noise, known.path * np.abs(heard - ideal)),
+        shared=np.concatenate(
+            [model_errors(heard, known.order, known.discrepancy), level_errors(ideal, known.harmonic, LEVEL)],
+            axis=-1,
+        ),
         path=path_errors(ideal, known.offset, known.path),
         kept=np.ones(amplitude.shape, dtype=bool),
         order_condition=known.order_condition,
@@ -184,10 +191,7 @@ def observe(
 
 
 def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]) -> NDArray[np.bool_]:
-    """Lines that the model shows without effects, (sensors, lines): only they can be shown wrongly.
-
-    A line that is measured and that the model does not have is evidence, in full.
-    """
+    """Lines that the model shows without effects, (sensors, lines): their level is the machine's own."""
     conditions = {
         known.order_condition: known.order,
         **{c: np.full(known.order.size, v) for c, v in point.items()},
@@ -196,6 +200,13 @@ def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, f
     return found > SHOWN * np.stack(
         [found[:, known.harmonic == h].max(axis=1) for h in known.harmonic], axis=1
     )
+
+
+def _without_noise(amplitude: NDArray[np.complex128], noise: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Lines as high as they would be without noise, on average; none where there is only noise."""
+    power = np.abs(amplitude) ** 2
+    kept = np.maximum(power - 2 * noise**2, 0.0)
+    return amplitude * np.sqrt(np.divide(kept, power, out=np.zeros_like(power), where=power > 0))
 
 
 def _turn_zero(recording: Recording, index: str, shaft: Shaft) -> float:

@@ -190,31 +190,12 @@ class OrderLinesObservation:
         return np.sqrt(np.diag(self.covariance))
 
     @cached_property
-    def _roots(self) -> list[tuple[NDArray[np.intp], Array]]:
-        return self._roots_of(self.kept, self.covariance)
-
-    def _roots_of(self, lines: Mask, covariance: Array) -> list[tuple[NDArray[np.intp], Array]]:
-        """Rows of each sensor, and C^(-1/2) D^(-1) for their V = D C D: sensors have no error in common.
-
-        Of all roots of V^(-1) the one whose rows stay closest to the lines.
-        """
-        found = []
-        number = np.tile(np.nonzero(lines)[0], 2)
-        for sensor in np.unique(number):
-            rows = np.flatnonzero(number == sensor)
-            part = covariance[np.ix_(rows, rows)]
-            sigma = np.sqrt(np.diag(part))
-            values, vectors = np.linalg.eigh(part / np.outer(sigma, sigma))
-            root = (vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1:]))) @ vectors.T / sigma
-            found.append((rows, root))
-        return found
+    def _root(self) -> Array:
+        return _root_of(self.covariance)
 
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0."""
-        white = np.empty(array.shape)
-        for rows, root in self._roots:
-            white[rows] = root @ array[rows]
-        return white
+        return np.asarray(self._root @ array)
 
     # --- prediction ---------------------------------------------------------------------------
 
@@ -268,8 +249,8 @@ class OrderLinesObservation:
                 used, given = (list(part) for part in zip(*groups, strict=True))
                 among = np.any(given, axis=0)
                 covariance = self._covariance(among)
-                roots = self._roots_of(among, covariance)
-                found.append(_Gains(used, given, among, roots, covariance, external))
+                root = _root_of(covariance)
+                found.append(_Gains(used, given, among, root.T @ root, covariance, external))
         return found
 
     def _of_reference(self, lines: Complex) -> Array | None:
@@ -331,12 +312,12 @@ class OrderLinesObservation:
 
 @dataclass(frozen=True)
 class _Gains:
-    """Groups whose gains are found together: lines that they apply to, lines that give them, whitening of these."""
+    """Groups whose gains are found together: lines that they apply to, lines that give them, and these lines' V."""
 
     used: list[Mask]
     given: list[Mask]
     among: Mask
-    roots: list[tuple[NDArray[np.intp], Array]]
+    inverse: Array
     covariance: Array
     external: bool
 
@@ -346,12 +327,17 @@ class _Gains:
         size = np.linalg.norm(columns, axis=0)
         scale = np.where(size > 0, size, 1.0)
         columns = columns / scale
-        weighted = np.empty_like(columns)
-        for rows, root in self.roots:
-            weighted[rows] = root.T @ (root @ columns[rows])
+        weighted = self.inverse @ columns
         normal = columns.T @ weighted
         normal[np.diag_indices_from(normal)] += np.where(size > 0, 0.0, 1.0)
         return scale, normal, weighted
+
+
+def _root_of(covariance: Array) -> Array:
+    """C^(-1/2) D^(-1) of V = D C D: of all roots of V^(-1) the one whose rows stay closest to the lines."""
+    sigma = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(sigma, sigma))
+    return np.asarray((vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1:]))) @ vectors.T / sigma)
 
 
 def _columns(lines: Complex, groups: Sequence[Mask], among: Mask) -> Array:
@@ -440,6 +426,16 @@ def path_errors(amplitude: Complex, offset: Array, size: float) -> Complex:
     """
     places = np.round(offset, 6)
     return _in_turn(amplitude, [size * (places == place) for place in np.unique(places) if place])
+
+
+def level_errors(amplitude: Complex, harmonic: NDArray[np.intp], size: float) -> Complex:
+    """The same of a relative error that all given lines of a harmonic and all sensors have in common.
+
+    How strong the ideal machine's own lines are at a load depends on flanks, inertia and damping that nobody knows;
+    lines beside them, which only parts make that are not alike, need not be strong or weak with them.
+    """
+    numbers = [harmonic == h for h in np.unique(harmonic)]
+    return np.stack([size * amplitude * one * turn for one in numbers for turn in (1, 1j)], axis=-1)
 
 
 def _in_turn(amplitude: Complex, parts: Sequence[Array]) -> Complex:
