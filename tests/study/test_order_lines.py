@@ -10,13 +10,7 @@ from specan.models.order_lines import OrderLines, Tacho
 from specan.models.quantity import constant
 from specan.study.data.open_orders import like
 from specan.study.observation import Observation
-from specan.study.observation.order_lines import (
-    OrderLinesObservation,
-    joined,
-    level_errors,
-    model_errors,
-    path_errors,
-)
+from specan.study.observation.order_lines import OrderLinesObservation, declared_errors
 
 ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
 HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])
@@ -29,7 +23,7 @@ def observed(
 ) -> OrderLinesObservation:
     return OrderLinesObservation(
         name="run.tdms",
-        recordings=("run.tdms",),
+        recording="run.tdms",
         quantity="lines",
         channels=("A", "B"),
         order=ORDER,
@@ -37,12 +31,10 @@ def observed(
         family=np.array([f"10h+-{abs(o):g}" for o in OFFSET]),
         amplitude=amplitude,
         noise=np.full((2, 8), sigma),
-        recording=np.zeros(8, dtype=int),
-        shared=model_errors(TRUTH, ORDER, near),
-        path=path_errors(TRUTH, OFFSET, path),
+        shared=declared_errors(TRUTH, ORDER, OFFSET, near, path),
         kept=np.ones((2, 8), dtype=bool),
         order_condition="order",
-        point={"load": np.array([2.0])},
+        point={"load": 2.0},
     )
 
 
@@ -155,65 +147,3 @@ def test_noise_is_not_turned() -> None:
         )
         turned, _ = like(observed(one, 1.0), observed(two, 1.0), STATEMENT)
         assert np.array_equal(turned.amplitude, two)
-
-
-def two_loads(second: float = 1.0) -> OrderLinesObservation:
-    """Two recordings of one path; what a mesh does at the second load is multiplied by a factor."""
-    gain = np.where(HARMONIC == 1, 3.0 - 2.0j, 0.01j) * np.array([[1.0], [-5.0]])
-    one, two = observed(gain * TRUTH), observed(gain * TRUTH * second)
-    return joined(
-        [one, replace(two, name="other.tdms", recordings=("other.tdms",), point={"load": np.array([4.0])})]
-    )
-
-
-def test_recordings_of_one_path_share_their_gains() -> None:
-    whole = two_loads()
-    assert isinstance(whole, Observation)
-    assert whole.recordings == ("run.tdms", "other.tdms")
-    assert whole.n == 64
-    assert whole.n_effective == 64 - 2 * 4  # two sensors, two harmonics, whatever the number of recordings
-    assert whole.conditions["load"].tolist() == ([2.0] * 8 + [4.0] * 8) * 4
-    lines = np.concatenate([TRUTH, TRUTH], axis=1)
-    assert whole.with_gains(lines) == pytest.approx(whole.measured, rel=1e-9)
-    # A line that doubles with the load is not made up for, as it would be with gains of each recording.
-    doubled = two_loads(2.0)
-    assert np.sum(doubled.whiten(doubled.with_gains(lines) - doubled.measured) ** 2) > 10
-    apart = observed(2.0 * TRUTH)
-    assert apart.with_gains(TRUTH) == pytest.approx(apart.measured)
-
-
-def test_errors_of_the_path_are_common_to_recordings_and_the_models_are_not() -> None:
-    whole = two_loads()
-    # Real part of the line at order 7, first sensor, in both recordings; 10 % of the model's own are in neither.
-    assert whole.covariance[0, 8] == pytest.approx(0.3**2 * abs(TRUTH[0, 0]) ** 2, rel=1e-9)
-    assert whole.covariance[0, 0] == pytest.approx(0.1**2 + (0.3**2 + 0.1**2) * abs(TRUTH[0, 0]) ** 2, rel=1e-9)
-
-
-def test_gains_of_what_is_held_out_come_from_what_is_fitted() -> None:
-    """Monte Carlo: chi-square of a held-out load, gains of the fitted one and their uncertainty included."""
-    rng = np.random.default_rng(7)
-    lines = np.concatenate([TRUTH, TRUTH], axis=1)
-    held = np.concatenate([np.zeros((2, 8), bool), np.ones((2, 8), bool)], axis=1)
-    values = []
-    for _ in range(300):
-        one, two = (
-            replace(
-                observed(TRUTH + 0.1 * rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]), near=0.0, path=0.0),
-                name=name,
-            )
-            for name in "ab"
-        )
-        unseen = replace(joined([one, two]), kept=held, reference=~held)
-        unseen = replace(unseen, added=unseen._of_reference(lines))
-        gap = unseen.with_gains(lines) - unseen.measured
-        values.append(float(np.sum(unseen.whiten(gap) ** 2)))
-        assert unseen.n_effective == unseen.n == 32
-    assert np.mean(values) == pytest.approx(32, abs=4 * np.sqrt(2 * 32 / 300))
-
-
-def test_the_level_of_a_harmonic_is_an_error_that_sensors_share() -> None:
-    found = level_errors(TRUTH, HARMONIC, 1.0)
-    together = np.einsum("slr,tmr->slmt", found, np.conj(found))
-    # one complex factor a harmonic: real and imaginary unit columns give twice the product
-    assert together[0, 0, 1, 1] == pytest.approx(2 * TRUTH[0, 0] * np.conj(TRUTH[1, 1]))
-    assert together[0, 0, 5, 0] == 0  # another harmonic

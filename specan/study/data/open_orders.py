@@ -20,13 +20,7 @@ from specan.models import Model
 from specan.models.order_lines import OrderLines, Stated
 from specan.study.data.open_recordings import reads  # noqa: F401  a recording is one by its content
 from specan.study.data.sources import DataFile, DataRequest, OpenedData
-from specan.study.observation.order_lines import (
-    OrderLinesObservation,
-    joined,
-    level_errors,
-    model_errors,
-    path_errors,
-)
+from specan.study.observation.order_lines import OrderLinesObservation, declared_errors
 from specan.study.observation.variable import Variable
 from specan.units import convert
 
@@ -34,11 +28,7 @@ TITLE = "a recording"
 NEIGHBOURS = 2  # lines to either side over which the noise is averaged
 # Of that noise: medians of 24 bins (48 real values, of which a median of powers is worth a half: ln(2)^2) over 5 lines.
 NOISE_DOF = 100.0
-LEVEL = 1.0  # relative standard uncertainty of the level of the ideal machine's lines, of each harmonic at each load
 SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
-# Relative difference of speeds up to which recordings share the gains of their path: about a resonance of 3 % damping
-# a gain then changes by less than a tenth, the model's declared discrepancy (0.003 / 0.03).
-SAME_SPEED = 0.003
 LIKE_ENOUGH = 25.0  # chi-square that turning a recording by whole turns must gain; 1e-5 for the best of 28
 
 
@@ -55,24 +45,24 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
     known = model.order_lines
     if known is None:
         raise RequestError(f"the model {model.name} predicts no order lines", remedy="give a table instead")
-    seen: list[tuple[OrderLinesObservation, NDArray[np.bool_]]] = []
-    statements: list[str] = []
+    fitted, held_out, statements = [], [], []
+    first: OrderLinesObservation | None = None
     for file in (*request.measurements, *request.validations):
         whole, said = observe(model, known, request, file)
-        if seen:
-            whole, turned = like(seen[0][0], whole, known)
+        if first is None:
+            first = whole
+        else:
+            whole, turned = like(first, whole, known)
             said += turned
         statements += said
-        held = file in request.validations
-        seen.append(
-            (whole, np.ones(whole.n, dtype=bool) if held else _put_aside(whole, file, request, model))
-        )
-    fitted, held_out = [], []
-    for together in _of_one_speed(seen, known):
-        one, rest, said = _parted(together)
-        fitted += one
-        held_out += rest
-        statements += said
+        if file in request.validations:
+            held_out.append(whole)
+            continue
+        aside = _put_aside(whole, file, request, model)
+        if not np.all(aside):
+            fitted.append(whole.take(~aside))
+        if np.any(aside):
+            held_out.append(whole.take(aside))
     if not fitted:
         raise RequestError("everything that was measured is held out", remedy="hold out less")
     common = (
@@ -81,38 +71,6 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
         "gain for every harmonic of each sensor"
     )
     return OpenedData(tuple(fitted), tuple(held_out), (*statements, common), True, 100 * known.discrepancy)
-
-
-def _of_one_speed(
-    seen: list[tuple[OrderLinesObservation, NDArray[np.bool_]]], known: OrderLines
-) -> list[list[tuple[OrderLinesObservation, NDArray[np.bool_]]]]:
-    """Recordings whose lines lie at the same frequencies, in their order: the path to a sensor is the same."""
-    groups: list[list[tuple[OrderLinesObservation, NDArray[np.bool_]]]] = []
-    for item in seen:
-        rate = item[0].point[known.rate_condition][0]
-        for group in groups:
-            if abs(group[0][0].point[known.rate_condition][0] / rate - 1) < SAME_SPEED:
-                group.append(item)
-                break
-        else:
-            groups.append([item])
-    return groups
-
-
-def _parted(
-    together: list[tuple[OrderLinesObservation, NDArray[np.bool_]]],
-) -> tuple[list[OrderLinesObservation], list[OrderLinesObservation], list[str]]:
-    """What is fitted and what is held out of recordings that share their gains; gains come from what is fitted."""
-    whole = joined([one for one, _ in together])
-    aside = np.concatenate([rows[: one.n // 2].reshape(one.kept.shape) for one, rows in together], axis=1)
-    fitted, held_out, said = [], [], []
-    if not aside.all():
-        fitted.append(replace(whole, kept=~aside))
-    if aside.any():
-        held_out.append(replace(whole, kept=aside, reference=~aside))
-    if len(together) > 1:
-        said.append(f"{whole.name}: one speed, so one gain for every harmonic of each sensor")
-    return fitted, held_out, said
 
 
 def observe(
@@ -151,38 +109,29 @@ def observe(
     for name, value in point.items():
         condition = model.conditions[name]
         shown = float(convert(value, condition.unit, condition.column_unit))
-        levels[name] = (
-            np.array([float(f"{shown:.3g}")]),
-            Variable(name.replace("_", " "), condition.column_unit),
-        )
+        levels[name] = (float(f"{shown:.3g}"), Variable(name.replace("_", " "), condition.column_unit))
     (observable,) = (o for o in model.observables.values() if o.kind == "orders")
-    noise = _smooth(_noise(lines)[place], known.harmonic)
-    heard = _without_noise(amplitude, noise)
-    ideal = np.where(_shown(model, observable.quantity, known, point), heard, 0.0)
+    ideal = np.where(_shown(model, observable.quantity, known, point), amplitude, 0.0)
+    shared = declared_errors(ideal, known.order, known.offset, known.discrepancy, known.path)
     observation = OrderLinesObservation(
         name=file.name,
-        recordings=(file.name,),
+        recording=file.name,
         quantity=observable.quantity,
         channels=sensors,
         order=known.order,
         harmonic=known.harmonic,
         family=np.array(known.family),
-        recording=np.zeros(known.order.size, dtype=np.intp),
         amplitude=amplitude,
-        noise=np.hypot(noise, known.path * np.abs(heard - ideal)),
-        shared=np.concatenate(
-            [model_errors(heard, known.order, known.discrepancy), level_errors(ideal, known.harmonic, LEVEL)],
-            axis=-1,
-        ),
-        path=path_errors(ideal, known.offset, known.path),
+        noise=_smooth(_noise(lines)[place], known.harmonic),
+        shared=shared,
         kept=np.ones(amplitude.shape, dtype=bool),
         order_condition=known.order_condition,
-        point={name: np.array([value]) for name, value in point.items()},
+        point=point,
         levels=levels,
         noise_dof=NOISE_DOF,
         observable=observable.name,
     )
-    levels_said = ", ".join(f"{words.words} {value[0]:g} {words.unit}" for value, words in levels.values())
+    levels_said = ", ".join(f"{words.words} {value:g} {words.unit}" for value, words in levels.values())
     return observation, [
         f"{file.name}: {len(sensors)} sensors, {known.order.size} order lines over {lines.turns} turns, angle from "
         f"{tacho.channel}; {levels_said} ({', '.join(said) or 'from the tacho'})",
@@ -191,7 +140,10 @@ def observe(
 
 
 def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]) -> NDArray[np.bool_]:
-    """Lines that the model shows without effects, (sensors, lines): their level is the machine's own."""
+    """Lines that the model shows without effects, (sensors, lines): only they can be shown wrongly.
+
+    A line that is measured and that the model does not have is evidence, in full.
+    """
     conditions = {
         known.order_condition: known.order,
         **{c: np.full(known.order.size, v) for c, v in point.items()},
@@ -200,13 +152,6 @@ def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, f
     return found > SHOWN * np.stack(
         [found[:, known.harmonic == h].max(axis=1) for h in known.harmonic], axis=1
     )
-
-
-def _without_noise(amplitude: NDArray[np.complex128], noise: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Lines as high as they would be without noise, on average; none where there is only noise."""
-    power = np.abs(amplitude) ** 2
-    kept = np.maximum(power - 2 * noise**2, 0.0)
-    return amplitude * np.sqrt(np.divide(kept, power, out=np.zeros_like(power), where=power > 0))
 
 
 def _turn_zero(recording: Recording, index: str, shaft: Shaft) -> float:
@@ -263,12 +208,7 @@ def like(
         return other, []
     n = int(np.argmax(clear))
     factor = np.exp(2j * np.pi * known.order * n)
-    turned = replace(
-        other,
-        amplitude=other.amplitude * factor,
-        shared=other.shared * factor[:, None],
-        path=other.path * factor[:, None],
-    )
+    turned = replace(other, amplitude=other.amplitude * factor, shared=other.shared * factor[:, None])
     return turned, (
         [f"{other.name}: begins {n} turns after {first.name} in the machine's period"] if n else []
     )

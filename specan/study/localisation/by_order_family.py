@@ -71,11 +71,8 @@ class _Lines:
 def _middle(o: OrderLinesObservation) -> Array:
     """Root mean square of the strongest line of each row's sensor and harmonic, over its two parts."""
     strongest = np.zeros(o.kept.shape)
-    for group, _, _ in o.groups:
-        for recording in np.unique(o.recording):
-            mine = group & (o.recording == recording)
-            if mine.any():
-                strongest[mine] = np.abs(o.amplitude[mine]).max() / np.sqrt(2)
+    for group in o.groups:
+        strongest[group] = np.abs(o.amplitude[group]).max() / np.sqrt(2)
     return o.stack((strongest * (1 + 1j)).astype(complex))
 
 
