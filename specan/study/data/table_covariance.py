@@ -80,6 +80,10 @@ class Uncertainty:
         """Rows with their covariance; `pure_error_dof` holds for the rows that this was worked out on."""
         reading, setup = self._variances(rows)
         together = (rows.setup[:, None] == rows.setup) & (rows.observable[:, None] == rows.observable)
+        # Scatter of set-ups without any of readings: too few second readings to tell, which count as set anew.
+        told = np.array([self.noise[name].reading is not None for name in rows.observable.tolist()])
+        declared = np.array([self.noise[name].setup is None for name in rows.observable.tolist()])
+        together &= (told | declared)[:, None] | np.eye(rows.n, dtype=bool)
         root = np.sqrt(setup)
         covariance = np.diag(reading) + np.where(together, np.outer(root, root), 0.0)
         part = self.discrepancy_percent / 100 * self.reference.effects_part(rows)
@@ -100,6 +104,7 @@ class Uncertainty:
             parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},
             available=frozenset(rows.conditions),
             known=self.known,
+            groups=rows.groups,
             lines=rows.lines,
             replicate_group=rows.replicate_group,
         )
@@ -167,7 +172,10 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
     ranges = {
         name: (float(x.min()), float(x.max()))
         for name, x in rows.conditions.items()
-        if np.ptp(x) > 0 and name != TIME and model.conditions[name].varies
+        if np.ptp(x) > 0
+        and name != TIME
+        and model.conditions[name].varies
+        and not model.conditions[name].group
     }
     found = Uncertainty(model, centre, noise, ranges)
     percent = found.discrepancy_percent
@@ -183,7 +191,7 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
     found = {"the reading": np.where(np.isfinite(predicted), predicted, rows.measured) ** 2}
     for name, x in rows.conditions.items():
         condition = model.conditions[name]
-        if name == TIME or not condition.varies or not np.ptp(rows.levels[name]) > 0:
+        if name == TIME or condition.group or not condition.varies or not np.ptp(rows.levels[name]) > 0:
             continue
         size = 1.0 if condition.usual_setting.absolute else x
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
@@ -331,7 +339,11 @@ def _slopes(rows: Rows, predicted: Array) -> Array:
     linear in the deviation, and in the condition, is left to be fitted. Time went on: a machine runs in,
     quickly at first, by an amount or by a share of the reading.
     """
-    scaled = [(x - x.mean()) / x.std() for n, x in rows.levels.items() if np.ptp(x) > 0 and n != TIME]
+    scaled = [
+        (x - x.mean()) / x.std()
+        for n, x in rows.levels.items()
+        if np.ptp(x) > 0 and n != TIME and n not in rows.groups
+    ]
     deviations = {
         n: x - rows.levels[n] for n, x in rows.conditions.items() if n != TIME and not rows.is_set[n]
     }
@@ -398,7 +410,11 @@ def _about_conditions(model: Model, rows: Rows) -> list[str]:
             continue
         distinct = np.unique(rows.levels[name]).size
         kind = "set values" if rows.is_set[name] else "read values (their scatter is known, no noise)"
-        if np.ptp(x) > 0:
+        if condition.group:
+            names = rows.groups[name]
+            shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+            said.append(f"{name}: {len(names)} groups of rows, {shown}")
+        elif np.ptp(x) > 0:
             said.append(f"{condition.column}: {kind}, {distinct} levels")
     return said
 

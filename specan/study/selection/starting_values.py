@@ -27,7 +27,7 @@ from specan.study.selection.score_test import Scored, best_of_each, different, s
 from specan.study.selection.shape_grid import shape_grid
 from specan.study.selection.signatures import Known, Point, default_value, signatures
 
-STARTS = 3
+STARTS = 3  # signatures of a candidate that lie apart
 EVERYWHERE = 2  # effects that are looked for at every place
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
