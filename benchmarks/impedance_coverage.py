@@ -26,7 +26,7 @@ from specan.models.catalogue import load_model
 from specan.models.room.places import wall_areas
 from specan.schema import read_toml
 from specan.study.data.open_recordings import open_data
-from specan.study.data.sources import DataFile, DataRequest
+from specan.study.data.sources import DataFile, MeasuredFiles
 from specan.study.estimation.problem import base_problem
 from truth.room import Truth, simulate, write
 from truth.room.box import WALLS
@@ -64,7 +64,7 @@ def one_room(
     with TemporaryDirectory() as folder:
         recording, rig = write(case, folder)
         model = load_model("room", read_toml(rig))
-        data = open_data(model, DataRequest([DataFile("recording", recording)]))
+        data = open_data(model, MeasuredFiles([DataFile("recording", recording)]))
     begun = time.process_time()
     fit = wall_fit(base_problem(model, data.fitted))
     band = model.settings["rig"]["band"]

@@ -12,6 +12,7 @@ import click
 
 from specan import __version__
 from specan_cli.figure_output import plot_option
+from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
 from specan_cli.output import emit_json, table
 from specan_cli.output_file import OutputFile, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
@@ -20,6 +21,7 @@ from specan_cli.several_files import RecordingVerb, recording_argument
 PIECE = 1 << 15  # lines of a table at once
 
 if TYPE_CHECKING:
+    from specan.data.limits import Kept
     from specan.data.recording import Recording
     from specan.data.spectrum import Spectrogram, Spectrum
 
@@ -46,6 +48,12 @@ if TYPE_CHECKING:
 )
 @click.option("--blocks", "n_exponential", type=int, help="Blocks of an exponential average.  [default: 10]")
 @click.option("--reference", metavar="CH", help="Give phases over this channel; an average has no others.")
+@click.option(
+    "--weighting",
+    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
+    metavar="A|B|C|Z",
+    help="Of the magnitudes of sound pressure; phases stay.  [default: Z]",
+)
 @click.option("--fmin", "fmin_hz", type=float, metavar="HZ", help="Lowest line.")
 @click.option("--fmax", "fmax_hz", type=float, metavar="HZ", help="Highest line.")
 @click.option(
@@ -53,6 +61,7 @@ if TYPE_CHECKING:
 )
 @click.option("--spectrogram", is_flag=True, help="Spectra against time.")
 @click.option("--columns", type=int, help="Most columns of a spectrogram.  [default: 1000]")
+@limit_option()
 @plot_option()
 @click.option("-o", "--output", type=OutputFile(), help="Write all lines as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
@@ -62,6 +71,7 @@ def command(
     peaks: int,
     spectrogram: bool,
     columns: int | None,
+    limit: Path | None,
     plot: Path | None,
     output: Path | None,
     as_json: bool,
@@ -79,49 +89,69 @@ def command(
     specan fft sample_data/recordings/noise/noise_24_microphones.tdms --channel "Mic 1" --lines 800
     specan fft sample_data/recordings/knock.tdms --spectrogram --lines 100 --plot knock.png
     """
+    from specan.errors import RequestError
     from specan.io.open import open_recording
 
     recording = open_recording(
         file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )
     single = options["whole"] or options["averaging"] == "none"
-    if single and not (spectrogram or as_json or plot is not None):
+    if limit is not None and spectrogram:
+        raise RequestError("a spectrogram has no limits", remedy="leave out --limit or --spectrogram")
+    if single and not (spectrogram or as_json or plot is not None or limit is not None):
         return _single(recording, options, peaks, output)
     found = _spectrogram(recording, columns, options) if spectrogram else _spectrum(recording, options)
+    kept = [] if limit is None else _held(found, limit)
     if plot is not None:
         _draw(found, plot)
     if output is not None:
         write_text(found, output)
     if as_json:
-        emit_json(content(found))
+        emit_json({**content(found), **({"limits": limit_content(kept)} if kept else {})})
     elif not to_standard_output(output):
         show(found, peaks)
+        show_limit("" if limit is None else limit.name, kept)
         say_written(plot, output)
     say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
-    return 0
+    return limit_code(kept)
+
+
+def _held(found: Spectrum | Spectrogram, limit: Path) -> list[Kept]:
+    from specan.io.limit_file import read_limits
+
+    curve = read_limits(limit)
+    return [
+        curve.of_lines(name, found.frequency_hz, found.level_dB[row])
+        for row, name in enumerate(found.channels)
+    ]
 
 
 def _single(recording: Recording, options: dict[str, Any], peaks: int, output: Path | None) -> int:
     """A single block, which may be the whole recording: shown and written channel by channel."""
-    from specan.analysis.section import of_one_rate
+    from specan.analysis.section import weightable
     from specan.analysis.spectrum import FourierSpectrum, phase_of_lines, single_blocks, with_phase
     from specan.io.results_text import write_table
     from specan.schema import parse
 
     settings = parse(FourierSpectrum, given(**options), "fft")
     reference = None if settings.reference is None else recording.channel(settings.reference)
-    channels, _ = of_one_rate(recording, settings.channels, like=reference)
+    channels, _ = weightable(recording, settings.channels, settings.weighting, like=reference)
     parts = single_blocks(recording, settings)
     sheet: list[list[str]] = []
     about: list[Spectrum] = []  # without their lines
 
     def texts(wanted: bool) -> Iterator[str]:
         for part, lines in parts:
-            sheet.extend(
-                _rows(part, peaks, lambda _, k, lines=lines: float(phase_of_lines(lines[k : k + 1])[0]))
-            )
+
+            def phase(_: Any, k: int, lines: Any = lines) -> float:
+                return float(phase_of_lines(lines[k : k + 1])[0])
+
+            sheet.extend(_rows(part, peaks, phase))
             # What is said about the spectrum in the end; not its lines, nor a view that would keep them.
-            short = {"density": part.density[:, :1].copy(), "frequency_hz": part.frequency_hz[:1].copy()}
+            short: dict[str, Any] = {
+                "density": part.density[:, :1].copy(),
+                "frequency_hz": part.frequency_hz[:1].copy(),
+            }
             about.append(replace(part, has_mirror=part.has_mirror[:1].copy(), **short))
             yield from _text(with_phase(part, lines)) if wanted else ()
             del part, lines
@@ -183,6 +213,7 @@ def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
     common = {
         "file": found.label,
         "scaling": scale.scaling,
+        "weighting": scale.weighting,
         "window": {
             "name": scale.window,
             "coherent_gain": scale.coherent_gain,
@@ -239,6 +270,7 @@ def _title(found: Spectrum | Spectrogram) -> str:
     scale = found.scale
     title = f"{found.label}: {scale.scaling}, {scale.window}, lines {scale.line_spacing_hz:.6g} Hz apart, "
     title += f"noise bandwidth {scale.enbw_hz:.6g} Hz, "
+    title += "" if scale.weighting == "Z" else f"{scale.weighting} weighting, "
     if isinstance(found, Spectrogram):
         return title + f"{len(found.time_s)} columns of {found.blocks_per_column} blocks"
     return title + f"{found.n_blocks} blocks, averaging {found.averaging}"

@@ -21,6 +21,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
     "orders": ("orders", "Order spectra, lines and averages against a tacho or a known speed."),
+    "impulse": ("impulse", "Impulse responses from noise, sweeps, sequences and impulses."),
+    "decay": ("decay", "Reverberation times, clarity, definition (ISO 3382)."),
     "rms": ("rms", "RMS, level, peak, crest factor, equivalent and percentile levels."),
     "calibrate": ("calibrate", "Sensitivities and phases of microphones from recordings of a calibrator."),
     "batch": ("batch", "Everything in a directory of recordings, as text tables."),
@@ -29,6 +31,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "What a model predicts, as a table, a look-up map or a figure."),
     "study": ("study", "Model against measurement: where it fails, what is missing, what to add."),
+    "conformance": ("conformance", "Clauses of IEC 61260-1, IEC 61672-1, IEEE 1057: expected, found."),
     "demo": ("demo", "The sample data of the examples, written to a directory."),
     "completion": ("completion", "Tab completion for bash, zsh, fish and PowerShell."),
 }

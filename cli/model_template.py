@@ -73,12 +73,12 @@ NOISE, REPEATS, SEED = 0.1, 2, 7
 
 def table_to_try(model: Model) -> str:
     """A table for the model of `TEMPLATE`, as text, with an effect in it that the model lacks."""
+    from specan.models.chosen_model import ChosenModel
     from specan.models.prediction import grid, simulated_table
-    from specan.models.request import Request
 
     assembly = model.assemble(["cavitation"])
     rows = simulated_table(
-        Request(assembly, TRUTH), grid(model, {"flow": FLOWS, "speed": SPEEDS}),
+        ChosenModel(assembly, TRUTH), grid(model, {"flow": FLOWS, "speed": SPEEDS}),
         noise=NOISE, repeats=REPEATS, seed=SEED,
     )  # fmt: skip
     text = io.StringIO()

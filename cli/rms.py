@@ -103,11 +103,13 @@ def content(found: SignalLevels) -> dict[str, Any]:
             "level_dB": found.level_dB[row],
             "peak": found.peak[row],
             "peak_dB": found.peak_dB[row],
+            "C_peak_dB": found.c_peak_dB[row],
             "crest_factor": found.crest_factor[row],
             "mean": found.mean[row],
             "minimum": found.minimum[row],
             "maximum": found.maximum[row],
             "equivalent_dB": {w: values[row] for w, values in found.equivalent_dB.items()},
+            "exposure_dB": {w: values[row] for w, values in found.exposure_dB.items()},
             "time_weighted_dB": {
                 "weighting": found.weighting if found.units[row] == "Pa" else "Z",
                 "averaging": found.averaging,
@@ -149,22 +151,23 @@ def show(found: SignalLevels) -> None:
     click.echo(f"{found.label}: {found.start_s:g} s to {stop:g} s, about the mean")
     table("", header, rows)
     letter = {"fast": "F", "slow": "S"}[found.averaging]
-    percent = [f"L{n:g}" for n in found.percentile_dB]
-    header = ["channel", "dB re", "level", "Leq A", f"{letter} max", *percent]
+    header = ["channel", "dB re", "level", "Leq A", "LE A", "C peak", f"{letter} max", f"{letter} min"]
+    values = (
+        found.level_dB, found.equivalent_dB["A"], found.exposure_dB["A"], found.c_peak_dB, found.max_dB, found.min_dB,
+    )  # fmt: skip
     rows = [
-        [
-            name,
-            found.references[row].text,
-            _number(found.level_dB[row]),
-            _number(found.equivalent_dB["A"][row]),
-            *(_number(v[row], "{:.1f}") for v in (found.max_dB, *found.percentile_dB.values())),
-        ]
+        [name, found.references[row].text, *(_number(v[row]) for v in values)]
         for row, name in enumerate(found.channels)
     ]
-    click.echo(
-        f"Levels; {letter} max and L of the {found.averaging} level, {found.weighting} weighted for Pa"
-    )
+    weighted = f"the {found.averaging} level, {found.weighting} weighted for Pa"
+    click.echo(f"Levels; LE: exposure level; {letter} max, min: of {weighted}")
     table("", header, rows)
+    rows = [
+        [name, *(_number(v[row], "{:.1f}") for v in found.percentile_dB.values())]
+        for row, name in enumerate(found.channels)
+    ]
+    click.echo(f"Percentiles of {weighted}: LN is exceeded during N % of the time")
+    table("", ["channel", *(f"L{n:g}" for n in found.percentile_dB)], rows)
 
 
 def write_text(found: SignalLevels, path: Path) -> None:
@@ -173,8 +176,10 @@ def write_text(found: SignalLevels, path: Path) -> None:
 
     percent = {f"L{n:g}_dB": values for n, values in found.percentile_dB.items()}
     equivalent = {f"Leq_{weighting}_dB": values for weighting, values in found.equivalent_dB.items()}
+    exposure = {f"LE_{weighting}_dB": values for weighting, values in found.exposure_dB.items()}
     levels = {
-        "level_dB": found.level_dB, "peak_dB": found.peak_dB, **equivalent, "max_dB": found.max_dB,
+        "level_dB": found.level_dB, "peak_dB": found.peak_dB, "C_peak_dB": found.c_peak_dB,
+        **equivalent, **exposure, "max_dB": found.max_dB,
         "min_dB": found.min_dB, **percent,
     }  # fmt: skip
     numbers = {

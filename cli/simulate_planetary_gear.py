@@ -152,15 +152,15 @@ def _described(rig: Any) -> dict[str, object]:
 
 def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, Any]:
     """Orders, complex lines (sensors, orders), and the effects with which they were made."""
+    from specan.models.chosen_model import choose_model
     from specan.models.planetary_gear.lines import line_conditions
-    from specan.models.request import read_request
 
     if model.order_lines is None:
         raise RequestError(
             "a gear pair has no order-domain model: no order lines and no effects",
             remedy="write its run in time: -o run.tdms",
         )
-    request = read_request(model, options["effects"], options["without"])
+    request = choose_model(model, options["effects"], options["without"])
     conditions = line_conditions(model)
     values = {**request.assembly.defaults(), **request.values}
     found = request.assembly.evaluate(conditions, values, wanted=["order_lines"])["order_lines"]

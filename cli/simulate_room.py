@@ -11,8 +11,8 @@ from specan.errors import RequestError
 from specan_cli.output import emit_json, say, table
 
 if TYPE_CHECKING:
+    from specan.models.chosen_model import ChosenModel
     from specan.models.model import Model
-    from specan.models.request import Request
     from specan.models.room.field_map import FieldMap
     from specan.models.room.simulated_recording import SimulatedRecording
 
@@ -23,8 +23,8 @@ OF_GEARS = {
 
 
 def run(model: Model, options: Mapping[str, Any]) -> None:
-    """Carry out the request."""
-    from specan.models.request import read_request
+    """Carry out the chosen."""
+    from specan.models.chosen_model import choose_model
 
     for name, option in OF_GEARS.items():
         if options[name] not in (None, ()):
@@ -40,28 +40,28 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
             "a simulated room has nowhere to go",
             remedy="name a file with -o: recording.tdms, or field.csv or field.png with --field",
         )
-    request = read_request(model, options["effects"], options["without"])
+    chosen = choose_model(model, options["effects"], options["without"])
     if options["plane"]:
-        _map(request, options)
+        _map(chosen, options)
     else:
-        _record(request, options)
+        _record(chosen, options)
 
 
 # --- a recording -----------------------------------------------------------------------------------------
 
 
-def _record(request: Request, options: Mapping[str, Any]) -> None:
+def _record(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     from specan.models.room.simulated_recording import simulated_recording
 
     path = _checked(options["output"], (".tdms",))
     made = simulated_recording(
-        request,
+        chosen,
         duration_s=options["duration"],
         frequency_hz=options["frequency"],
         noise=options["noise"],
         seed=options["seed"],
     )
-    _write_tdms(path, made, request.assembly.model.settings["rig"])
+    _write_tdms(path, made, chosen.assembly.model.settings["rig"])
     say(
         f"{len(made.names)} channels of {made.quantities.shape[1] / made.sampling_rate:g} s at "
         f"{made.sampling_rate:g} samples a second written to {path}"
@@ -71,7 +71,7 @@ def _record(request: Request, options: Mapping[str, Any]) -> None:
         for name, unit, signal in zip(made.names, _units(made), made.quantities, strict=True)
     ]
     if options["as_json"]:
-        effects = [str(use) for use in request.assembly.uses]
+        effects = [str(use) for use in chosen.assembly.uses]
         emit_json({"effects": effects, "sampling_rate_hz": made.sampling_rate, "channels": rows})
     else:
         table(
@@ -116,7 +116,7 @@ def _write_tdms(path: Path, made: SimulatedRecording, given: Mapping[str, Any]) 
 # --- the field on a plane ----------------------------------------------------------------------------------
 
 
-def _map(request: Request, options: Mapping[str, Any]) -> None:
+def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     from specan.models.room.field_map import field_map, read_plane
 
     path = _checked(options["output"], (".csv", ".png", ".svg", ".pdf"))
@@ -124,12 +124,12 @@ def _map(request: Request, options: Mapping[str, Any]) -> None:
         raise RequestError("--field needs a frequency", remedy="give one with --frequency HZ")
     left_out = [
         str(use)
-        for use in request.assembly.uses
-        if request.assembly.model.effects[use.name].at in ("microphone", "card")
+        for use in chosen.assembly.uses
+        if chosen.assembly.model.effects[use.name].at in ("microphone", "card")
     ]
     if left_out:
         say(f"Errors of microphones do not change the field: {', '.join(left_out)}.")
-    found = field_map(request, read_plane(options["plane"]), options["frequency"])
+    found = field_map(chosen, read_plane(options["plane"]), options["frequency"])
     if path.suffix.lower() == ".csv":
         _write_csv(path, found)
     else:

@@ -14,34 +14,34 @@ from specan_cli.output import emit_json, say
 from specan_cli.output import table as print_table
 
 if TYPE_CHECKING:
+    from specan.models.chosen_model import ChosenModel
     from specan.models.model import Model
     from specan.models.prediction import Columns
-    from specan.models.request import Request
 
 POINTS = 7  # of each condition over the limits
 MOST_PRINTED = 60  # rows that a person reads on a terminal
 
 
 def run(model: Model, options: Mapping[str, Any]) -> None:
-    """Carry out the request for any model of tables."""
+    """Carry out the chosen for any model of tables."""
+    from specan.models.chosen_model import choose_model
     from specan.models.prediction import simulated_table
-    from specan.models.request import read_request
 
-    request = read_request(model, options["effects"], options["without"])
-    simulate(request, options, simulated_table, dict.fromkeys(model.rig.limits, POINTS))
+    chosen = choose_model(model, options["effects"], options["without"])
+    simulate(chosen, options, simulated_table, dict.fromkeys(model.rig.limits, POINTS))
 
 
 def simulate(
-    request: Request, options: Mapping[str, Any], make: Callable[..., Columns], points: Mapping[str, int]
+    chosen: ChosenModel, options: Mapping[str, Any], make: Callable[..., Columns], points: Mapping[str, int]
 ) -> None:
     """Write or print what `make` predicts over the conditions that were asked for."""
     from specan.models.prediction import outside_validity
 
     if options["noise"] < 0:
         raise RequestError(f"--noise is {options['noise']}", expected="a standard deviation, not below zero")
-    columns = _conditions(request, options, points)
-    rows = make(request, columns, noise=options["noise"], repeats=options["repeats"], seed=options["seed"])
-    for left in outside_validity(request, columns):
+    columns = _conditions(chosen, options, points)
+    rows = make(chosen, columns, noise=options["noise"], repeats=options["repeats"], seed=options["seed"])
+    for left in outside_validity(chosen, columns):
         say(
             f"Warning: {left.rows} rows have {left.quantity} outside {left.low:g} to {left.high:g} {left.unit}, "
             "where the effects' equations hold."
@@ -50,16 +50,16 @@ def simulate(
         write(options["output"], rows)
         say(f"{length(rows)} rows written to {options['output']}")
     if options["as_json"]:
-        emit_json({"effects": [str(use) for use in request.assembly.uses], "rows": _records(rows)})
+        emit_json({"effects": [str(use) for use in chosen.assembly.uses], "rows": _records(rows)})
     elif not options["output"]:
         _print(rows)
 
 
-def _conditions(request: Request, options: Mapping[str, Any], points: Mapping[str, int]) -> Columns:
+def _conditions(chosen: ChosenModel, options: Mapping[str, Any], points: Mapping[str, int]) -> Columns:
     """Rows of a table, or a grid over the limits with the axes that the user gives."""
     from specan.models.prediction import grid
 
-    model = request.assembly.model
+    model = chosen.assembly.model
     if options["conditions"]:
         from specan.study.data.table_columns import ColumnNames
         from specan.study.data.table_file import read_table

@@ -10,8 +10,8 @@ from specan.errors import RequestError
 from specan_cli.output import say
 
 if TYPE_CHECKING:
+    from specan.models.chosen_model import ChosenModel
     from specan.models.model import Model
-    from specan.models.request import Request
 
 GRID_POINTS = {"worm_speed": 7, "indicated_output_torque": 11, "indicated_oil_temperature": 3}
 LOOKUP_POINTS = {"worm_speed": 28, "indicated_output_torque": 21, "indicated_oil_temperature": 12}
@@ -19,33 +19,33 @@ LOOKUP_COLUMNS = ("speed_rpm", "output_torque_Nm", "oil_temperature_C", "efficie
 
 
 def run(model: Model, options: Mapping[str, Any]) -> None:
-    """Carry out the request."""
-    from specan.models.request import read_request
+    """Carry out the chosen."""
+    from specan.models.chosen_model import choose_model
     from specan.models.worm_gear.simulated_table import simulated_table
     from specan_cli.simulate_table import simulate
 
-    request = read_request(model, options["effects"], options["without"])
+    chosen = choose_model(model, options["effects"], options["without"])
     if options["number"] is not None or options["plot"]:
-        _draw(request, options)
+        _draw(chosen, options)
     if options["lookup"]:
-        _look_up(request, options["lookup"])
+        _look_up(chosen, options["lookup"])
     if options["number"] is None and (options["output"] or not (options["plot"] or options["lookup"])):
-        simulate(request, options, simulated_table, GRID_POINTS)
+        simulate(chosen, options, simulated_table, GRID_POINTS)
 
 
-def _look_up(request: Request, path: Path) -> None:
+def _look_up(chosen: ChosenModel, path: Path) -> None:
     """A full grid, the temperature running fastest, as look-up tables of simulation programs want it."""
     from specan.models.prediction import grid
     from specan.models.worm_gear.simulated_table import simulated_table
     from specan_cli.simulate_table import length, over_limits, write
 
-    model = request.assembly.model
-    rows = simulated_table(request, grid(model, over_limits(model, LOOKUP_POINTS)))
+    model = chosen.assembly.model
+    rows = simulated_table(chosen, grid(model, over_limits(model, LOOKUP_POINTS)))
     write(path, {name: rows[name] for name in LOOKUP_COLUMNS})
     say(f"{length(rows)} rows written to {path}")
 
 
-def _draw(request: Request, options: Mapping[str, Any]) -> None:
+def _draw(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     from specan.report.figure_style import save_figure
     from specan.report.figures_worm_gear import figure
 
@@ -60,6 +60,6 @@ def _draw(request: Request, options: Mapping[str, Any]) -> None:
     if options["number"] is not None:
         wanted.append((options["number"], options["output"]))
     for number, path in wanted:
-        sheet = figure(number, request, measured)
+        sheet = figure(number, chosen, measured)
         save_figure(sheet, path)
         say(f"figure {number} written to {path}")

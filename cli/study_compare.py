@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output_file import Verb
 from specan_cli.study_output import study_options
+
+if TYPE_CHECKING:
+    from specan.study.localisation.frf_errors import FrfErrors
+    from specan.study.study import Comparison, Study
 
 
 @click.command("compare", cls=Verb)
@@ -53,12 +59,13 @@ def command(
         from specan.report.figures_room import figure_errors
         from specan.report.figures_study import figure_compare
 
-        save_figure(
-            figure_compare(study) if shown is None else figure_errors(study, recorded[0], shown), plot
-        )
+        if shown is None or study.model.receivers is None:
+            save_figure(figure_compare(study, channel), plot)
+        else:
+            save_figure(figure_errors(study, recorded[0], shown), plot)
 
 
-def _content(study, found) -> dict:  # type: ignore[no-untyped-def, type-arg]
+def _content(study: Study, found: Comparison) -> dict[str, Any]:
     known, best, where = study.data.known, found.fit, found.localisation
     return {
         "model_effects": list(study.model_effects),
@@ -80,8 +87,9 @@ def _content(study, found) -> dict:  # type: ignore[no-untyped-def, type-arg]
     }
 
 
-def _print(study, found) -> None:  # type: ignore[no-untyped-def]
-    from specan.study.diagnose import LEAST_DOF
+def _print(study: Study, found: Comparison) -> None:
+    from specan.study.diagnose import untestable
+    from specan.study.selection.refits import Refit
     from specan_cli.output import table
     from specan_cli.study_output import error_table, parameter_table, probability
 
@@ -92,16 +100,17 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
     parameter_table(found.parameters)
     if where is None:
         return
-    spent = " beside those of the repeats" if study.problem.pure_dof else ""
+    spent = " beside those of the repeats" if study.problem.pure_error_dof else ""
     click.echo(
         f"\nReduced chi-square {best.reduced_chi2:.2f} ({best.n_effective:.0f} independent values, "
-        f"{best.dof - study.problem.pure_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
+        f"{best.dof - study.problem.pure_error_dof:.0f} degrees of freedom{spent}), {probability(best.p_value)}; "
         f"model discrepancy of {study.data.discrepancy_percent:g} % of the {_of_what(study)} allowed for"
     )
     verdict = "The model fits." if best.p_value > 1e-3 else "The model does not fit."
     outside = [name for name, p in found.parameters.items() if not p["plausible"]]
-    if best.dof - study.problem.pure_dof < LEAST_DOF:
-        verdict = "These data cannot tell whether the model fits: too few values beside its parameters."
+    why = untestable(Refit(frozenset(), study.problem, best))
+    if why:
+        verdict = f"These data cannot tell whether the model fits: {why}."
     elif best.p_value > 1e-3 and outside:
         verdict = f"The model fits, but only with values outside what is known: {', '.join(outside)}."
     elif best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
@@ -126,18 +135,20 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
         click.echo(f"\nAsk what is missing: specan study diagnose {study.directory}")
 
 
-def _of_what(study) -> str:  # type: ignore[no-untyped-def]
+def _of_what(study: Study) -> str:
     return str(study.model.words.discrepancy_of)
 
 
-def _print_recordings(study, recorded) -> None:  # type: ignore[no-untyped-def]
+def _print_recordings(study: Study, recorded: Sequence[FrfErrors]) -> None:
     from specan.study.localisation.frf_errors import summary
     from specan_cli.output import table
 
+    receivers = study.model.receivers
+    names = receivers.plural if receivers else "channels"
     for one in recorded:
         click.echo("")
         table(
-            f"{one.recording}: model over measured, all {study.model.receivers.plural}",
+            f"{one.recording}: model over measured, all {names}",
             ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "the clearest, dB (95 %)"],
             summary([one]),
         )

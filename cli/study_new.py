@@ -22,6 +22,8 @@ FILE = click.Path(path_type=Path)
 @click.option("--column", "columns", multiple=True, metavar="NAME=HEADER",
               help="Header of a column of the model in the table, with its unit: \"speed_rpm=n [1/min]\"; repeatable. "
               "Unknown columns are passed over then.")  # fmt: skip
+@click.option("--group", "groups", multiple=True, metavar="NAME",
+              help="A column of names, such as specimen: is a parameter different for each? Repeatable.")  # fmt: skip
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
               help="Measured data that are only ever predicted; repeatable.")  # fmt: skip
 @click.option("--hold-out", multiple=True, metavar="KEY=V,V...",
@@ -37,6 +39,7 @@ def command(
     rig: Path | None,
     measurements: tuple[Path, ...],
     columns: tuple[str, ...],
+    groups: tuple[str, ...],
     validations: tuple[Path, ...],
     hold_out: tuple[str, ...],
     calibration: Path | None,
@@ -67,6 +70,7 @@ def command(
         calibration=calibration,
         effects=chosen,
         columns=_named_columns(columns),
+        groups=groups,
     )
     _show(begun, as_json)
     if plot is not None:
@@ -91,7 +95,7 @@ def _named_columns(given: tuple[str, ...]) -> dict[str, str]:
 
 
 def _show(begun: object, as_json: bool) -> None:
-    from specan.study.build_problem import certificates, held_for_want_of_variation
+    from specan.study.build_problem import calibration_priors, held_for_want_of_variation
     from specan.study.create import Begun
     from specan_cli.output import emit_json
     from specan_cli.study_output import amount, error_table
@@ -115,7 +119,7 @@ def _show(begun: object, as_json: bool) -> None:
                 "assumptions": list(study.data.statements),
                 "certificates": {
                     name: {"standard_uncertainty": sd, "unit": unit}
-                    for name, (sd, unit) in certificates(study.problem).items()
+                    for name, (sd, unit) in calibration_priors(study.problem).items()
                 },
                 "rig_defaults_used": defaults,
                 "parameters_held": [*held, *begun.held],
@@ -130,7 +134,7 @@ def _show(begun: object, as_json: bool) -> None:
     click.echo("\nWhat was found and assumed about the measurement:")
     for text in study.data.statements:
         click.echo(f"  {text}")
-    for name, (sd, unit) in certificates(study.problem).items():
+    for name, (sd, unit) in calibration_priors(study.problem).items():
         click.echo(f"  {name}: an error common to all readings, standard uncertainty {sd:.3g} {unit}")
     for name, needed in held.items():
         columns = ", ".join(study.model.conditions[n].column for n in needed if n in study.model.conditions)

@@ -12,8 +12,10 @@ if TYPE_CHECKING:  # for type checkers and editors: the same names as in `_PLACE
     from specan.api.drawing import plot as plot
     from specan.api.recordings import batch as batch
     from specan.api.recordings import calibrate as calibrate
+    from specan.api.recordings import decay as decay
     from specan.api.recordings import fft as fft
     from specan.api.recordings import frf as frf
+    from specan.api.recordings import impulse as impulse
     from specan.api.recordings import octave as octave
     from specan.api.recordings import orders as orders
     from specan.api.recordings import read as read
@@ -38,7 +40,8 @@ __version__ = "0.2.0"
 
 _PLACES = {
     "specan.api.recordings": (
-        "read", "octave", "fft", "spectrogram", "frf", "rms", "tones", "orders", "calibrate", "batch",
+        "read", "octave", "fft", "spectrogram", "frf", "impulse", "decay", "rms", "tones", "orders", "calibrate",
+        "batch",
     ),
     "specan.api.drawing": ("plot",),
     "specan.api.studies": ("Study", "diagnose"),

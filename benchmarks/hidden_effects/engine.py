@@ -16,13 +16,14 @@ from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem, base_problem
+from specan.study.selection.other_forms import other_forms
 from specan.study.selection.refits import EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, score_pairs
 from specan.study.selection.search import Search
 from specan.units import convert
 from truth.worm_gear import TruthCase
 
-STARTS = 3  # traces of a candidate from which it is refitted to noise-free data
+STARTS = 3  # signatures of a candidate from which it is refitted to noise-free data
 
 
 def diagnose(case: Case, directory: Path) -> dict[str, Any]:
@@ -32,6 +33,8 @@ def diagnose(case: Case, directory: Path) -> dict[str, Any]:
 
 def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
     """lambda, D, conditional lambda and the planted sizes, from a refit of noise-free data, whatever the verdict is.
+
+    The base is in that of its published forms which leaves least.
 
     Returns
     -------
@@ -43,7 +46,9 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
         ``planted``: amplitude that each true candidate takes, in the unit of its parameter.
     """
     problem = _noise_free(_problem(directory), truth)
-    refits = Refits(Refit(frozenset(), problem, fit(problem, starts=STARTS)))
+    bases = [Refit(frozenset(), problem, fit(problem, starts=STARTS))]
+    bases += [other.start for other in other_forms(bases[0])]
+    refits = Refits(min(bases, key=lambda base: base.chi2))
     found = {"lambda": refits.base.chi2, "left": None, "d": None, "rival": None, "conditional_lambda": None}
     found["planted"] = {}
     names = frozenset(Use(name) for name in case.truth)
@@ -53,7 +58,7 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
     singles = {use: refits.fit(refits.base, _starts(items)) for use, items in step.by_use.items()}
     right = _pair(refits, step.scored, names) if len(names) > 1 else singles.get(next(iter(names), None))
     found["planted"] = {use.name: _amplitude(singles.get(use)) for use in names}
-    if names and right is None:  # the base swallows it whole
+    if names and right is None:  # the base is collinear with it whole
         return found
     found["left"] = right.chi2 if right is not None else 0.0  # the truth itself leaves nothing
     if len(names) < 2:
@@ -96,10 +101,10 @@ def _noise_free(problem: Problem, truth: TruthCase) -> Problem:
 
 
 def _starts(items: Sequence[Scored]) -> list[list[Scored]]:
-    """The best trace and the best of those that have other shapes."""
+    """The best signature and the best of those that have other shapes."""
     kept: list[Scored] = []
     for item in items:
-        if all(item.trace.shapes != other.trace.shapes for other in kept):
+        if all(item.signature.shapes != other.signature.shapes for other in kept):
             kept.append(item)
     return [[item] for item in kept[:STARTS]]
 

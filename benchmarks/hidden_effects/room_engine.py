@@ -21,7 +21,7 @@ from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import HeldOut
 from specan.study.estimation.problem import Problem
 from specan.study.observation.frf import FrfObservation
-from specan.study.selection.initial_fit import approached
+from specan.study.selection.initial_fit import initial_fit
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import score_pairs
 from specan.study.selection.search import Search, Step
@@ -53,7 +53,7 @@ def measure(case: Case, truth: RoomCase, directory: Path, verdict: Mapping[str, 
         declared uncertainty before and after, and the parameters with their 95 % intervals.
     """
     study = _study(directory, case)
-    known = approached(Refit(frozenset(), study.problem, study.best), lambda text: None).base.problem
+    known = initial_fit(Refit(frozenset(), study.problem, study.best), lambda text: None).base.problem
     ideal = [_noise_free(known, directory / name) for name in _quiet_files(case)]
     found = {"at": _places(truth), **_knowable(case, *ideal)}
     before = study.held_out
@@ -125,7 +125,7 @@ def _knowable(case: Case, problem: Problem, healthy: Problem | None = None) -> d
     wrong = _refits(refits, step, [u for u in step.by_use if u.name not in names][:RIVALS])
     best = min(right, key=lambda r: r.chi2, default=None)
     found["planted"] = dict.fromkeys(names, 0.0 if best is None else _amplitude(best))
-    if names and best is None:  # the base swallows it whole
+    if names and best is None:  # the base is collinear with it whole
         return found
     left = (
         best.chi2 if best is not None else misfit

@@ -44,7 +44,7 @@ def run_case(case: Case, engine: str = "", cache: Path | None = None) -> Record:
         Module with ``diagnose(case, directory)`` and ``measure(case, truth, directory, verdict)``, which add to the
         record; the case's own by default.
     cache : path, optional
-        Directory for what is dear to simulate.
+        Directory for what is expensive to simulate.
     """
     module = importlib.import_module(engine or case.engine)
     record: Record = {**case.as_dict(), "key": case.key, "truth": list(case.truth)}

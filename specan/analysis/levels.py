@@ -22,7 +22,8 @@ from specan.dsp.history_filters import weighting_filter
 from specan.dsp.multirate import MultirateTransform
 from specan.dsp.statistics import exceeded
 from specan.dsp.time_weighting import FAST, SLOW
-from specan.dsp.weighting import WEIGHTINGS, Weighting, power_weighting
+from specan.dsp.weighted_peak import WeightedPeak
+from specan.dsp.weighting import WEIGHTINGS, Weighting
 from specan.schema import Settings
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
 
@@ -126,6 +127,7 @@ class LevelsAccumulator:
             rows, self.sampling_rate, [self._energy, self._history], self._constant
         )
         self._quality = QualityAccumulator(self.channels)
+        self._c_peak = WeightedPeak(int(self._pressure.sum()), self.sampling_rate, "C")
 
     def _times(self) -> NDArray[np.float64]:
         """When the time-weighted level is read: after it has settled."""
@@ -139,6 +141,8 @@ class LevelsAccumulator:
         self._quality.add(samples)
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             self._transform.add(samples)
+            if self._pressure.any():
+                self._c_peak.add((samples - self._constant[:, None])[self._pressure])
 
     def result(self) -> SignalLevels:
         """What was found; call it once."""
@@ -157,6 +161,11 @@ class LevelsAccumulator:
             crest = np.where(rms > 0, peak / rms, np.nan)
         # Column 0 is the weighting's, column 1 that of channels for which there is none.
         row, column = np.arange(len(self.channels)), np.where(self._pressure, 0, 1)
+        c_peak = np.full(len(self.channels), np.nan)
+        c_peak[self._pressure] = self._c_peak.result()
+        equivalent: dict[str, NDArray[np.float64]] = {
+            w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS
+        }
         percentile = exceeded(
             level(histories.readings[row, column], zero[:, None]), self.settings.percentiles
         )
@@ -173,8 +182,10 @@ class LevelsAccumulator:
             peak=peak,
             crest_factor=crest,
             level_dB=level(np.square(rms), zero),
-            equivalent_dB={w: level(self._mean_square(spectrum, w), zero) for w in WEIGHTINGS},
+            equivalent_dB=equivalent,
+            exposure_dB={w: values + 10.0 * np.log10(self.duration) for w, values in equivalent.items()},
             peak_dB=level(np.square(peak), zero),
+            c_peak_dB=level(np.square(c_peak), zero),
             weighting=self._weighting,
             averaging=self.settings.averaging,
             percentile_dB=dict(zip(self.settings.percentiles, percentile)),
@@ -196,7 +207,7 @@ class LevelsAccumulator:
             return spectrum.alternating_mean_square
         shown = spectrum if self.settings.settling == "counted" else spectrum.between_ends()
         with np.errstate(invalid="ignore"):
-            weighted = shown.through(lambda f: power_weighting(f, weighting))
+            weighted = shown.through(lambda _: shown.weights(weighting))
         return np.where(self._pressure, weighted, np.nan)
 
     def _reference(self, channel: Channel) -> LevelReference:

@@ -15,10 +15,10 @@ from pydantic import Field, field_validator, model_validator
 from specan.analysis.band_results import band_levels, weighted_levels
 from specan.analysis.channel_groups import joined, slices
 from specan.analysis.quality import Watched
-from specan.analysis.section import constant_part, of_one_rate, section
+from specan.analysis.section import constant_part, section, weightable
 from specan.data.band_levels import BandLevels
 from specan.data.levels import Quality
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp import bands
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
 from specan.dsp.band_history import BandHistoryAccumulator
@@ -71,7 +71,7 @@ class Octave(Settings):
 
     Examples
     --------
-    >>> from specan.data.recording import ArraySource
+    >>> from specan.data.recording import ArraySource, Channel
     >>> pascals = 0.02 * np.sqrt(2) * np.sin(2 * np.pi * 1000 * np.arange(48000) / 48000)
     >>> mic = Channel("Mic 1", role="microphone", unit="Pa", sampling_rate=48000.0, n_samples=48000)
     >>> found = Octave(band=1000)(Recording("a.tdms", (mic,), ArraySource([pascals])))
@@ -137,7 +137,7 @@ class Octave(Settings):
 
     def groups(self, recording: Recording) -> Iterator[Watched[BandLevels]]:
         """The same for a few channels at a time, for passes one after the other; see `joined_levels`."""
-        for few in slices(len(_weightable(recording, self)[0])):
+        for few in slices(len(weightable(recording, self.channels, self.weighting)[0])):
             yield Watched(OctaveAccumulator(recording, self, few))
 
     def __call__(self, recording: Recording) -> BandLevels:
@@ -191,7 +191,7 @@ class OctaveAccumulator:
 
     def __init__(self, recording: Recording, settings: Octave, few: slice = slice(None)) -> None:
         self.recording, self.settings = recording, settings
-        chosen, self.notes = _weightable(recording, settings)
+        chosen, self.notes = weightable(recording, settings.channels, settings.weighting)
         # The section and the weightings are those of all the channels that were chosen.
         self.start, self.stop = section(recording, chosen, settings.start_s, settings.stop_s)
         pressure = any(channel.target_unit == "Pa" for channel in chosen)
@@ -285,22 +285,3 @@ def joined_levels(parts: Sequence[BandLevels]) -> BandLevels:
         "other",
     )
     return joined(parts, names)
-
-
-def _weightable(recording: Recording, settings: Octave) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
-    """Channels of one rate, of sound pressure where the weighting asks for it, and notes on the others."""
-    chosen, notes = of_one_rate(recording, settings.channels)
-    if settings.weighting == "Z":
-        return chosen, notes
-    pressure = tuple(c for c in chosen if c.target_unit == "Pa")
-    other = [c for c in chosen if c.target_unit != "Pa"]
-    if not pressure or (settings.channels and other):
-        raise RequestError(
-            f"{recording.label}: {other[0].name} is in {other[0].target_unit}",
-            expected=f"sound pressure in Pa for the {settings.weighting} weighting",
-            remedy="choose the microphones, give their sensitivities, or use the Z weighting",
-        )
-    return pressure, (
-        *notes,
-        *(f"{c.name} is left out: {settings.weighting} is for Pa, not {c.target_unit}" for c in other),
-    )

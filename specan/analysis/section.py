@@ -84,6 +84,33 @@ def of_one_rate(
     return kept, notes
 
 
+def weightable(
+    recording: Recording, patterns: Sequence[str], weighting: str, like: Channel | None = None
+) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+    """`of_one_rate`, of sound pressure where a frequency weighting asks for it, and notes on the others.
+
+    Raises
+    ------
+    RequestError
+        A channel that was named, or every channel, is no sound pressure.
+    """
+    chosen, notes = of_one_rate(recording, patterns, like)
+    if weighting == "Z":
+        return chosen, notes
+    pressure = tuple(c for c in chosen if c.target_unit == "Pa")
+    other = [c for c in chosen if c.target_unit != "Pa"]
+    if not pressure or (patterns and other):
+        raise RequestError(
+            f"{recording.label}: {other[0].name} is in {other[0].target_unit}",
+            expected=f"sound pressure in Pa for the {weighting} weighting",
+            remedy="choose the microphones, give their sensitivities, or use the Z weighting",
+        )
+    return pressure, (
+        *notes,
+        *(f"{c.name} is left out: {weighting} is for Pa, not {c.target_unit}" for c in other),
+    )
+
+
 def reference_channel(recording: Recording, name: str | None, purpose: str = "a reference") -> Channel:
     """The named channel, or the vibrometer.
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from specan.analysis.section import of_one_rate, section
+from specan.analysis.section import section, weightable
 from specan.analysis.spectrum import (
     READ_BLOCK,
     BlockSettings,
@@ -18,6 +18,7 @@ from specan.data.recording import Recording
 from specan.data.spectrum import Spectrogram
 from specan.dsp.fft import has_mirror
 from specan.dsp.overlapped_blocks import OverlappedBlocks
+from specan.dsp.weighting import power_weighting
 from specan.dsp.welch import hop_of
 from specan.dsp.windows import window
 
@@ -47,7 +48,7 @@ class SpectrogramSettings(BlockSettings):
 
     def __call__(self, recording: Recording) -> Spectrogram:
         """Read the recording once and return the spectrogram."""
-        channels, notes = of_one_rate(recording, self.channels)
+        channels, notes = weightable(recording, self.channels, self.weighting)
         start, stop = section(recording, channels, self.start_s, self.stop_s)
         block, rate = block_of(recording, self, stop - start), channels[0].sampling_rate
         hop = hop_of(block, self.overlap)
@@ -58,7 +59,8 @@ class SpectrogramSettings(BlockSettings):
         per_column = -(-n_blocks // min(self.columns, room))
         shape = window(self.window, block)
         scale = (2.0 / (rate * np.sum(shape**2))) * np.where(has_mirror(len(frequency), block), 1.0, 0.5)
-        gain = np.stack([np.abs(c.correction(frequency)) ** 2 for c in channels])
+        weights = power_weighting(frequency, self.weighting)
+        gain = np.stack([np.abs(c.correction(frequency)) ** 2 * weights for c in channels])
         count = n_blocks // per_column  # an incomplete last column is left out
         density = np.zeros((len(channels), count, int(kept.sum())))
         grid, number = OverlappedBlocks(block, hop), 0

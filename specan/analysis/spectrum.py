@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from specan.analysis.section import of_one_rate, section
+from specan.analysis.section import section, weightable
 from specan.data.recording import Channel, Recording
 from specan.data.spectrum import Scaling, Spectrum, SpectrumScale
 from specan.dsp.fft import AmplitudeTransform, has_mirror
 from specan.dsp.transfer_function import phase_deg
+from specan.dsp.weighting import Weighting, power_weighting
 from specan.dsp.welch import CrossSpectra
 from specan.dsp.windows import WindowName, window_properties
 from specan.errors import InputError, RequestError
@@ -45,6 +46,8 @@ class BlockSettings(Settings):
         Take the mean out of each block.
     fmin_hz, fmax_hz, start_s, stop_s : float
         Range of the lines that are kept, and time section.
+    weighting : {"A", "B", "C", "Z"}
+        Of the magnitudes (IEC 61672-1:2013, annex E); A, B and C of sound pressure only. Phases stay.
     """
 
     channels: tuple[str, ...] = ()
@@ -57,6 +60,7 @@ class BlockSettings(Settings):
     fmax_hz: float | None = Field(default=None, gt=0.0)
     start_s: float = Field(default=0.0, ge=0.0)
     stop_s: float | None = Field(default=None, gt=0.0)
+    weighting: Weighting = "Z"
 
 
 class FourierSpectrum(BlockSettings):
@@ -125,7 +129,9 @@ class SpectrumAccumulator:
             raise RequestError(
                 f"a {settings.averaging} hold has no phase over a reference", remedy="leave out the reference"
             )
-        self.shown, self.notes = of_one_rate(recording, settings.channels, like=self.reference)
+        self.shown, self.notes = weightable(
+            recording, settings.channels, settings.weighting, like=self.reference
+        )
         self.channels = self.shown
         if self.reference is not None and self.reference not in self.shown:
             self.channels = (*self.shown, self.reference)
@@ -185,22 +191,25 @@ def single_blocks(
         Its complex lines, from which `with_phase` finds the phase of those that are wanted.
     """
     reference = None if settings.reference is None else recording.channel(settings.reference)
-    shown, notes = of_one_rate(recording, settings.channels, like=reference)
+    shown, notes = weightable(recording, settings.channels, settings.weighting, like=reference)
     channels = shown if reference is None or reference in shown else (*shown, reference)
     start, stop = section(recording, channels, settings.start_s, settings.stop_s)
     block = stop - start if settings.whole else block_of(recording, settings, stop - start)
     rate = channels[0].sampling_rate
     scale = scale_of(settings, block, rate)
     transform = AmplitudeTransform(block, settings.window, detrend=settings.detrend)
-    f: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
-    kept = lines_between(f, settings)
-    mirror = has_mirror(len(f), block)
-    alone = np.flatnonzero(~mirror)
+
+    def frequencies() -> NDArray[np.float64]:
+        # Made anew for each channel: it need not be there while the samples are transformed.
+        return np.asarray(np.arange(block // 2 + 1, dtype=np.float64) * (rate / block))
+
+    kept = lines_between(frequencies(), settings)
+    alone = np.flatnonzero(~has_mirror(kept.size, block))
 
     def spectrum(channel: Channel) -> NDArray[np.complex128]:
         found = transform(recording.read([channel], start, start + block)[0])
         if channel.delay_s or channel.phase is not None or channel.derivatives:
-            found *= channel.correction(f)
+            found *= channel.correction(frequencies())
         return found
 
     turn = None if reference is None else np.conj(spectrum(reference))
@@ -216,7 +225,7 @@ def single_blocks(
             found *= turn
         yield (
             spectrum_of(
-                recording, (channel,), settings, f, density[None], block, None,
+                recording, (channel,), settings, frequencies(), density[None], block, None,
                 n_blocks=1, n_effective=1.0, notes=notes, kept=kept, phased=True,
             ),
             found if kept.all() else found[kept],
@@ -278,6 +287,7 @@ def scale_of(settings: BlockSettings, block: int, rate: float) -> SpectrumScale:
         spacing,
         properties.enbw_lines * spacing,
         properties.coherent_gain,
+        settings.weighting,
     )
 
 
@@ -317,16 +327,19 @@ def spectrum_of(
     """The lines that were asked for, with all that belongs to them; `phased` where the phase follows."""
     kept = lines_between(frequency_hz, settings) if kept is None else kept
     rate = channels[0].sampling_rate
-    density = density[:, kept]
+    if not kept.all():  # a copy of all lines of a whole recording is large
+        frequency_hz, density = frequency_hz[kept], density[:, kept]
+    if settings.weighting != "Z":
+        density = density * power_weighting(frequency_hz, settings.weighting)
     if settings.averaging in ("linear", "exponential") and phase is None and not phased:
         notes = (*notes, "no phase: an average has one only over a reference")
     return Spectrum(
         label=recording.label,
-        frequency_hz=frequency_hz[kept],
+        frequency_hz=frequency_hz,
         channels=tuple(c.name for c in channels),
         units=tuple(c.target_unit for c in channels),
         density=density,
-        has_mirror=has_mirror(len(frequency_hz), block)[kept],
+        has_mirror=has_mirror(kept.size, block)[kept],
         scale=scale_of(settings, block, rate),
         averaging="none" if n_blocks == 1 and settings.whole else settings.averaging,
         n_blocks=n_blocks,

@@ -20,6 +20,7 @@ FIGURES = {
     "FrequencyResponse": "specan.report.figures_spectra:figure_frequency_response",
     "SignalLevels": "specan.report.figures_levels:figure_levels",
     "OrderSpectrum": "specan.report.figures_orders:figure_orders",
+    "DecayTimes": "specan.report.figures_decay:figure_decay",
     "Calibration": "specan.report.figures_calibration:figure_calibration",
     "Diagnosis": "specan.report.figures_diagnosis:figure_diagnosis",
 }
@@ -31,6 +32,7 @@ def plot(result: Any, path: str | Path | None = None, **options: Any) -> Figure:
     Parameters
     ----------
     result : Recording, or a result of specan
+        What to draw.
     path : str or Path, optional
         Also save it there: .png, .svg or .pdf.
     **options
@@ -39,6 +41,7 @@ def plot(result: Any, path: str | Path | None = None, **options: Any) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
+        Not shown; that is up to the caller.
 
     Raises
     ------

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport
     from specan.data.band_levels import BandLevels
     from specan.data.calibration import Calibration
+    from specan.data.decay import DecayTimes
     from specan.data.frequency_response import FrequencyResponse
+    from specan.data.impulse_response import ImpulseResponses
     from specan.data.levels import SignalLevels
     from specan.data.orders import OrderSpectrum
     from specan.data.spectrum import Spectrogram, Spectrum
@@ -46,6 +48,7 @@ def read(
     Returns
     -------
     Recording
+        Channels and properties; no sample is read yet.
 
     Raises
     ------
@@ -72,6 +75,7 @@ def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     fraction : {1, 3, 6, 12, 24}
         1/N octave.
     **settings
@@ -81,6 +85,7 @@ def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:
     Returns
     -------
     BandLevels
+        Levels (channels, bands) and overall levels, dB; `to_dataframe` gives one row for each.
     """
     from specan.analysis.octave import Octave
 
@@ -93,14 +98,16 @@ def fft(recording: Source, **settings: Any) -> Spectrum:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     **settings
-        ``channels``, ``scaling``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``, ``fmax_hz``,
-        ``start_s``, ``stop_s``, ``whole``, ``averaging``, ``n_exponential``, ``reference``: see
+        ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``,
+        ``fmax_hz``, ``start_s``, ``stop_s``, ``whole``, ``averaging``, ``n_exponential``, ``reference``: see
         `specan.analysis.spectrum.FourierSpectrum`.
 
     Returns
     -------
     Spectrum
+        Complex lines or densities (channels, lines) over hertz.
     """
     from specan.analysis.spectrum import FourierSpectrum
 
@@ -113,13 +120,15 @@ def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     **settings
-        ``columns``, ``channels``, ``scaling``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``,
-        ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
+        ``columns``, ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``,
+        ``fmin_hz``, ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
 
     Returns
     -------
     Spectrogram
+        Levels (channels, lines, columns) over hertz and seconds.
     """
     from specan.analysis.spectrogram import SpectrogramSettings
 
@@ -132,6 +141,7 @@ def frf(recording: Source, reference: str | None = None, **settings: Any) -> Fre
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     reference : str, optional
         Channel; the vibrometer by default.
     **settings
@@ -141,6 +151,7 @@ def frf(recording: Source, reference: str | None = None, **settings: Any) -> Fre
     Returns
     -------
     FrequencyResponse
+        Complex ratios (channels, lines) with coherence and standard uncertainty.
     """
     from specan.analysis.transfer_function import TransferFunction
 
@@ -153,6 +164,7 @@ def rms(recording: Source, **settings: Any) -> SignalLevels:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     **settings
         ``weighting``, ``averaging``, ``percentiles``, ``channels``, ``start_s``, ``stop_s``,
         ``velocity_reference``, ``settling``: see `specan.analysis.levels.Levels`.
@@ -160,6 +172,7 @@ def rms(recording: Source, **settings: Any) -> SignalLevels:
     Returns
     -------
     SignalLevels
+        One value a channel of each level, dB, and of peak and RMS in the unit of the channel.
     """
     from specan.analysis.levels import Levels
 
@@ -172,6 +185,7 @@ def tones(recording: Source, reference: str | None = None, **settings: Any) -> T
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     reference : str, optional
         Channel over which phases stand; the vibrometer by default.
     **settings
@@ -180,6 +194,7 @@ def tones(recording: Source, reference: str | None = None, **settings: Any) -> T
     Returns
     -------
     ToneTable
+        One row a channel: amplitude in its unit, phase in degrees, distortion.
     """
     from specan.analysis.tone import Tone
 
@@ -192,6 +207,7 @@ def orders(recording: Source, **settings: Any) -> OrderSpectrum:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     **settings
         ``channels``, ``tacho``, ``pulses_per_turn``, ``ratio``, ``speed_hz``, ``max_order``, ``turns``,
         ``average_turns``, ``orders``, ``mesh``, ``harmonics``, ``sidebands``, ``quantity``, ``envelope_hz``,
@@ -200,10 +216,68 @@ def orders(recording: Source, **settings: Any) -> OrderSpectrum:
     Returns
     -------
     OrderSpectrum
+        Lines (channels, orders), and averages over a turn.
     """
     from specan.analysis.orders import Orders
 
     return _settings(Orders, "orders", **settings)(_opened(recording))
+
+
+def impulse(recording: Source, reference: str | None = None, **settings: Any) -> ImpulseResponses:
+    """Impulse responses to the excitation: deconvolution of sweeps and sequences, H1 of noise.
+
+    Parameters
+    ----------
+    recording : Recording or path
+        Opened already, or a file to read.
+    reference : str, optional
+        Channel of the excitation; by default the generator, else the vibrometer.
+    **settings
+        ``channels``, ``method``, ``length_s``, ``start_s``, ``stop_s``: see
+        `specan.analysis.impulse_response.ImpulseResponse`.
+
+    Returns
+    -------
+    ImpulseResponses
+        Responses (channels, samples) over seconds.
+    """
+    from specan.analysis.impulse_response import ImpulseResponse
+
+    return _settings(ImpulseResponse, "impulse", reference=reference, **settings)(_opened(recording))
+
+
+def decay(recording: Source, reference: str | None = None, **settings: Any) -> DecayTimes:
+    """Reverberation times, clarity, definition and centre time in bands (ISO 3382-1, ISO 3382-2).
+
+    Parameters
+    ----------
+    recording : Recording or path
+        Opened already, or a file to read.
+        Impulse responses; of noise and sweeps, and where `reference` is named, they are found first.
+    reference : str, optional
+        Channel of the excitation.
+    **settings
+        ``fraction``, ``fmin``, ``fmax``, ``channels``, ``start_s``, ``stop_s``: see `specan.analysis.decay.Decay`.
+
+    Returns
+    -------
+    DecayTimes
+        Times in seconds, ratios in dB, one row for each channel and band.
+    """
+    from dataclasses import replace
+
+    from specan.analysis.decay import Decay
+    from specan.analysis.excitation import recognise
+
+    asked, source = _settings(Decay, "decay", **settings), _opened(recording)
+    if reference is None and recognise(source).kind not in ("noise", "sweep", "stepped-sine"):
+        return asked(source)
+    section = {"start_s": asked.start_s, "stop_s": asked.stop_s}
+    responses = impulse(source, reference, channels=asked.channels, **section)
+    whole = asked.model_copy(update={"start_s": 0.0, "stop_s": None, "channels": ()})
+    found = whole(responses.recording(), responses.upper_hz)
+    remark = f"of impulse responses to {responses.reference} ({responses.method})"
+    return replace(found, notes=(*found.notes, remark), settings=asked.model_dump(mode="json"))
 
 
 def calibrate(
@@ -255,6 +329,7 @@ def batch(
     Parameters
     ----------
     directories : path or sequence of paths
+        Searched with everything below them.
     output : path
         Directory for the tables; results that an earlier batch left there are kept where nothing has changed.
     calibration, channel_table : path, optional

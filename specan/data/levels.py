@@ -74,8 +74,13 @@ class SignalLevels(Result):
     equivalent_dB : mapping of str to array (channels,)
         Equivalent levels over the section with the weightings "Z", "A", "B", "C"; A, B and C of sound
         pressure only (NaN otherwise).
+    exposure_dB : mapping of str to array (channels,)
+        Exposure levels, re the square of the reference times 1 s (IEC 61672-1:2013, 3.15): equivalent level plus
+        10 lg(duration / 1 s).
     peak_dB : array (channels,)
         20 lg(peak / reference).
+    c_peak_dB : array (channels,)
+        C-weighted peak sound level (IEC 61672-1:2013, 3.11); of sound pressure only (NaN otherwise).
     weighting, averaging : str
         Of the time-weighted level that the next three are about ("A", "fast").
     percentile_dB : mapping of float to array (channels,)
@@ -104,7 +109,9 @@ class SignalLevels(Result):
     crest_factor: Real
     level_dB: Real
     equivalent_dB: Mapping[str, Real]
+    exposure_dB: Mapping[str, Real]
     peak_dB: Real
+    c_peak_dB: Real
     weighting: str
     averaging: str
     percentile_dB: Mapping[float, Real]
@@ -137,7 +144,9 @@ class SignalLevels(Result):
             "level_reference": [reference.text for reference in self.references],
             "level_dB": self.level_dB,
             "peak_dB": self.peak_dB,
+            "C_peak_dB": self.c_peak_dB,
             **{f"Leq_{weighting}_dB": values for weighting, values in self.equivalent_dB.items()},
+            **{f"LE_{weighting}_dB": values for weighting, values in self.exposure_dB.items()},
             "max_dB": self.max_dB,
             "min_dB": self.min_dB,
             **{f"L{n:g}_dB": values for n, values in self.percentile_dB.items()},

@@ -32,6 +32,8 @@ class SpectrumScale:
         Distance of the lines, and the window's equivalent noise bandwidth.
     coherent_gain : float
         Mean of the window; already allowed for.
+    weighting : {"A", "B", "C", "Z"}
+        Frequency weighting of the magnitudes.
     """
 
     scaling: Scaling
@@ -39,6 +41,7 @@ class SpectrumScale:
     line_spacing_hz: float
     enbw_hz: float
     coherent_gain: float
+    weighting: str = "Z"
 
     def unit_of(self, unit: str) -> str:
         """Unit of the values of a channel.
@@ -53,9 +56,10 @@ class SpectrumScale:
         return f"({unit})^2/Hz" if "/" in unit or "^" in unit else f"{unit}^2/Hz"
 
     def level_text(self, unit: str) -> str:
-        """What 0 dB is: ``dB re 20 uPa``; for densities ``dB re (20 uPa)^2/Hz``."""
+        """What 0 dB is: ``dB re 20 uPa``, ``dB(A) re 20 uPa``; for densities ``dB re (20 uPa)^2/Hz``."""
         base = level_reference(unit).text
-        return f"dB re ({base})^2/Hz" if self.scaling == "psd" else f"dB re {base}"
+        decibels = "dB" if self.weighting == "Z" else f"dB({self.weighting})"
+        return f"{decibels} re ({base})^2/Hz" if self.scaling == "psd" else f"{decibels} re {base}"
 
     def values(self, density: Real, has_mirror: NDArray[np.bool_]) -> Real:
         """Density, RMS or amplitude of each line.

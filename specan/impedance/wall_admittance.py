@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError, RequestError, SpecanError
 from specan.models import Assembly, Parameter, Use, effect
-from specan.study.estimation.continuation import coarse
+from specan.study.estimation.continuation import down_weighted
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
@@ -235,7 +235,7 @@ class Space:
     @cached_property
     def _certified(self) -> dict[int, tuple[float, float]]:
         """Place in theta of everything with a certificate, with its mean and standard uncertainty."""
-        owners = [name.split("[")[0] for name in self.problem.names]
+        owners = [name.whole for name in self.problem.names]
         return {k: self.problem.priors[o] for k, o in enumerate(owners) if o in self.problem.priors}
 
     def slopes(self, observation: FrfObservation, state: Point) -> Array:
@@ -308,7 +308,7 @@ class Space:
 
     def crude(self) -> Space:
         """The same on few lines, seen without windows, all equally uncertain."""
-        return replace(self, problem=coarse(self.problem), spread=CRUDE_SPREAD)
+        return replace(self, problem=down_weighted(self.problem), spread=CRUDE_SPREAD)
 
     def linearised(self, state: Point) -> Space:
         """The same with places, calibration and discrepancy as they act on the field that was found."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,13 @@ def library(name: str, extra: str) -> Any:
         raise RequestError(
             f"{name} is not installed", expected="it for this format", remedy=f"pip install 'specan[{extra}]'"
         ) from None
+
+
+def write_excerpt(excerpt: Excerpt, form: str, path: Path, decimal: str = ".") -> None:
+    """Write it as ``csv``, ``uff``, ``wav`` or ``parquet``; `decimal` is the decimal sign of CSV."""
+    module = importlib.import_module(f"specan.io.export_{form}")
+    extra = (decimal,) if form == "csv" else ()
+    getattr(module, f"write_{form}")(excerpt, path, *extra)
 
 
 def together(channels: Sequence[Channel]) -> str:

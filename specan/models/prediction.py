@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
+from specan.models.chosen_model import ChosenModel
 from specan.models.model import Model
-from specan.models.request import Request
 from specan.units import convert
 
 Columns = dict[str, NDArray[np.float64]]
@@ -45,7 +45,7 @@ def to_conditions(model: Model, columns: Mapping[str, NDArray[np.float64]]) -> C
     }
 
 
-def predict(request: Request, columns: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
+def predict(chosen: ChosenModel, columns: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
     """Values of the observables for each row, SI.
 
     Raises
@@ -53,9 +53,9 @@ def predict(request: Request, columns: Mapping[str, NDArray[np.float64]]) -> dic
     ComputationError
         A loop that an effect closes does not settle.
     """
-    model = request.assembly.model
+    model = chosen.assembly.model
     nodes = [o.quantity for o in model.observables.values()]
-    found = request.assembly.evaluate(to_conditions(model, columns), request.values, wanted=nodes)
+    found = chosen.assembly.evaluate(to_conditions(model, columns), chosen.values, wanted=nodes)
     size = len(next(iter(columns.values())))
     return {
         name: np.array(np.broadcast_to(found[o.quantity], (size,)), dtype=float)
@@ -64,7 +64,7 @@ def predict(request: Request, columns: Mapping[str, NDArray[np.float64]]) -> dic
 
 
 def simulated_table(
-    request: Request,
+    chosen: ChosenModel,
     columns: Mapping[str, NDArray[np.float64]],
     *,
     noise: float = 0.0,
@@ -75,7 +75,7 @@ def simulated_table(
 
     Parameters
     ----------
-    request : Request
+    chosen : ChosenModel
     columns : mapping
         Columns of the conditions, in their own units.
     noise : float
@@ -89,8 +89,8 @@ def simulated_table(
     size = len(next(iter(columns.values())))
     random = np.random.default_rng(seed)
     found = dict(rows)
-    for name, values in predict(request, rows).items():
-        observable = request.assembly.model.observables[name]
+    for name, values in predict(chosen, rows).items():
+        observable = chosen.assembly.model.observables[name]
         shown = convert(values, observable.unit, observable.column_unit or observable.unit)
         found[observable.header] = np.asarray(shown) + noise * random.standard_normal(values.size)
     if repeats > 1:
@@ -109,14 +109,14 @@ class Outside:
     rows: int
 
 
-def outside_validity(request: Request, columns: Mapping[str, NDArray[np.float64]]) -> list[Outside]:
+def outside_validity(chosen: ChosenModel, columns: Mapping[str, NDArray[np.float64]]) -> list[Outside]:
     """Ranges within which the effects hold and that some rows leave."""
-    model, found = request.assembly.model, []
-    ranges = request.assembly.validity
+    model, found = chosen.assembly.model, []
+    ranges = chosen.assembly.validity
     if not ranges:
         return []
     quantities = [name for name in ranges if name in model.quantities]
-    values = request.assembly.evaluate(to_conditions(model, columns), request.values, wanted=quantities)
+    values = chosen.assembly.evaluate(to_conditions(model, columns), chosen.values, wanted=quantities)
     for name, (low, high) in ranges.items():
         value = np.asarray(values[name])
         rows = int(np.count_nonzero((value < low) | (value > high)))

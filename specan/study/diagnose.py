@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.design.operating_points import Proposal, explore, propose
-from specan.study.estimation.fit import Fit, fit
+from specan.study.estimation.fit import NORMAL_95, Fit, fit, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import MOST_ROWS
@@ -19,23 +19,23 @@ from specan.study.localisation.localise import localise
 from specan.study.localisation.result import Block
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.alternatives import alternatives
-from specan.study.selection.data_alone import DataAlone, data_alone
-from specan.study.selection.detectable_size import by_effect, smallest_visible
+from specan.study.selection.data_alone import ODDS, DataAlone, data_alone
+from specan.study.selection.detectable_size import by_effect, minimum_detectable_sizes
 from specan.study.selection.f_test import LACK_OF_FIT
-from specan.study.selection.initial_fit import Approach, approached, seen_about
+from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
 from specan.study.selection.left_out_error import left_out_error
+from specan.study.selection.other_forms import other_forms
 from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_would_tell
-from specan.study.selection.refits import FORM, Refit, Refits
+from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
 from specan.study.selection.residual_law import residual_law
-from specan.study.selection.search import Search
+from specan.study.selection.search import Progress, Search
 from specan.study.selection.suspect_rows import rows_of_two_kinds, suspect_rows
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
-LEAST_DOF = 3.0
-STARTS = 3
-MOST_PLACES = 12
-MOST_OTHERS = 3
-WIDTH = 1.96
+LEAST_DOF = 3.0  # degrees of freedom below which no test is made
+STARTS = 3  # of the fit of the base
+MOST_PLACES = 12  # where the model fails, that are told
+MOST_OTHERS = 3  # sets behind the best between which a measurement is proposed
 MOST_PULLS = 3  # values or rivals in one sentence
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
@@ -46,7 +46,7 @@ def diagnose(
     *,
     base: Fit | None = None,
     bootstrap: bool = False,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Find out which effect a model is missing.
 
@@ -71,24 +71,58 @@ def diagnose(
         A fit that a verdict would rest on did not converge or is not finite.
     """
     start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
-    why = _untestable(start)
+    why = untestable(start)
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
-    near = approached(start, progress)
+    near = initial_fit(start, progress)
     search = _nearer(start, near, Search(Refits(near.base, near.known), near.likely, bootstrap, progress))
+    whole = _searched(search)
+    return _conclude(*_of_likeliest_form(whole, progress, bootstrap))
+
+
+@dataclass(frozen=True, eq=False)
+class _Searched:
+    """A finished search, its alternatives and what they amount to."""
+
+    search: Search
+    sets: list[Refit]
+    found: _Found
+
+
+def _searched(search: Search) -> _Searched:
     search.run()
     sets = alternatives(search)
     _check_failures(search)
-    return _conclude(search, sets)
+    return _Searched(search, sets, _verdict(search, sets))
 
 
-def _nearer(start: Refit, near: Approach, search: Search) -> Search:
+def _of_likeliest_form(declared: _Searched, progress: Progress, bootstrap: bool) -> tuple[_Searched, str]:
+    """The search, with a part of the base in another published form where that explains the data better.
+
+    Only where the declared form leaves something to explain. What needs no effect comes first where it is as likely
+    by BIC; otherwise another form has to be decisively better.
+    """
+    if declared.found.kind == "nothing-missing" and not declared.found.doubt:
+        return declared, ""
+    likeliest, form = declared, ""
+    for other in other_forms(declared.search.base):
+        progress(f"searching with {other.text}")
+        new = _searched(Search(Refits(other.start), (), bootstrap, progress))
+        best, rival = likeliest.search.best, new.search.best
+        dispersion = min(best.dispersion, rival.dispersion)
+        ahead = best.bic(dispersion) - rival.bic(dispersion)
+        if ahead > (DECISIVE if rival.uses or new.found.kind != "nothing-missing" else 0.0):
+            likeliest, form = new, other.text
+    return likeliest, form
+
+
+def _nearer(start: Refit, near: InitialFit, search: Search) -> Search:
     """The search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
     """
-    if not search.refits.far:
+    if not search.refits.poor_fit:
         return search
     single = search.single
     if single is None or single.uses == near.found:
@@ -97,11 +131,11 @@ def _nearer(start: Refit, near: Approach, search: Search) -> Search:
     done = {uses: r.problem.values_at(r.fit.theta) for uses, r in search.refits.done.items() if uses}
     order = sorted(search.refits.of_size(1), key=lambda r: r.chi2)
     likely = [use for r in order[:MOST_OTHERS] for use in r.uses]
-    base = seen_about(start, single.uses, done[single.uses])
+    base = with_covariances_about(start, single.uses, done[single.uses])
     return Search(Refits(base, {**near.known, **done}), likely, search.bootstrap, search.progress, only=True)
 
 
-def _untestable(start: Refit) -> str:
+def untestable(start: Refit) -> str:
     """Why no test is possible; empty where one is."""
     problem = start.problem
     if start.dof < LEAST_DOF:
@@ -122,8 +156,8 @@ def _check_failures(search: Search) -> None:
     for uses, reason in search.refits.failed.items():
         if len(uses) == 1:
             step = search.step(search.base)
-            gain = step.by_use[next(iter(uses))][0].gain
-            if search.best.uses or gain / search.base.scale < step.gate.needed_gain:
+            gain = step.by_use[next(iter(uses))][0].chi2_reduction
+            if search.best.uses or gain / search.base.dispersion < step.acceptance.needed_reduction:
                 continue
             raise ComputationError(
                 f"the fit with {', '.join(map(str, uses))} failed ({reason}) though the data ask for it",
@@ -131,12 +165,16 @@ def _check_failures(search: Search) -> None:
             )
 
 
-def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
+def _conclude(whole: _Searched, form: str) -> Diagnosis:
+    search, sets, found = whole.search, whole.sets, whole.found
     base, best = search.base, search.best
-    found = _verdict(search, sets)
+    if form:
+        found = _with_form(found, form)
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at
-    visible = by_effect([*smallest_visible(step.seen, step.gate, best.scale), *_of_members(search)])
+    visible = by_effect(
+        [*minimum_detectable_sizes(step.seen, step.acceptance, best.dispersion), *_of_members(search)]
+    )
     return Diagnosis(
         verdict=found.kind,
         reason=found.reason,
@@ -152,8 +190,9 @@ def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
         else None,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
+        other_form=form,
         next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
-        pulls=shown(pulls(best)),
+        pulls=shown(found.values or pulls(best)),
         error=_error_fall(base, best),
         remarks=tuple(
             r
@@ -173,11 +212,11 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     if verdict == "unknown-effect":
         return explore(search.best, fails_at)
     others = [r for r in search.refits.of_size(1) if r not in sets and search.believable(r)]
-    others.sort(key=lambda r: r.bic(search.best.scale))
+    others.sort(key=lambda r: r.bic(search.best.dispersion))
     if len(sets) > 1:
         return propose(sets)
-    if search.base.problem.dear:
-        others = [r for r in others[:1] if not search.refits.out_of_reach(r.chi2, search.best.chi2)]
+    if search.base.problem.strategy.pruning:
+        others = [r for r in others[:1] if not search.refits.beyond_pruning_bound(r.chi2, search.best.chi2)]
     return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
 
 
@@ -188,6 +227,7 @@ class _Found:
     kind: str
     reason: str
     doubt: bool = False
+    values: tuple[Pull, ...] = ()  # that another fit takes, on which the verdict rests
 
 
 def _verdict(search: Search, sets: list[Refit]) -> _Found:
@@ -199,7 +239,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         return _Found(
             "unknown-effect", "three effects or more would be needed; one unknown is likelier", True
         )
-    if best.lack_beyond(FORM**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
+    if best.lack_of_fit_p_beyond(FORM_TOLERANCE**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
         return _Found("unknown-effect", f"{names} explains a part, and much is left", True)
     contradicted = search.too_far(best)
     if contradicted:
@@ -211,7 +251,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
     reasons = []
     if left:
         reasons.append("something is left: its form is not exact, or another effect is there too")
-    elif len(best.uses) > 1:
+    elif len(best.uses) > 1 and not search.of_one_instrument(best):
         reasons.append("one unknown effect would explain the data as well")
     if stretched(best):
         reasons.append(
@@ -221,10 +261,16 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
     doubt = (
         left
-        or len(best.uses) > 1
+        or (len(best.uses) > 1 and not search.of_one_instrument(best))
         or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
     )
     return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
+
+
+def _with_form(found: _Found, form: str) -> _Found:
+    """The verdict with the other form of a part that it rests on; which form is right stays open."""
+    said = f"with {form}, another published form of the same part"
+    return replace(found, reason=f"{said}: {found.reason}" if found.reason else said, doubt=True)
 
 
 def _of_base(search: Search) -> _Found:
@@ -246,6 +292,7 @@ def _of_base(search: Search) -> _Found:
             "fits-only-if",
             f"the model fits only with {_values(other.values)}{_beside(other)}{_telling(base)}",
             True,
+            other.values,
         )
     if other.values and other.likelier:
         reason = (
@@ -262,7 +309,11 @@ def _values(contradicted: Sequence[Pull]) -> str:
 
 
 def _beside(other: DataAlone) -> str:
-    return f"; held to what is known chi-square is higher by {other.gain:.1f} (p = {other.p_value:.2g})"
+    said = f"; held to what is known chi-square is higher by {other.gain:.1f} (p = {other.p_value:.2g})"
+    if other.predicts > ODDS:
+        odds = float(f"{np.exp(min(other.predicts / 2, 30.0)):.1g}")
+        said += f", and conditions that are left out are predicted worse (odds of {odds:,.0f} to 1)"
+    return said
 
 
 def _telling(refit: Refit) -> str:
@@ -275,12 +326,12 @@ def _better_but_too_far(search: Search, sets: list[Refit]) -> tuple[str, ...]:
     best = search.best
     if not best.uses or not search.believable(best):
         return ()
-    paid = best.bic(best.scale) - best.pulled / best.scale
+    paid = best.bic(best.dispersion) - best.pulled / best.dispersion
     found = []
     for refit in search.refits.done.values():
         if not refit.uses or refit in sets or refit.uses > best.uses or len(refit.uses) > len(best.uses):
             continue
-        gain = paid - (refit.bic(best.scale) - refit.pulled / best.scale)
+        gain = paid - (refit.bic(best.dispersion) - refit.pulled / best.dispersion)
         if gain > DECISIVE and search.too_far(refit):
             names = " with ".join(sorted(map(str, refit.uses)))
             found.append((gain, f"{names} fits better, but only with {_values(search.too_far(refit))}"))
@@ -300,7 +351,7 @@ def _too_good(base: Refit) -> tuple[str, ...]:
 
 def _error_fall(base: Refit, best: Refit) -> ErrorFall:
     before, after = _errors(base), _errors(best)
-    if base.problem.dear:
+    if not base.problem.strategy.secondary_refits:
         return ErrorFall(before, after)
     return ErrorFall(before, after, left_out_error(base), left_out_error(best))
 
@@ -336,30 +387,30 @@ def _of_members(search: Search) -> list[Any]:
     if not search.best.uses:
         return []
     step = search.step(search.base)
-    found = smallest_visible(step.seen, step.gate, search.best.scale)
+    found = minimum_detectable_sizes(step.seen, step.acceptance, search.best.dispersion)
     return [v for v in found if v.use in {str(u) for u in search.best.uses}]
 
 
 def _ranking(search: Search, sets: list[Refit]) -> tuple[Ranked, ...]:
-    scale = search.best.scale
+    dispersion = search.best.dispersion
     others = [r for r in search.refits.done.values() if r.uses and r not in sets]
-    others.sort(key=lambda r: (not search.believable(r), r.bic(scale)))
-    return tuple(_ranked(search, refit) for refit in [*sets, *others])
+    others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
+    return tuple(_ranked(search, refit, refit in sets) for refit in [*sets, *others])
 
 
-def _ranked(search: Search, refit: Refit) -> Ranked:
-    base, scale = search.base, search.best.scale
-    passage = search.passage(refit)
+def _ranked(search: Search, refit: Refit, named: bool) -> Ranked:
+    base, dispersion = search.base, search.best.dispersion
+    decision = search.decision(refit)
     return Ranked(
         effects=tuple(sorted(u.name for u in refit.uses)),
         at=_places(refit.uses),
-        delta_bic=base.bic(scale) - refit.bic(scale),
-        p_value=passage.p_value,
-        held_out_gain=passage.held_out_gain,
+        delta_bic=base.bic(dispersion) - refit.bic(dispersion),
+        p_value=decision.p_value,
+        held_out_gain=decision.held_out_gain,
         error_after=_errors(refit).rms,
-        parameters=parameters_of(refit),
+        parameters=parameters_of(refit, named),
         plausible=search.believable(refit),
-        at_bound=any(n.rpartition(".")[0] in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
+        at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
         pulls=shown(pulls(refit)),
     )
 
@@ -371,24 +422,40 @@ def _errors(refit: Refit) -> ObservableError:
     return observable_errors(problem, problem.observations, predicted)[0]
 
 
-def parameters_of(refit: Refit) -> dict[str, dict[str, Any]]:
-    """Own parameters of the effects, with 95 % intervals from the covariance, in their declared units."""
-    table = {}
-    low, high = refit.problem.bounds()
+def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, Any]]:
+    """Own parameters of the effects, with 95 % intervals, in their declared units.
+
+    `profiled`: all other parameters are refitted along an interval, which then follows a valley and the ends of known
+    ranges; else, or where such a refit fails, it is that of the covariance.
+    """
+    table: dict[str, dict[str, Any]] = {}
     own = {str(u) for u in refit.uses}
     for k, name in enumerate(refit.fit.names):
-        if name.rpartition(".")[0] not in own:
+        if name.owner not in own:
             continue
-        parameter = refit.problem.assembly.parameters[name.split("[")[0]]
-        value = float(refit.fit.theta[k])
-        reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.scale))
+        parameter = refit.problem.assembly.parameters[name.whole]
+        low, high = _interval(refit, k, profiled and refit.problem.strategy.secondary_refits)
         table[name] = {
-            "value": parameter.from_si(value),
-            "low": parameter.from_si(float(max(value - reach, low[k]))),
-            "high": parameter.from_si(float(min(value + reach, high[k]))),
+            "value": parameter.from_si(float(refit.fit.theta[k])),
+            "low": parameter.from_si(low),
+            "high": parameter.from_si(high),
             "unit": parameter.unit,
         }
     return table
+
+
+def _interval(refit: Refit, k: int, profiled: bool) -> tuple[float, float]:
+    """95 % interval of one element of theta, SI, inside its domain."""
+    name = refit.fit.names[k]
+    if profiled:
+        try:
+            return profile_interval(refit.problem, refit.fit, name, inflate=True)
+        except (ComputationError, ValueError):  # a refit that fails, or an end that is not bracketed
+            pass
+    low, high = refit.problem.bounds()
+    value = float(refit.fit.theta[k])
+    reach = NORMAL_95 * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
+    return float(max(value - reach, low[k])), float(min(value + reach, high[k]))
 
 
 def _places(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:

@@ -13,12 +13,13 @@ from specan import __version__
 from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
+from specan.models.groups import with_groups
 from specan.models.rig_file import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.commit import changing, commit, recover
-from specan.study.data.sources import DataFile, DataRequest, open_data
-from specan.study.estimation.continuation import coarse_fit
+from specan.study.data.sources import DataFile, MeasuredFiles, open_data
+from specan.study.estimation.continuation import continuation_fit
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.prediction_error import (
@@ -27,13 +28,13 @@ from specan.study.estimation.prediction_error import (
     held_out_error,
     observable_errors,
 )
-from specan.study.estimation.problem import Problem
+from specan.study.estimation.problem import Problem, grouped_by
 from specan.study.history import History, Step, line_of
-from specan.study.localisation.frf_errors import FrfErrors, frf_errors
-from specan.study.localisation.localise import localise
+from specan.study.kept_results import KeptResults
+from specan.study.localisation.frf_errors import FrfErrors
+from specan.study.localisation.localise import curve_errors, localise
 from specan.study.localisation.result import Localisation
-from specan.study.observation.frf import FrfObservation
-from specan.study.selection.starting_values import kept_values, ways_in
+from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study_file import (
     NAME,
     DataEntry,
@@ -53,7 +54,7 @@ from specan.study.user_effects import (
 )
 from specan.study.verdict import Diagnosis
 
-BENT = 10.0
+FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 
 
@@ -118,7 +119,8 @@ class Study:
         self.accepted = self._check_data(accept_changes)
         named = [read_effect_file(path) for path in effects]
         self.model = self._load_model(named)
-        self.data = open_data(self.model, self._requests())
+        self.data = open_data(self.model, self._measured_files())
+        self.model = grouped_by(self.model, self.data.fitted)
         self._assembled = assemble(self.model, self.content, self.data.fitted)
         for file in named:
             try_effects(file, self.model, self.data.fitted)
@@ -141,8 +143,10 @@ class Study:
         content = self.content
         rig = read_rig_file(self.directory / content.rig) if content.rig else {}
         if is_file(content.model):
-            return load_own_model(self.directory, content.model, content.model_sha256, rig)
-        return load_model(content.model, rig)
+            model = load_own_model(self.directory, content.model, content.model_sha256, rig)
+        else:
+            model = load_model(content.model, rig)
+        return with_groups(model, content.groups)
 
     def _keep(self, named: Sequence[EffectFile]) -> None:
         """Write what opening the study has changed: accepted data, effect files that were named and work."""
@@ -185,7 +189,7 @@ class Study:
             self.content = self.content.with_hashes(now)
         return tuple(name for name, _ in changed)
 
-    def _requests(self) -> dict[str, DataRequest]:
+    def _measured_files(self) -> dict[str, MeasuredFiles]:
         everything = (*self.content.measurement, *self.content.validation)
         short = [Path(e.file).name for e in everything]
         names = {e.file: s if short.count(s) == 1 else e.file for e, s in zip(everything, short, strict=True)}
@@ -202,7 +206,7 @@ class Study:
         aside = [(names.get(h.file, h.file) if h.file else None, h.where) for h in self.content.hold_out]
         calibration = self.directory / self.content.calibration if self.content.calibration else None
         return {
-            kind: DataRequest(
+            kind: MeasuredFiles(
                 files(self.content.measurement, kind),
                 files(self.content.validation, kind),
                 aside,
@@ -236,35 +240,53 @@ class Study:
     @cached_property
     def problem(self) -> Problem:
         """The model as the study has it, over the fitted data."""
-        if not self._assembled.about_model:
+        if not self._assembled.strategy.linearised_covariance:
             return self._assembled
         last = self.history.last
         known = kept_values(self._assembled, last.parameters) if last else {}
         new = [Use.parse(u) for u in self.model_effects if last and u not in last.model_effects]
-        return linearised(self._assembled, ways_in(self._assembled, new, known))
+        return linearised(self._assembled, starting_values(self._assembled, new, known))
 
     # --- numbers ----------------------------------------------------------------------------------
 
     @property
     def model_effects(self) -> tuple[str, ...]:
-        """Effects of the model, instrument errors under their certificate left out."""
+        """Effects of the model, instrument errors held by their priors left out."""
         return tuple(str(e.use) for e in self.content.effect if e.role == "model")
+
+    @cached_property
+    def kept(self) -> KeptResults:
+        """Results of the study as it is, of this and of earlier commands."""
+        calibration = self.content.calibration
+        # Fits of the others do not look at earlier steps.
+        last = self.history.last if self._assembled.strategy.linearised_covariance else None
+        state = {
+            **self.hashes,
+            "model": self.content.model_sha256 or "",
+            "calibration": file_hash(self.directory / calibration) if calibration else "",
+            "last": [last.parameters, last.model_effects] if last else [],
+        }
+        return KeptResults(self.directory, state)
 
     @cached_property
     def best(self) -> Fit:
         """The fit of the model as it is."""
-        return fit(self.problem, starts=STARTS)
+        return self.kept.get("fit", Fit, lambda: fit(self.problem, starts=STARTS))
 
     @cached_property
     def shown(self) -> Fit:
-        """The fit that a person sees: `best`, unless that bends instruments far beyond their certificates.
+        """The fit that a person sees: `best`, unless that bends instruments far beyond their priors.
 
         A model of resonances that lacks much fits best with absurd instruments, and then fails everywhere a little
-        instead of where it fails. It is shown as a coarse fit leaves it, which certificates hold.
+        instead of where it fails. It is shown as a continuation fit leaves it, in which priors hold them.
         """
-        if not self.problem.resonant or not _bent(self.problem, self.best):
+        if not self.problem.strategy.continuation or not _far_from_calibration(self.problem, self.best):
             return self.best
-        return describe(self.problem, self.problem.start(coarse_fit(self._assembled)))
+        return self.kept.get(
+            "shown",
+            Fit,
+            lambda: describe(self.problem, self.problem.start(continuation_fit(self._assembled))),
+        )
 
     @cached_property
     def errors(self) -> tuple[ObservableError, ...]:
@@ -288,28 +310,27 @@ class Study:
 
     def frf_errors(self) -> list[FrfErrors]:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
-        predictions = self.problem.predictions(self.shown.theta)
-        return [
-            frf_errors(o, predicted)
-            for o, predicted in zip(self.problem.observations, predictions, strict=True)
-            if isinstance(o, FrfObservation)
-        ]
+        return curve_errors(self.problem, self.shown)
 
     def diagnose(
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
     ) -> Diagnosis:
-        """Find out which effect the model is missing.
+        """Find out which effect the model is missing; computed once for each state of the study.
 
         Raises
         ------
         RequestError
             Nothing tells how uncertain the measurement is.
         """
-        from specan.study.diagnose import diagnose
-
         self.require_uncertainty("diagnose")
-        found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
-        return replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
+
+        def compute() -> Diagnosis:
+            from specan.study.diagnose import diagnose
+
+            found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
+            return replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
+
+        return self.kept.get("bootstrap" if bootstrap else "diagnosis", Diagnosis, compute)
 
     def require_uncertainty(self, verb: str) -> None:
         """Refuse to conclude anything where nothing tells the uncertainty."""
@@ -366,11 +387,11 @@ class Study:
         return self.step("data" if self.accepted else "edit", because=", ".join(self.accepted))
 
 
-def _bent(problem: Problem, best: Fit) -> bool:
-    """Whether a fit has an instrument more than `BENT` standard uncertainties off its certificate."""
-    owners = [name.split("[")[0] for name in best.names]
+def _far_from_calibration(problem: Problem, best: Fit) -> bool:
+    """Whether a fit has an instrument more than `FAR_FROM_CALIBRATION` standard uncertainties off its prior."""
+    owners = [name.whole for name in best.names]
     held = [(k, *problem.priors[o]) for k, o in enumerate(owners) if o in problem.priors]
-    return any(abs(best.theta[k] - mean) > BENT * sd for k, mean, sd in held)
+    return any(abs(best.theta[k] - mean) > FAR_FROM_CALIBRATION * sd for k, mean, sd in held)
 
 
 def relative_to(directory: Path, path: Path) -> str:

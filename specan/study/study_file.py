@@ -13,6 +13,7 @@ from pydantic import Field
 
 from specan.errors import RequestError
 from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.models.rig_file import rig_files
 from specan.schema import Settings, parse, read_toml
 
@@ -81,6 +82,7 @@ class StudyFile(Settings):
     rig: str = ""
     calibration: str | None = None
     columns: dict[str, str] = Field(default_factory=dict)
+    groups: tuple[str, ...] = ()
     measurement: tuple[DataEntry, ...] = Field(min_length=1)
     validation: tuple[DataEntry, ...] = ()
     hold_out: tuple[HoldOutEntry, ...] = ()
@@ -178,11 +180,11 @@ class StudyText:
         document.add(tomlkit.comment("A specan study. It may be edited; every command reads it anew."))
         text = cls(path, document)
         for key, value in content.items():
-            if not isinstance(value, list):
+            if not _are_tables(value):
                 document.add(key, _inline(value))
         document.add(tomlkit.nl())
         for key, value in content.items():
-            for entry in value if isinstance(value, list) else ():
+            for entry in value if _are_tables(value) else ():
                 text._append(key, entry)
         tidy = re.sub(r"\n{3,}", "\n\n", tomlkit.dumps(document))
         return cls(path, tomlkit.parse(tidy))
@@ -229,7 +231,7 @@ class StudyText:
         """Hold a parameter of an effect, or of a quantity, at its value."""
         import tomlkit
 
-        owner, _, name = full_name.rpartition(".")
+        owner, name = ParameterName(full_name).owner, ParameterName(full_name).own
         place = self.document
         for entry in self.document.get("effect", []):
             if str(EffectEntry.model_validate(entry.unwrap()).use) == owner:
@@ -282,6 +284,10 @@ class StudyText:
         if key not in self.document:
             self.document.add(key, tomlkit.aot())
         self.document[key].append(made)
+
+
+def _are_tables(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(entry, Mapping) for entry in value)
 
 
 def _inline(value: Any) -> Any:

@@ -8,7 +8,7 @@ import pytest
 from specan.analysis.spectrogram import SpectrogramSettings
 from specan.analysis.spectrum import FourierSpectrum
 from specan.data.recording import ArraySource, Channel, Recording
-from specan.dsp.fft import amplitude_spectrum
+from specan.dsp.fft import AmplitudeTransform
 from specan.dsp.windows import WINDOWS
 from specan.errors import InputError, RequestError
 
@@ -87,7 +87,7 @@ def test_phase_of_a_single_block():
     found = FourierSpectrum(lines=400, averaging="none")(recording(cosine(50, 2.0, 1.0)))
     assert np.radians(found.phase_deg[0, 50]) == pytest.approx(1.0)
     assert found.n_blocks == 1
-    _, spectrum = amplitude_spectrum(cosine(50, 2.0, 1.0)[:1024], RATE)
+    spectrum = AmplitudeTransform(1024)(cosine(50, 2.0, 1.0)[:1024])
     assert spectrum[50] == pytest.approx(2 * np.exp(1j))
 
 
@@ -207,3 +207,40 @@ def test_spectrogram_is_the_spectrum_in_pieces():
         recording(NOISE)
     )
     np.testing.assert_allclose(found.density.mean(axis=1), whole.density, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("weighting", "expected"),
+    # IEC 61672-1:2013, table 3, at the exact frequency of the nominal 63 Hz and 8 kHz; B: ANSI S1.4-1983.
+    [("A", (-26.2, -1.1)), ("C", (-0.8, -3.0)), ("B", (-9.3, -2.9)), ("Z", (0.0, 0.0))],
+)
+def test_weighted_lines_have_the_levels_of_the_standard(
+    weighting: str, expected: tuple[float, float]
+) -> None:
+    rate, n = 51200.0, 51200
+    t = np.arange(n) / rate
+    tones = [63.096, 7943.3]
+    samples = sum(np.sqrt(2) * np.cos(2 * np.pi * f * t) for f in tones)
+    channels = tuple(
+        Channel(name, unit=unit, sampling_rate=rate, n_samples=n)
+        for name, unit in (("Mic", "Pa"), ("Vib", "m/s"))
+    )
+    recording = Recording("a.tdms", channels, ArraySource([samples, samples]))
+    for settings in (
+        FourierSpectrum(lines=20000, window="flat-top", weighting=weighting),
+        FourierSpectrum(whole=True, window="flat-top", weighting=weighting),
+    ):
+        found = settings(recording)
+        for frequency, weight in zip(tones, expected):
+            near = np.argmin(np.abs(found.frequency_hz - frequency))
+            assert found.level_dB[0, near] == pytest.approx(93.98 + weight, abs=0.08)
+    assert found.channels == (("Mic", "Vib") if weighting == "Z" else ("Mic",))
+    assert found.scale.level_text("Pa") == (
+        "dB re 20 uPa" if weighting == "Z" else f"dB({weighting}) re 20 uPa"
+    )
+    columns = SpectrogramSettings(lines=20000, window="flat-top", weighting=weighting)(recording)
+    near = np.argmin(np.abs(columns.frequency_hz - tones[0]))
+    assert columns.level_dB[0][0][near] == pytest.approx(93.98 + expected[0], abs=0.08)
+    if weighting != "Z":
+        with pytest.raises(RequestError, match="Vib is in m/s"):
+            FourierSpectrum(weighting=weighting, channels=("Vib",))(recording)

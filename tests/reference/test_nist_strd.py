@@ -1,67 +1,57 @@
-"""A fit against certified values: Misra1a of the Statistical Reference Datasets of NIST (public domain)."""
+"""Fits against certified values: the nonlinear regressions of the Statistical Reference Datasets of NIST."""
 
 import numpy as np
 import pytest
+from nist_strd import DATA, ENOUGH, read, residual_sd, scored, with_scipy, with_specan
 
 from specan.models import Model
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import base_problem
 from specan.study.observation.table import TableObservation
 
-VOLUME = [
-    10.07e0,
-    14.73e0,
-    17.94e0,
-    23.93e0,
-    29.61e0,
-    35.18e0,
-    40.02e0,
-    44.82e0,
-    50.76e0,
-    55.05e0,
-    61.01e0,
-    66.40e0,
-    75.47e0,
-    81.78e0,
-]
-PRESSURE = [
-    77.6e0,
-    114.9e0,
-    141.1e0,
-    190.8e0,
-    239.9e0,
-    289.0e0,
-    332.8e0,
-    378.4e0,
-    434.8e0,
-    477.3e0,
-    536.8e0,
-    593.1e0,
-    689.1e0,
-    760.0e0,
-]
-CERTIFIED, ERRORS = (2.3894212918e02, 5.5015643181e-04), (2.7070075241, 7.2668688436e-06)
-SQUARES = 1.2455138894e-01  # residual sum of squares
+NAMES = sorted(path.stem for path in DATA.glob("*.dat"))
+
+# Its residuals, 9e-14, are the rounding of doubles near 1: their standard deviation has three digits in doubles,
+# and so have standard errors that are scaled by it.
+ROUNDED = "Lanczos1"
 
 
-def volume(pressure, b1, b2):
-    return b1 * (1 - np.exp(-b2 * pressure))
+def test_all_regressions_of_nist_are_here():
+    assert len(NAMES) == 27
 
 
-@pytest.mark.parametrize("start", [(500.0, 0.0001), (250.0, 0.0005)])
-def test_misra1a_from_both_starts(start):
+@pytest.mark.parametrize("start", [0, 1])
+@pytest.mark.parametrize("name", NAMES)
+def test_six_certified_digits_from_both_starts(name, start):
+    case = read(DATA / f"{name}.dat")
+    parameters, errors, errors_at_certified_scale = scored(case, case.starts[start], with_specan)
+    assert parameters >= ENOUGH
+    assert errors_at_certified_scale >= ENOUGH
+    assert errors >= (3.0 if name == ROUNDED else ENOUGH)
+
+
+def test_at_least_as_many_as_minpack_reaches():
+    for start in (0, 1):
+        counts = {}
+        for run in (with_specan, with_scipy):
+            cases = [read(DATA / f"{name}.dat") for name in NAMES]
+            counts[run] = sum(min(scored(c, c.starts[start], run)[:2]) >= ENOUGH for c in cases)
+        assert counts[with_specan] >= counts[with_scipy]
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
+def test_digits_do_not_depend_on_how_uncertain_the_data_are_said_to_be(factor):
+    case = read(DATA / "Rat43.dat")
     model = Model.from_function(
-        volume,
-        conditions={"pressure": "1"},
-        observables={"volume": "1"},
-        parameters=dict(zip(("b1", "b2"), start)),
-    )
+        case.function(), conditions={"x": "1"}, observables={"y": "1"},
+        parameters=dict(zip(case.names, map(float, case.starts[0]), strict=True)), name="rat",
+    )  # fmt: skip
     rows = TableObservation(
-        "misra", np.full(14, "volume"), np.array(VOLUME), {"pressure": np.array(PRESSURE)}, np.eye(14),
-        available=frozenset({"pressure"}),
+        "rat", np.full(case.y.size, "y"), case.y, case.predictors, factor**2 * np.eye(case.y.size),
+        available=frozenset({"x"}),
     )  # fmt: skip
     found = fit(base_problem(model, (rows,)))
-    assert found.names == ("volume.b1", "volume.b2")
-    assert found.theta == pytest.approx(CERTIFIED, rel=1e-8)
-    assert np.sqrt(found.chi2 / 12 * np.diag(found.covariance)) == pytest.approx(ERRORS, rel=1e-7)
-    assert found.chi2 == pytest.approx(SQUARES, rel=1e-9)
+    assert found.names == tuple(f"y.{n}" for n in case.names)
+    assert found.theta == pytest.approx(case.certified, rel=1e-6)
+    errors = residual_sd(case, found.theta) / factor * np.sqrt(np.diag(found.covariance))
+    assert errors == pytest.approx(case.errors, rel=1e-6)

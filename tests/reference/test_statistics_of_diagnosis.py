@@ -7,12 +7,12 @@ from scipy import stats
 from specan.study.estimation.projection import Projection, orthonormal
 from specan.study.selection.cross_validation import blocks, gain, score
 from specan.study.selection.f_test import (
+    detectable_noncentrality,
     improvement_probability,
     lack_of_fit_probability,
-    needed_gain,
-    visible_noncentrality,
+    needed_reduction,
 )
-from specan.study.selection.multiple_testing import Family, simulated_probability
+from specan.study.selection.multiple_testing import MultipleTestingFamily, simulated_probability
 
 
 def arc(length: float, count: int = 200) -> np.ndarray:
@@ -26,7 +26,7 @@ def test_a_shape_scan_costs_what_davies_says(length):
     # On a circle the level-crossing bound is exact: P = 2 Phi(-c) + L/pi exp(-c^2/2).
     p = 1e-3
     level = stats.norm.isf(p / 2)
-    family = Family(arc(length), np.zeros(200, bool))
+    family = MultipleTestingFamily(arc(length), np.zeros(200, bool))
     want = p + length / np.pi * np.exp(-(level**2) / 2)
     assert family.probability(p) == pytest.approx(want, rel=1e-6)
     assert simulated_probability(family, p, 200_000, seed=1) == pytest.approx(want, rel=0.12)
@@ -35,7 +35,7 @@ def test_a_shape_scan_costs_what_davies_says(length):
 def test_one_sided_shape_scan_costs_half_of_it():
     p, length = 1e-3, 1.5
     level = stats.norm.isf(p)
-    family = Family(arc(length), np.ones(200, bool))
+    family = MultipleTestingFamily(arc(length), np.ones(200, bool))
     want = p + length / (2 * np.pi) * np.exp(-(level**2) / 2)
     assert family.probability(p) == pytest.approx(want, rel=1e-6)
     assert simulated_probability(family, p, 200_000, seed=2) == pytest.approx(want, rel=0.12)
@@ -46,7 +46,7 @@ def test_the_family_bound_holds_for_any_directions_and_is_close():
     mixing = rng.standard_normal((6, 40)) @ np.diag(np.linspace(0.2, 2, 40))
     directions = orthonormal(rng.standard_normal((50, 6))) @ mixing
     directions /= np.linalg.norm(directions, axis=0)
-    family = Family(directions, rng.random(40) < 0.3)
+    family = MultipleTestingFamily(directions, rng.random(40) < 0.3)
     for p in (1e-2, 1e-3):
         bound, simulated = family.probability(p), simulated_probability(family, p, 100_000, seed=4)
         assert simulated < 1.05 * bound
@@ -54,9 +54,9 @@ def test_the_family_bound_holds_for_any_directions_and_is_close():
 
 
 def test_orthogonal_tests_add_up_and_equal_ones_count_once():
-    apart = Family(np.eye(12), np.zeros(12, bool), subspaces=3)
+    apart = MultipleTestingFamily(np.eye(12), np.zeros(12, bool), subspaces=3)
     assert apart.probability(1e-4) == pytest.approx(15e-4)
-    same = Family(np.tile(np.eye(12)[:, :1], 7), np.zeros(7, bool))
+    same = MultipleTestingFamily(np.tile(np.eye(12)[:, :1], 7), np.zeros(7, bool))
     assert same.probability(1e-4) == pytest.approx(1e-4, rel=1e-3)
 
 
@@ -100,7 +100,7 @@ def test_lack_of_fit_allows_for_a_noise_that_is_itself_estimated():
 
 def test_power_of_the_smallest_visible_size():
     level = 1e-3
-    noncentrality = visible_noncentrality(needed_gain(level))
+    noncentrality = detectable_noncentrality(needed_reduction(level))
     power = stats.ncx2.sf(stats.chi2.isf(level, 1), 1, noncentrality)
     assert power == pytest.approx(0.8, abs=1e-4)
     assert noncentrality == pytest.approx((stats.norm.isf(level / 2) + stats.norm.ppf(0.8)) ** 2, rel=1e-4)
@@ -110,15 +110,17 @@ def test_power_of_the_smallest_visible_size():
 def test_power_of_the_smallest_visible_size_with_a_noise_that_is_estimated(amplitudes, dof):
     # Drawn: the gain of a noncentral chi-square over an independent estimate of the variance.
     level, rng = 1e-3, np.random.default_rng(9)
-    gain = needed_gain(level, amplitudes, dof)
-    noncentrality = visible_noncentrality(gain, amplitudes, dof)
+    gain = needed_reduction(level, amplitudes, dof)
+    noncentrality = detectable_noncentrality(gain, amplitudes, dof)
     drawn = rng.noncentral_chisquare(amplitudes, noncentrality, 40_000) / (rng.chisquare(dof, 40_000) / dof)
     assert np.mean(drawn > gain) == pytest.approx(0.8, abs=0.01)
     assert improvement_probability(gain, amplitudes, noise_dof=dof) == pytest.approx(level, rel=1e-6)
 
 
 def test_a_one_sided_amplitude_needs_a_smaller_gain():
-    assert improvement_probability(needed_gain(0.01, sided=1), 1, sided=1) == pytest.approx(0.01, rel=1e-6)
+    assert improvement_probability(needed_reduction(0.01, sided=1), 1, sided=1) == pytest.approx(
+        0.01, rel=1e-6
+    )
 
 
 def test_left_out_blocks_equal_a_refit_without_them():

@@ -119,8 +119,8 @@ def test_the_section_alone_is_drawn():
     assert axes.dataLim.y1 == samples[0, 1000:1500].max()
 
 
-def test_more_channels_than_a_page_holds_are_counted():
+def test_more_channels_than_a_page_holds_are_counted(heading_text):
     one, _ = made_up(100, MOST_CHANNELS + 5)
     figure = figure_waveforms(one)
     assert len(figure.axes) == MOST_CHANNELS
-    assert f"{MOST_CHANNELS} of {MOST_CHANNELS + 5}" in figure.get_suptitle()
+    assert f"{MOST_CHANNELS} of {MOST_CHANNELS + 5}" in heading_text(figure)

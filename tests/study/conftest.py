@@ -67,7 +67,7 @@ def saturating(x, z, *, a=Parameter(1.0, "1", min=0.0, max=200.0)):
 
 @effect("tilt", adds_to="heat", neutral={"c": 0.0})
 def tilt(x, *, c=Parameter(1.0, "W", min=-10.0, max=10.0)):
-    "What the straight line swallows."
+    "What the straight line is collinear with."
     return c * x
 
 

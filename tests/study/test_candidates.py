@@ -6,22 +6,24 @@ import numpy as np
 import pytest
 
 from specan.models import Parameter, Use, effect
+from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
 from specan.study.estimation.projection import Projection
 from specan.study.selection.candidates import candidates, grid
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import best_of_each, family, score, score_pairs
 from specan.study.selection.search import Search
-from specan.study.selection.shape_grid import plan
-from specan.study.selection.signatures import traces
+from specan.study.selection.shape_grid import shape_grid
+from specan.study.selection.signatures import signatures
 
 
 def scored(problem):
     start = Refit(frozenset(), problem, fit(problem))
     found, not_testable = candidates(problem)
     known = {}
-    points = plan(problem, start.fit, found, known)
-    seen = traces(problem, start.fit, found, points, known)
+    points = shape_grid(problem, start.fit, found, known)
+    seen = signatures(problem, start.fit, found, points, known)
     return start, score(start.linear, seen, start.weights), not_testable
 
 
@@ -38,7 +40,7 @@ def test_candidates_are_what_is_missing_and_what_is_certified(toy):
     found, not_testable = candidates(problem)
     assert [str(c.use) for c in found] == ["square", "zero-error"]
     assert not_testable == {"drift": "needs clock"}
-    assert found[1].released == ("zero-error.shift",)
+    assert found[1].without_prior == ("zero-error.shift",)
     assert found[0].count == 1
 
 
@@ -57,7 +59,7 @@ def test_the_score_of_a_linear_effect_is_the_gain_of_its_refit(toy):
     problem = toy.problem(lambda x, z: 1.5 * x**2, ["square"], seed=1)
     start, [only], _ = scored(problem)
     after = refitted(start, [only])
-    assert only.gain == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
+    assert only.chi2_reduction == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
     x = np.column_stack([np.ones(48), toy.x, toy.x**2])
     measured = problem.observations[0].measured
     exact = np.linalg.lstsq(x, measured, rcond=None)
@@ -69,7 +71,7 @@ def test_a_released_certificate_gains_what_the_refit_without_it_gains(toy):
     problem = toy.problem(lambda x, z: 4.0 * (z > 0), ["zero-error"], seed=2)
     start, [only], _ = scored(problem)
     after = refitted(start, [only])
-    assert only.gain == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
+    assert only.chi2_reduction == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
     assert after.problem.priors == {}
     assert after.fit.values["zero-error.shift"] == pytest.approx(4.0, abs=1.0)
 
@@ -90,36 +92,36 @@ def test_what_an_added_effect_swallows_is_not_tested_again(toy):
 
 def test_an_amplitude_of_one_sign_gains_nothing_from_the_other(toy):
     _, found, _ = scored(toy.problem(lambda x, z: -8 * np.cos(4 * x), ["wave"], seed=3))
-    at_four = [s for s in found if abs(s.trace.shapes["wave.rate"] - 4) < 1e-9]
-    assert all(s.trace.one_sided for s in found)
-    assert max(s.gain for s in at_four) <= 1e-9
+    at_four = [s for s in found if abs(s.signature.shapes["wave.rate"] - 4) < 1e-9]
+    assert all(s.signature.one_sided for s in found)
+    assert max(s.chi2_reduction for s in at_four) <= 1e-9
 
 
 def test_a_shape_is_tried_where_its_trace_turns(toy):
     _, found, _ = scored(toy.problem(nothing, ["wave"]))
-    ordered = sorted(found, key=lambda s: s.trace.shapes["wave.rate"])
-    units = [s.clean[:, 0] / np.linalg.norm(s.clean[:, 0]) for s in ordered]
+    ordered = sorted(found, key=lambda s: s.signature.shapes["wave.rate"])
+    units = [s.projected[:, 0] / np.linalg.norm(s.projected[:, 0]) for s in ordered]
     steps = [abs(a @ b) for a, b in pairwise(units)]
     assert min(steps) > 0.6
     assert len(found) > 3
 
 
 def test_a_saturating_effect_is_seen_at_its_size(toy):
-    # Far up its curve the trace has no part of that at small sizes; a derivative at zero misses it.
+    # Far up its curve the signature has no part of that at small sizes; a derivative at zero misses it.
     _, found, _ = scored(toy.problem(lambda x, z: 3 * z * (1 - np.exp(-60 * x)), ["saturating"], noise=0.2))
     best = best_of_each(found)[Use("saturating")][0]
     start = Refit(
         frozenset(), best_problem := toy.problem(lambda x, z: 0 * x, ["saturating"]), fit(best_problem)
     )
     assert start.chi2 > 0
-    assert best.trace.size[0] >= 20
-    small = min(found, key=lambda s: s.trace.size[0])
-    assert best.gain > small.gain
+    assert best.signature.size[0] >= 20
+    small = min(found, key=lambda s: s.signature.size[0])
+    assert best.chi2_reduction > small.chi2_reduction
 
 
 def test_two_effects_that_hide_each_other_are_found_as_a_pair(toy):
     line = Projection.of(toy.x, np.column_stack([np.ones(48), toy.x]))
-    cross, other = line.clean(toy.x * toy.z), line.clean(toy.x * toy.z**2)
+    cross, other = line.project_out(toy.x * toy.z), line.project_out(toy.x * toy.z**2)
     share = (cross @ other) / (cross @ cross)  # of the other that cross alone could explain
 
     def truth(x, z):
@@ -127,13 +129,13 @@ def test_two_effects_that_hide_each_other_are_found_as_a_pair(toy):
 
     problem = toy.problem(truth, ["cross", "nearly-cross", "square"], seed=4)
     start, found, _ = scored(problem)
-    singles = {str(use): items[0].gain for use, items in best_of_each(found).items()}
+    singles = {str(use): items[0].chi2_reduction for use, items in best_of_each(found).items()}
     pairs = score_pairs(start.linear, found)
-    assert max(singles.values()) < 0.1 * pairs[0].gain
-    assert pairs[0].gain > 100
+    assert max(singles.values()) < 0.1 * pairs[0].chi2_reduction
+    assert pairs[0].chi2_reduction > 100
     assert {str(u) for u in pairs[0].uses} == {"cross", "nearly-cross"}
     after = refitted(start, [pairs[0].first, pairs[0].second])
-    assert pairs[0].gain == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
+    assert pairs[0].chi2_reduction == pytest.approx(start.chi2 - after.chi2, rel=1e-6)
 
 
 def test_pairs_keep_to_their_domains(toy):
@@ -142,7 +144,7 @@ def test_pairs_keep_to_their_domains(toy):
     for pair in score_pairs(start.linear, found):
         after = refitted(start, [pair.first, pair.second])
         assert after.fit.values["wave.c"] >= 0
-        assert pair.gain <= start.chi2 - after.chi2 + 1e-6
+        assert pair.chi2_reduction <= start.chi2 - after.chi2 + 1e-6
 
 
 def test_elements_of_an_axis_are_candidates_of_their_own(toy):
@@ -176,7 +178,7 @@ def test_correlated_rows_count_for_less(toy):
     problem = toy.problem(lambda x, z: 2 * x**2, ["square"], seed=6)
     halved = problem.over([Halved(**vars_of(problem.observations[0]))])
     one, two = (scored(p) for p in (problem, halved))
-    assert two[1][0].gain == pytest.approx(0.5 * one[1][0].gain, rel=1e-9)
+    assert two[1][0].chi2_reduction == pytest.approx(0.5 * one[1][0].chi2_reduction, rel=1e-9)
     assert two[0].reduced == pytest.approx(0.5 * one[0].chi2 / 22)
     assert replace(problem).n_effective == 48
 
@@ -195,3 +197,23 @@ def test_grid_goes_in_ratios_over_wide_ranges():
 def test_projection_ignores_columns_that_add_nothing():
     columns = np.array([[1.0, 2.0], [1.0, 2.0], [0.0, 0.0]])
     assert Projection.of(np.zeros(3), columns).rank == 1
+
+
+def test_an_effect_of_each_recording_is_a_candidate_whatever_the_files_are_called(toy):
+    @effect("offset", adds_to="heat", neutral={"c": 0.0})
+    def offset(x, *, c=Parameter(1.0, "W", min=-20.0, max=20.0, per="recording")):
+        "Another day, another heat."
+        return c + 0 * x
+
+    recording = np.arange(toy.x.size) % 2
+    values = 2.0 + 3.0 * toy.x + 9.0 * recording + np.random.default_rng(4).standard_normal(toy.x.size)
+    observed = toy.observation(values, recordings=("day.1.csv", "day.2.csv"), recording=recording)
+    problem = base_problem(toy.model("offset", "square", also=(offset,)), [observed])
+    found = {c.use.name: c for c in candidates(problem)[0]}
+    assert found["offset"].amplitudes == ("offset.c[day.1.csv]", "offset.c[day.2.csv]")
+    diagnosis = diagnose(problem)
+    assert diagnosis.alternatives == (("offset",),)
+    table = diagnosis.ranking[0].parameters
+    assert table["offset.c[day.2.csv]"]["value"] - table["offset.c[day.1.csv]"]["value"] == pytest.approx(
+        9, abs=1
+    )

@@ -8,19 +8,25 @@ import pytest
 from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.receivers import ReceiverErrors
-from specan.study.estimation.continuation import coarse, coarse_fit
+from specan.study.estimation.continuation import continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.problem import base_problem
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
-from specan.study.selection.candidates import candidates, taken_for
+from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import Refit
 from specan.study.selection.score_test import best_of_each, score
-from specan.study.selection.shape_grid import plan
-from specan.study.selection.signatures import traces
-from specan.study.selection.starting_values import kept_values, looked_over, promised, ways, ways_in
+from specan.study.selection.shape_grid import shape_grid
+from specan.study.selection.signatures import signatures
+from specan.study.selection.starting_values import (
+    kept_values,
+    promised,
+    scan_promising,
+    scan_shapes,
+    starting_values,
+)
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},
@@ -71,10 +77,10 @@ LINING = {
 
 def test_a_coarse_view_has_few_lines_and_the_level_around_them_as_its_measure(model):
     o = recorded(model, [], {})
-    view = o.coarse(10.0)
+    view = o.down_weighted(10.0)
     assert view.frequency_hz.tolist() == FREQUENCY[::3].tolist()
-    assert view.coarse(10.0).n == view.n  # it is not thinned again
-    assert not view.about_model
+    assert view.down_weighted(10.0).n == view.n  # it is not thinned again
+    assert not view.strategy.linearised_covariance
     peak = np.argmax(np.abs(view.response).mean(axis=0))
     assert 0.03 < view.noise[0, peak] / np.abs(view.response[:, peak]).mean() < 0.1
     assert np.all(view.noise > o.noise[0, 0])
@@ -85,14 +91,14 @@ def test_what_is_held_out_does_not_weigh(model):
     part = o.take(o.labels["channel"] != "Mic 2")
     louder = np.where(np.arange(4)[:, None] == 1, 50.0, 1.0)
     other = replace(part, response=part.response * louder)
-    np.testing.assert_array_equal(part.coarse(5.0).noise[0], other.coarse(5.0).noise[0])
+    np.testing.assert_array_equal(part.down_weighted(5.0).noise[0], other.down_weighted(5.0).noise[0])
 
 
 def test_stages_find_a_lining_and_leave_the_instruments_alone(model):
     problem = base_problem(model, [recorded(model, ["wall-impedance@y1"], LINING)]).with_uses(
         ["wall-impedance@y1"]
     )
-    found = coarse_fit(problem)
+    found = continuation_fit(problem)
     for name, value in LINING.items():
         assert found[name] == pytest.approx(value, rel=0.1), name
     instruments = [n for n in problem.free if n in problem.priors]
@@ -104,9 +110,9 @@ def test_a_new_resonance_is_looked_for_over_its_range(model):
     use = "helmholtz-resonator@z1"
     true = {f"{use}.neck_area": 1.5e-3, f"{use}.resonance": 255.0, f"{use}.quality": 12.0}
     problem = base_problem(model, [recorded(model, [use], true)]).with_uses([use])
-    starts = ways_in(problem, [Use.parse(use)], {})
+    starts = starting_values(problem, [Use.parse(use)], {})
     assert min(abs(s.get(f"{use}.resonance", 150.0) - 255.0) for s in starts) < 30.0
-    found = coarse_fit(problem, starts)
+    found = continuation_fit(problem, starts)
     assert found[f"{use}.resonance"] == pytest.approx(255.0, abs=3.0)
 
 
@@ -115,13 +121,13 @@ def test_an_opening_is_looked_for_all_over_its_wall(model):
     true = {f"{use}.neck_area": 1.5e-3, f"{use}.resonance": 255.0, f"{use}.quality": 12.0}
     place = {f"{use}.across": 0.75, f"{use}.along": 0.15}
     problem = base_problem(model, [recorded(model, [use], true | place)]).with_uses([use])
-    found = coarse_fit(problem, ways_in(problem, [Use.parse(use)], {}))
+    found = continuation_fit(problem, starting_values(problem, [Use.parse(use)], {}))
     for name, value in place.items():
         assert found[name] == pytest.approx(value, abs=0.03), name
 
 
 def test_a_small_effect_is_looked_for_on_all_its_lines(model):
-    """A coarse view of the base is met already, to 5 %; its gain would be found anywhere."""
+    """A down-weighted view of the base is met already, to 5 %; its gain would be found anywhere."""
     use = "flanking-source@y0"
     true = {
         f"{use}.ratio": 0.02,
@@ -130,7 +136,7 @@ def test_a_small_effect_is_looked_for_on_all_its_lines(model):
         f"{use}.along": 0.6,
     }
     problem = base_problem(model, [recorded(model, [use], true)]).with_uses([use])
-    found = fit(linearised(problem, ways_in(problem, [Use.parse(use)], {})))
+    found = fit(linearised(problem, starting_values(problem, [Use.parse(use)], {})))
     assert found.reduced_chi2 < 1.1
     for name, width in (("ratio", 5e-4), ("across", 0.02), ("along", 0.02), ("delay", 2e-5)):
         assert found.values[f"{use}.{name}"] == pytest.approx(true[f"{use}.{name}"], abs=width), name
@@ -140,7 +146,7 @@ LEAK = {"area": 5e-5, "length": 0.02, "across": 0.15, "along": 0.8}
 
 
 def leaking(model, wall="z1"):
-    """A room with an opening that a coarse view, which knows each line to 5 %, does not see."""
+    """A room with an opening that a down-weighted view, which knows each line to 5 %, does not see."""
     true = {f"leak@{wall}.{name}": value for name, value in LEAK.items()}
     return base_problem(model, [recorded(model, [f"leak@{wall}"], true)]), true
 
@@ -149,7 +155,7 @@ def test_of_starts_that_a_coarse_view_takes_for_the_same_a_sketch_chooses(model)
     problem, true = leaking(model)
     there = true | {"leak@z1.across": 0.2, "leak@z1.along": 0.75}
     opposite = true | {"leak@z1.across": 0.8, "leak@z1.along": 0.2}
-    found = coarse_fit(problem.with_uses(["leak@z1"]), [opposite, there])
+    found = continuation_fit(problem.with_uses(["leak@z1"]), [opposite, there])
     assert found["leak@z1.across"] == pytest.approx(0.15, abs=0.1)
     assert found["leak@z1.along"] == pytest.approx(0.8, abs=0.1)
 
@@ -159,9 +165,9 @@ def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     problem = linearised(problem)
     base = Refit(frozenset(), problem, fit(problem))
     leaks = [c for c in candidates(problem)[0] if c.use.name == "leak"]
-    points = plan(problem, base.fit, leaks, {})
-    scored = best_of_each(score(base.linear, traces(problem, base.fit, leaks, points), base.weights))
-    found = looked_over(base, scored, 1)
+    points = shape_grid(problem, base.fit, leaks, {})
+    scored = best_of_each(score(base.linear, signatures(problem, base.fit, leaks, points), base.weights))
+    found = scan_promising(base, scored, 1)
     assert {use.at for use in found} == {use.at for use in scored}
     best = min(found, key=lambda use: promised(base, found[use][0]))
     assert str(best) == "leak@z1"
@@ -175,13 +181,13 @@ def test_a_small_resonator_is_found_behind_what_does_something_everywhere(model)
     problem = base_problem(model, [recorded(model, [use], named)])
     problem = linearised(problem)
     base = Refit(frozenset(), problem, fit(problem))
-    best = ways(base, [Use.parse(use)])[Use.parse(use)][0]
+    best = scan_shapes(base, [Use.parse(use)])[Use.parse(use)][0]
     there = [c for c in candidates(problem)[0] if str(c.use) == use]
-    known = score(base.linear, traces(problem, base.fit, there, {there[0].use: [named]}), base.weights)[0]
-    assert best.gain > 0.9 * known.gain
-    assert best.trace.shapes[f"{use}.resonance"] == pytest.approx(215.0, rel=0.02)
+    known = score(base.linear, signatures(problem, base.fit, there, {there[0].use: [named]}), base.weights)[0]
+    assert best.chi2_reduction > 0.9 * known.chi2_reduction
+    assert best.signature.shapes[f"{use}.resonance"] == pytest.approx(215.0, rel=0.02)
     for name in ("across", "along"):
-        assert best.trace.shapes[f"{use}.{name}"] == pytest.approx(true[name], abs=0.1), name
+        assert best.signature.shapes[f"{use}.{name}"] == pytest.approx(true[name], abs=0.1), name
 
 
 def test_an_effect_smaller_than_its_usual_range_is_plausible(model):
@@ -196,7 +202,7 @@ def test_an_effect_smaller_than_its_usual_range_is_plausible(model):
 
 
 def test_what_is_easily_taken_for_an_effect_acts_at_its_place(model):
-    found = {str(use) for use in taken_for(model, Use.parse("wall-impedance@y1"))}
+    found = {str(use) for use in confounded_with(model, Use.parse("wall-impedance@y1"))}
     assert found == {"porous-absorber@y1", "panel-resonance@y1"}
 
 
@@ -224,7 +230,10 @@ def test_a_panel_is_a_wall_of_resistance_mass_and_stiffness(model):
 
 def test_nothing_is_looked_for_where_nothing_is_new(model):
     problem = base_problem(model, [recorded(model, [], {})])
-    assert ways_in(problem, [], {"wall_admittance.common": 0.01}) == [{}, {"wall_admittance.common": 0.01}]
+    assert starting_values(problem, [], {"wall_admittance.common": 0.01}) == [
+        {},
+        {"wall_admittance.common": 0.01},
+    ]
 
 
 def test_values_of_a_step_come_back_in_si_without_what_is_gone(model):
@@ -239,4 +248,4 @@ def test_values_of_a_step_come_back_in_si_without_what_is_gone(model):
 
 def test_the_view_of_a_problem_is_of_all_its_recordings(model):
     o = recorded(model, [], {})
-    assert coarse(base_problem(model, [o, o])).n_data == 2 * o.coarse(5.0).n
+    assert down_weighted(base_problem(model, [o, o])).n_data == 2 * o.down_weighted(5.0).n

@@ -14,10 +14,10 @@ from specan.study.diagnose import diagnose, parameters_of
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import base_problem
 from specan.study.localisation.localise import localise
-from specan.study.selection.acceptance import Gate, Passage
+from specan.study.selection.acceptance import AcceptanceTest, Decision
 from specan.study.selection.alternatives import alternatives, distance
 from specan.study.selection.data_alone import data_alone
-from specan.study.selection.detectable_size import Visible, by_effect, smallest_visible
+from specan.study.selection.detectable_size import DetectableSize, by_effect, minimum_detectable_sizes
 from specan.study.selection.pulls import pulls, too_far
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import residual_law, simplest
@@ -417,11 +417,11 @@ def _known_only_below(refit, name):
     k = refit.fit.names.index(name)
     tail = refit.fit.standard_error(name)
     problem = replace(refit.problem)
-    ranges = problem.known_ranges
+    ranges = problem.pseudo.ranges
     high, above = ranges.high.copy(), ranges.above.copy()
     row = problem.pseudo_rows[f"range of {name}"] - problem.n_data - problem.n_priors
     above[row], high[row] = tail, refit.fit.theta[k] - 3.5 * tail
-    problem.__dict__["known_ranges"] = replace(ranges, high=high, above=above)
+    problem.__dict__["pseudo"] = replace(problem.pseudo, ranges=replace(ranges, high=high, above=above))
     return problem
 
 
@@ -464,7 +464,7 @@ def test_a_pair_is_refitted_from_the_single_that_promises_most(toy):
     promised = [
         (
             start.uses | {use},
-            start.chi2 - items[0].gain + price * (start.count + 1 + len(items[0].trace.shapes)),
+            start.chi2 - items[0].chi2_reduction + price * (start.count + 1 + len(items[0].signature.shapes)),
         )
         for start in search.refits.of_size(1)
         for use, items in search.step(start).by_use.items()
@@ -483,13 +483,13 @@ def test_smallest_visible_size_is_seen_four_times_in_five(toy):
     problem = toy.problem(nothing, ["square", "cross", "wave"])
     start = Refit(frozenset(), problem, fit(problem))
     step = Search(Refits(start)).step(start)
-    [size] = [v.value for v in smallest_visible(start, step.gate, 1.0) if v.use == "square"]
-    trace = step.by_use[Use("square")][0]
-    shift = trace.clean[:, 0] * size / (1e3 * trace.trace.size[0])
+    [size] = [v.value for v in minimum_detectable_sizes(start, step.acceptance, 1.0) if v.use == "square"]
+    signature = step.by_use[Use("square")][0]
+    shift = signature.projected[:, 0] * size / (1e3 * signature.signature.size[0])
     noise = np.random.default_rng(1).standard_normal((4000, shift.size))
     unit = shift / np.linalg.norm(shift)
     gains = ((shift + noise) @ unit) ** 2
-    level = stats.chi2.isf(step.gate.single_level, 1)
+    level = stats.chi2.isf(step.acceptance.single_level, 1)
     needed = max(level, 6 + np.log(48))  # BIC asks for more than the level here
     assert np.mean(gains > needed) == pytest.approx(0.8, abs=0.025)
 
@@ -500,17 +500,19 @@ def test_the_family_wise_level_holds_for_the_traces_of_a_model(toy):
     step = Search(Refits(start)).step(start)
     noise = np.random.default_rng(2).standard_normal((20_000, 48))
     noise = np.hstack([noise, np.zeros((20_000, start.fit.residual.size - 48))])  # known ranges have none
-    clean = noise - (noise @ start.linear.basis) @ start.linear.basis.T
+    projected = noise - (noise @ start.linear.basis) @ start.linear.basis.T
     best = np.zeros(20_000)
     for item in step.scored:
-        along = -(clean @ item.clean[:, 0]) / np.linalg.norm(item.clean[:, 0])
-        z = np.maximum(along, 0) if item.trace.one_sided else np.abs(along)
-        p = stats.norm.sf(z) * (1 if item.trace.one_sided else 2)
+        along = -(projected @ item.projected[:, 0]) / np.linalg.norm(item.projected[:, 0])
+        z = np.maximum(along, 0) if item.signature.one_sided else np.abs(along)
+        p = stats.norm.sf(z) * (1 if item.signature.one_sided else 2)
         best = np.maximum(best, 1 - p)
     for level in (0.05, 0.005):
         single = np.exp(
             brentq(
-                lambda x, of=level: step.gate.family.probability(np.exp(x)) - of, np.log(1e-9), np.log(level)
+                lambda x, of=level: step.acceptance.family.probability(np.exp(x)) - of,
+                np.log(1e-9),
+                np.log(level),
             )
         )
         share = np.mean(1 - best < single)
@@ -528,33 +530,33 @@ def test_bootstrap_agrees_with_the_bound(toy):
     "fault",
     [
         {"p_value": 0.002},
-        {"p_beyond_form": 0.002},
+        {"p_with_tolerance": 0.002},
         {"delta_bic": 5.9},
         {"held_out_gain": -0.1},
     ],
 )
-def test_each_condition_of_the_gate_can_stop_an_effect(fault):
-    good = Passage(1e-4, 1e-4, 20.0, 15.0, 0.001)
-    assert good.passed
-    assert not replace(good, **fault).passed
+def test_each_condition_of_the_acceptance_test_can_stop_an_effect(fault):
+    good = Decision(1e-4, 1e-4, 20.0, 15.0, 0.001)
+    assert good.accepted
+    assert not replace(good, **fault).accepted
 
 
 def test_the_equation_of_an_effect_is_trusted_to_a_fifth(toy):
     search = searched(toy.problem(lambda x, z: 60 * x**2 + 4 * x * z, ["square", "cross"], seed=12))
     step = search.step(search.refits.done[frozenset({Use("square")})])
-    assert step.gate.explained > 1000
+    assert step.acceptance.explained > 1000
     pair = search.refits.done[frozenset({Use("square"), Use("cross")})]
-    passage = step.gate.passage(pair)
-    assert passage.needed
-    assert not passage.passed
+    decision = step.acceptance.decision(pair)
+    assert decision.accepted_if_exact
+    assert not decision.accepted
     assert search.best.uses == {Use("square")}
     assert [r.uses for r in search.extensions] == [pair.uses]
     assert [r.uses for r in alternatives(search)] == [search.best.uses, pair.uses]
-    exact = Gate(step.start, step.gate.family, 0.0, step.gate.level)
-    assert exact.passage(pair).passed
+    exact = AcceptanceTest(step.start, step.acceptance.family, 0.0, step.acceptance.level)
+    assert exact.decision(pair).accepted
 
 
-def test_noise_from_few_repeats_makes_the_gate_careful(toy):
+def test_noise_from_few_repeats_makes_acceptance_careful(toy):
     problem = toy.problem(lambda x, z: 1.3 * x**2, ["square"], seed=13)
     few = problem.over([replace(problem.observations[0], noise_dof=3.0)])
     p = [diagnose(p).ranking[0].p_value for p in (problem, few)]
@@ -563,7 +565,7 @@ def test_noise_from_few_repeats_makes_the_gate_careful(toy):
 
 def test_repeats_that_gave_the_noise_are_no_lack_of_fit(toy):
     problem = toy.problem(lambda x, z: 2 * x**2, ["cross"], seed=14)
-    spent = problem.over([replace(problem.observations[0], noise_dof=24.0, pure_dof=24.0)])
+    spent = problem.over([replace(problem.observations[0], noise_dof=24.0, pure_error_dof=24.0)])
     plain, careful = (Refit(frozenset(), p, fit(p)) for p in (problem, spent))
     assert careful.dof == plain.dof - 24
     assert careful.reduced == pytest.approx((plain.chi2 - 24) / (plain.dof - 24))
@@ -666,8 +668,8 @@ def test_an_effect_with_a_kink_at_nothing_is_tried_to_both_sides(toy):
 
 def test_one_place_that_sees_nothing_makes_no_effect_invisible():
     found = by_effect(
-        [Visible("gain@Mic 1", "gain", 0.02, "1"), Visible("gain@Mic 2", "gain", None, "1"),
-         Visible("leak", "area", None, "m^2")]
+        [DetectableSize("gain@Mic 1", "gain", 0.02, "1"), DetectableSize("gain@Mic 2", "gain", None, "1"),
+         DetectableSize("leak", "area", None, "m^2")]
     )  # fmt: skip
     assert found["gain"] == {"value": 0.02, "unit": "1", "places": {"Mic 1": 0.02, "Mic 2": None}}
     assert found["leak"] is None

@@ -43,7 +43,7 @@ def test_folded_model_equals_the_estimate_of_the_filtered_reference():
     folded = folding(response(folding.nodes)[None])[0]
     size = np.sqrt(np.mean(np.abs(estimate) ** 2))
     assert np.sqrt(np.mean(np.abs(folded - estimate) ** 2)) < 1e-3 * size
-    # the unfolded response is off by eighty times as much: modes are narrower than the lines resolve
+    # the without_leakage response is off by eighty times as much: modes are narrower than the lines resolve
     assert np.sqrt(np.mean(np.abs(response(lines * 1.0) - estimate) ** 2)) > 0.04 * size
 
 

@@ -1,4 +1,4 @@
-"""Covariances about a fitted field: places of microphones, sketches, what held-out data may not show."""
+"""Covariances about a fitted field: places of microphones, subsamples, what held-out data may not show."""
 
 from dataclasses import replace
 
@@ -97,8 +97,10 @@ def test_a_model_that_fails_does_not_move_microphones_far(model, measured):
 def test_a_sketch_has_the_residual_of_the_whole(model, measured):
     assembly, values = model.assemble(), {"wall_admittance.common": 0.9 * ADMITTANCE}
     whole = measured.about(assembly, values)
-    sketch = whole.sketch(assembly, values, whole.n // 4)
-    lines = np.searchsorted(whole.frequency_hz, sketch.frequency_hz)
+    subsample = whole.subsample(assembly, values, whole.n // 4)
+    lines = np.searchsorted(whole.frequency_hz, subsample.frequency_hz)
     gap = (whole.response - whole.responses(assembly, [values])[0])[:, lines]
-    assert sketch.n == pytest.approx(whole.n / 4, rel=0.05)
-    np.testing.assert_allclose(sketch.response - sketch.responses(assembly, [values])[0], gap, atol=1e-9)
+    assert subsample.n == pytest.approx(whole.n / 4, rel=0.05)
+    np.testing.assert_allclose(
+        subsample.response - subsample.responses(assembly, [values])[0], gap, atol=1e-9
+    )

@@ -53,7 +53,7 @@ def test_covariance_in_closed_form() -> None:
     a, b = TRUTH[0, 0], TRUTH[0, 4]
     assert found.covariance[0, 4] == pytest.approx(0.3**2 * np.real(a * np.conj(b)), rel=1e-12)
     assert found.covariance[0, 8] == 0  # the other sensor
-    # 9 and 10: hats at 8 and 12 hold 3/4 and 1/4 of the one, 1/2 and 1/2 of the other
+    # 9 and 10: basis at 8 and 12 hold 3/4 and 1/4 of the one, 1/2 and 1/2 of the other
     both = 0.1**2 * (np.sqrt(0.75 * 0.5) + np.sqrt(0.25 * 0.5))
     assert found.covariance[1, 2] == pytest.approx(
         both * np.real(TRUTH[0, 1] * np.conj(TRUTH[0, 2])), rel=1e-12
@@ -64,13 +64,13 @@ def test_chi_square_of_drawn_errors_has_the_stated_degrees_of_freedom() -> None:
     """Monte Carlo: errors drawn as declared, not from the covariance; then gains of their own."""
     rng = np.random.default_rng(1)
     centres = np.arange(1, 7) * 4.0
-    hats = np.sqrt(np.clip(1 - np.abs(ORDER - centres[:, None]) / 4.0, 0, None))
+    basis = np.sqrt(np.clip(1 - np.abs(ORDER - centres[:, None]) / 4.0, 0, None))
 
     def drawn() -> float:
         def complex_normal(*shape: int) -> np.ndarray:
             return rng.normal(size=(*shape, 2)) @ np.array([1, 1j])
 
-        smooth = 0.1 * complex_normal(2, centres.size) @ hats
+        smooth = 0.1 * complex_normal(2, centres.size) @ basis
         own = {o: 0.3 * complex_normal(2) for o in np.unique(OFFSET) if o}
         beside = np.stack([own.get(o, np.zeros(2)) for o in OFFSET], axis=1)
         seen = observed(TRUTH * (1 + smooth + beside) + 0.1 * complex_normal(2, 8))

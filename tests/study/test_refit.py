@@ -22,9 +22,9 @@ def refits_of(problem):
 
 
 def leading_to(item, start, value):
-    """The trace of a candidate, bent so that the linearised refit along it ends at a value of its amplitude."""
-    columns = -start.fit.residual[:, None] * (item.trace.size[0] / value)
-    return replace(item, trace=replace(item.trace, columns=columns))
+    """The signature of a candidate, bent so that the linearised refit along it ends at a value of its amplitude."""
+    columns = -start.fit.residual[:, None] * (item.signature.size[0] / value)
+    return replace(item, signature=replace(item.signature, columns=columns))
 
 
 def scored(refits, start):
@@ -43,8 +43,8 @@ def test_a_refit_that_ends_in_a_hollow_is_begun_anew_from_the_base(toy):
 
 def test_a_refit_never_ends_above_a_set_that_it_contains(toy):
     refits = refits_of(toy.problem(lambda x, z: 4 * x * z, ["hollow", "cross"], also=[hollow]))
-    traces = scored(refits, refits.base)
-    cross = refits.fit(refits.base, [[traces["cross"]]])
+    signatures = scored(refits, refits.base)
+    cross = refits.fit(refits.base, [[signatures["cross"]]])
     after = refits.fit(cross, [[scored(refits, cross)["hollow"]]])
     assert after.uses == {Use("hollow"), Use("cross")}
     assert after.chi2 <= cross.chi2 < refits.base.chi2 - 100

@@ -117,7 +117,7 @@ def test_sums_over_cells_are_what_the_whole_residual_says(model):
     columns = algebra.columns(
         np.stack([np.where(rows, part, 0.0) for part in (algebra.predicted, turned)], axis=1)
     )
-    along = columns.T @ algebra.clean
+    along = columns.T @ algebra.projected
     expected = along @ np.linalg.solve(columns.T @ columns, along)
     assert cells.statistic(channels, bands) == (pytest.approx(expected, rel=1e-6), 2.0)
 
@@ -184,7 +184,7 @@ def test_the_proposed_place_is_the_one_that_separates_most(rivals, model):
     places = model.receivers.places.free()
     best = best_places(rivals, np.array([0.5, 0.5]), 1, 0.0)[0]
     views = _views(rivals, places)
-    covariances = [r.fit.covariance * r.scale for r in rivals]
+    covariances = [r.fit.covariance * r.dispersion for r in rivals]
     each = [np.sqrt(_separations(views, covariances, k)[0, 1]) for k in range(len(places))]
     assert best.separation == pytest.approx(max(each))
     assert best.place_m == pytest.approx(tuple(places[int(np.argmax(each))]))

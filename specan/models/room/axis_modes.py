@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import ComputationError
-from specan.models.room.few_lines import FewLines
+from specan.models.room.frequency_interpolation import FrequencyInterpolation
 
 Complex = NDArray[np.complex128]
 
@@ -71,7 +71,7 @@ class AxisModes:
         """Squared wave numbers, 1/m^2."""
         return self.w / self.length**2
 
-    def everywhere(self, few: FewLines, count: int) -> SeenEverywhere:
+    def everywhere(self, few: FrequencyInterpolation, count: int) -> SeenEverywhere:
         """The first `count` modes at all lines, of modes that are known at few."""
         if (few, count) not in self._everywhere:
             self._everywhere[few, count] = SeenEverywhere(self, few, count)
@@ -106,7 +106,7 @@ class SeenEverywhere:
     """The first modes of an axis at all lines, from those at few."""
 
     axis: AxisModes
-    few: FewLines
+    few: FrequencyInterpolation
     count: int
     _at: dict[bytes, Complex] = field(default_factory=dict, repr=False)
 

@@ -5,8 +5,8 @@ With ``exp(+j w t)`` and ``dp/dn = -j k beta p`` on the walls, the field of a so
     G(r, s) = sum_N Psi_N(r) Psi_N(s) / (Lambda_N (K_N^2 - k^2)),
 
 where ``Psi_N`` is a product of three axis modes. Modes that resonate in the band are summed at every line, those
-above it at few lines only (`specan.models.room.few_lines`); what lies above the truncation is added by
-`specan.models.room.remainder`.
+above it at few lines only (`specan.models.room.frequency_interpolation`); what lies above the truncation is added by
+`specan.models.room.static_correction`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.room.axis_modes import Axis, AxisModes, axis_modes
-from specan.models.room.few_lines import FewLines, few_lines
-from specan.models.room.remainder import Remainder, join, remainder
+from specan.models.room.frequency_interpolation import FrequencyInterpolation, interpolations
+from specan.models.room.static_correction import StaticCorrection, join, static_correction
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Port:
     slope : int or None
         Number of the axis along which the field's derivative is meant instead of the field.
     drawn : tuple of float or None
-        Where a place in parts of a wall's edges lies in the room as drawn, whose remainder serves it.
+        Where a place in parts of a wall's edges lies in the room as drawn, whose static_correction serves it.
     """
 
     position: tuple[float, float, float]
@@ -129,12 +129,12 @@ class BoxField:
         Edges as drawn, m: what lies above the truncation is taken from the room as it is drawn. An edge
         that is off by a percent changes that by some hundredths of a percent of the field.
     k2_max : float
-        Largest squared wave number for which the remainder is to hold.
+        Largest squared wave number for which the static_correction is to hold.
     counts : tuple of int
         Modes along the edges at the truncation.
     far : Modes, optional
         The others up to the truncation, at few lines.
-    few : FewLines, optional
+    few : FrequencyInterpolation, optional
         Which lines these are.
     """
 
@@ -145,7 +145,7 @@ class BoxField:
     k2_max: float
     counts: tuple[int, ...]
     far: Modes | None = None
-    few: FewLines | None = None
+    few: FrequencyInterpolation | None = None
     _done: dict[object, Complex] = field(default_factory=dict, repr=False)
 
     def prepare(self, ports: Sequence[Port]) -> None:
@@ -167,12 +167,12 @@ class BoxField:
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """Mean of G over both ports, array (lines, receivers), 1/m."""
-        for port in receivers:  # what no remainder is added to is reciprocal to the last digit
+        for port in receivers:  # what no static_correction is added to is reciprocal to the last digit
             if (source.ball or port.ball) and (port, source) in self._done:
                 self._done[source, port] = self._done[port, source]
         new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
         if new:
-            found = self._modal(source, new)
+            found = self.modal(source, new)
             # A ball averages away what lies above the truncation.
             plain = [i for i, port in enumerate(new) if not port.ball]
             if not source.ball and plain:
@@ -180,7 +180,8 @@ class BoxField:
             self._done |= {(source, port): column for port, column in zip(new, found.T, strict=True)}
         return np.stack([self._done[source, port] for port in receivers], axis=1)
 
-    def _modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
+    def modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
+        """The modes up to the truncation alone, array (lines, receivers): all but the near field, and cheap."""
         found = self.near.coupling(source, receivers)
         if self.far is not None and self.few is not None:
             found += self.few.everywhere(self.far.coupling(source, receivers))
@@ -202,7 +203,7 @@ class BoxField:
             new = list(dict.fromkeys(places))
         if new:
             at = np.array([place[1:] for place in new])
-            found = remainder(*room, at[:, :3], at[:, 3])
+            found = static_correction(*room, at[:, :3], at[:, 3])
             _REMAINDERS.update(zip(new, found.split(), strict=True))
         near = 0 if source.position[source.axis] < self.lengths[source.axis] / 2 else 1
         return join([_REMAINDERS[p] for p in places]).at(self.near.k2, self.soft[2 * source.axis + near])
@@ -229,7 +230,7 @@ def box(
     """
     k2_max = max(k_max, float(np.sqrt(k2).real.max())) ** 2
     near = near_counts(drawn, k_max)
-    for few in few_lines(frequency):
+    for few in interpolations(frequency):
         if few.meets(soft.T):
             axes = _axes(lengths, soft[:, few.chosen], counts)
             everywhere = [axis.everywhere(few, count) for axis, count in zip(axes, near, strict=True)]
@@ -262,8 +263,8 @@ def _axes(
     return x, y, z
 
 
-# The remainder depends on geometry alone; fits ask for the same geometry hundreds of times.
-_REMAINDERS: dict[object, Remainder] = {}
+# The static_correction depends on geometry alone; fits ask for the same geometry hundreds of times.
+_REMAINDERS: dict[object, StaticCorrection] = {}
 _KEPT = 4000
 
 

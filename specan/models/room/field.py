@@ -130,7 +130,7 @@ def _make_box(
 ) -> BoxField:
     lengths, as_drawn = point(dimensions), point(drawn)
     k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + dispersion))
-    # Counts and the remainder's range belong to the drawn room in cold air: while temperature or an edge
+    # Counts and the static_correction's range belong to the drawn room in cold air: while temperature or an edge
     # is fitted they must not jump.
     k_max = 2 * np.pi * float(np.max(frequency)) / COLD
     counts = mode_counts(as_drawn, k_max, float(margin))

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models.chosen_model import ChosenModel
 from specan.models.quantity import constant
-from specan.models.request import Request
 
 STEP_M = 0.03  # about, between points of the plane
 MOST_POINTS = 120  # along an edge
@@ -105,14 +105,14 @@ def read_plane(text: str) -> tuple[str, float]:
     raise RequestError(f"{text!r} is no plane", expected="x=METRES, y=METRES or z=METRES")
 
 
-def field_map(request: Request, plane: tuple[str, float], frequency_hz: float) -> FieldMap:
+def field_map(chosen: ChosenModel, plane: tuple[str, float], frequency_hz: float) -> FieldMap:
     """Evaluate the field on a plane.
 
-    Errors of microphones and their cards, where the request has any, do not touch it.
+    Errors of microphones and their cards, where the chosen has any, do not touch it.
 
     Parameters
     ----------
-    request : Request
+    chosen : ChosenModel
         Model of a room with effects and parameter values.
     plane : tuple
         Axis that the plane is normal to, and where it cuts it, m.
@@ -123,7 +123,7 @@ def field_map(request: Request, plane: tuple[str, float], frequency_hz: float) -
     RequestError
         The plane does not cut the room, or the frequency lies outside the band.
     """
-    model = request.assembly.model
+    model = chosen.assembly.model
     rig = model.settings["rig"]
     axis, at = plane
     dims = _edges(rig, axis, at)
@@ -138,7 +138,7 @@ def field_map(request: Request, plane: tuple[str, float], frequency_hz: float) -
     points = np.empty((len(grids[0]), len(grids[1]), 3))
     points[..., "xyz".index(axis)] = at
     points[..., across[0]], points[..., across[1]] = np.meshgrid(*grids, indexing="ij")
-    found = _field(request, points.reshape(-1, 3), frequency_hz).reshape(points.shape[:2])
+    found = _field(chosen, points.reshape(-1, 3), frequency_hz).reshape(points.shape[:2])
     places = np.array(rig["mics"]["position_m"])
     return FieldMap(
         axis, at, frequency_hz, grids[0], grids[1], found, places, tuple(model.axes["microphone"]), dims
@@ -161,10 +161,10 @@ def _edges(rig: Mapping[str, Any], axis: str, at: float) -> tuple[float, float, 
     return dims
 
 
-def _field(request: Request, points: Array, frequency_hz: float) -> NDArray[np.complex128]:
+def _field(chosen: ChosenModel, points: Array, frequency_hz: float) -> NDArray[np.complex128]:
     """The model's field with receivers at all points."""
-    model = request.assembly.model
-    uses = [u for u in request.assembly.uses if model.effects[u.name].at not in _OF_MICROPHONES]
+    model = chosen.assembly.model
+    uses = [u for u in chosen.assembly.uses if model.effects[u.name].at not in _OF_MICROPHONES]
     receivers = constant("receiver_position", points, "m", "Points of the plane.", ("microphone",))
     moved = replace(
         model,
@@ -174,7 +174,7 @@ def _field(request: Request, points: Array, frequency_hz: float) -> NDArray[np.c
     )
     assembly = moved.assemble(uses)
     known = assembly.parameters
-    values = {**assembly.defaults(), **{n: v for n, v in request.values.items() if n in known}}
+    values = {**assembly.defaults(), **{n: v for n, v in chosen.values.items() if n in known}}
     conditions = {"frequency": np.array([frequency_hz]), "velocity_psd": np.ones(1)}
     found: NDArray[np.complex128] = assembly.evaluate(conditions, values, wanted=["field"])["field"]
     return found

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.models.request import Request
+from specan.models.chosen_model import ChosenModel
 
 VELOCITY = 5e-3  # m/s RMS of the diaphragm
 LOUDSPEAKER = 0.1  # m/s per volt at the generator, at all frequencies
@@ -44,7 +44,7 @@ class SimulatedRecording:
 
 
 def simulated_recording(
-    request: Request,
+    chosen: ChosenModel,
     *,
     duration_s: float = 10.0,
     frequency_hz: float | None = None,
@@ -58,7 +58,7 @@ def simulated_recording(
 
     Parameters
     ----------
-    request : Request
+    chosen : ChosenModel
         Model of a room with effects and parameter values.
     duration_s : float
         Length.
@@ -74,22 +74,22 @@ def simulated_recording(
     RequestError
         A length, frequency or noise that cannot be.
     """
-    band = request.assembly.model.settings["rig"]["band"]
+    band = chosen.assembly.model.settings["rig"]["band"]
     _check(duration_s, frequency_hz, noise, band["f_max_hz"])
     rate = _sampling_rate(band["f_max_hz"])
     n = round(duration_s * rate)
     rng = np.random.default_rng(seed)
     if frequency_hz is None:
         frequency, velocity = _gaussian(rng, n, rate, band)
-        pressure = np.fft.irfft(_filtered(request, frequency, velocity, n, rate), n)
+        pressure = np.fft.irfft(_filtered(chosen, frequency, velocity, n, rate), n)
         moving = np.fft.irfft(velocity, n)
     else:
         turning = np.sqrt(2) * VELOCITY * np.exp(2j * np.pi * frequency_hz * np.arange(n) / rate)
         moving = turning.real
-        transfer = _transfer(request, np.array([frequency_hz]), np.array([VELOCITY**2 * duration_s]))
+        transfer = _transfer(chosen, np.array([frequency_hz]), np.array([VELOCITY**2 * duration_s]))
         pressure = np.real(transfer * turning)
     pressure = pressure + noise * rng.standard_normal(pressure.shape)
-    names = (*request.assembly.model.axes["microphone"], "Vibrometer", "Generator")
+    names = (*chosen.assembly.model.axes["microphone"], "Vibrometer", "Generator")
     return SimulatedRecording(names, rate, np.vstack([pressure, moving, moving / LOUDSPEAKER]), frequency_hz)
 
 
@@ -127,23 +127,23 @@ def _gaussian(
 
 
 def _filtered(
-    request: Request, frequency: Array, velocity: NDArray[np.complex128], n: int, rate: float
+    chosen: ChosenModel, frequency: Array, velocity: NDArray[np.complex128], n: int, rate: float
 ) -> NDArray[np.complex128]:
     """Spectra of the pressures."""
     driven = np.flatnonzero(np.abs(velocity))
     density = 2.0 * VELOCITY**2 / (2.0 * np.sum(frequency[driven] > 0) * rate / n)
-    found = np.zeros((len(request.assembly.model.axes["microphone"]), len(frequency)), complex)
+    found = np.zeros((len(chosen.assembly.model.axes["microphone"]), len(frequency)), complex)
     for first in range(0, len(driven), _LINES_AT_ONCE):
         lines = driven[first : first + _LINES_AT_ONCE]
-        transfer = _transfer(request, frequency[lines], np.full(len(lines), density))
+        transfer = _transfer(chosen, frequency[lines], np.full(len(lines), density))
         found[:, lines] = transfer * velocity[lines]
     return found
 
 
-def _transfer(request: Request, frequency: Array, velocity_psd: Array) -> NDArray[np.complex128]:
+def _transfer(chosen: ChosenModel, frequency: Array, velocity_psd: Array) -> NDArray[np.complex128]:
     conditions = {"frequency": frequency, "velocity_psd": velocity_psd}
-    values = {**request.assembly.defaults(), **request.values}
-    found: NDArray[np.complex128] = request.assembly.evaluate(conditions, values, wanted=["indicated_frf"])[
+    values = {**chosen.assembly.defaults(), **chosen.values}
+    found: NDArray[np.complex128] = chosen.assembly.evaluate(conditions, values, wanted=["indicated_frf"])[
         "indicated_frf"
     ]
     return found

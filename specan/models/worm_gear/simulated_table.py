@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models.chosen_model import ChosenModel
 from specan.models.prediction import Columns, predict
-from specan.models.request import Request
 
 
 def simulated_table(
-    request: Request,
+    chosen: ChosenModel,
     columns: Mapping[str, NDArray[np.float64]],
     *,
     noise: float = 0.0,
@@ -34,9 +34,9 @@ def simulated_table(
     """
     rows = {name: np.tile(np.asarray(values, float), repeats) for name, values in columns.items()}
     size = len(next(iter(columns.values())))
-    torque = predict(request, rows)["input_torque"]
+    torque = predict(chosen, rows)["input_torque"]
     torque = torque + noise * np.random.default_rng(seed).standard_normal(torque.size)
-    ratio = float(request.assembly.evaluate({}, wanted=["gear_ratio"])["gear_ratio"])
+    ratio = float(chosen.assembly.evaluate({}, wanted=["gear_ratio"])["gear_ratio"])
     ideal = rows["output_torque_Nm"] / ratio
     found = {
         **rows,

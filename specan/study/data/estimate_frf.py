@@ -19,7 +19,7 @@ from specan.study.observation.window_leakage import fold
 BLOCK_S = 1.0  # lines 1 Hz apart
 SETTLE_S = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
-LEAST_BLOCKS = 4
+LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
 
 Complex = Any
 
@@ -85,7 +85,7 @@ def observe_recording(
         "frequency": folding.nodes,
         "velocity_psd": _density_at(signals[0], rate, block, reference, folding.nodes),
     }
-    noise = _noise(recording, reference, channels_of_all, signals, found.frequency_hz, block, start)
+    noise = noise_of_lines(recording, reference, channels_of_all, signals, found.frequency_hz, block, start)
     plain = FrfObservation(
         name=recording.label,
         recording=recording.label,
@@ -124,7 +124,7 @@ def _before_a_fit(receivers: Receivers, plain: FrfObservation) -> dict[str, Any]
     return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": CommonErrors(receivers)}
 
 
-def _noise(
+def noise_of_lines(
     recording: Recording,
     reference: Channel,
     channels: Sequence[Channel],

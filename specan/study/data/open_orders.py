@@ -19,7 +19,7 @@ from specan.io.open import open_recording
 from specan.models import Model
 from specan.models.order_lines import OrderLines, Stated
 from specan.study.data.open_recordings import reads  # noqa: F401  a recording is one by its content
-from specan.study.data.sources import DataFile, DataRequest, OpenedData
+from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors
 from specan.study.observation.variable import Variable
 from specan.units import convert
@@ -32,7 +32,7 @@ SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
 LIKE_ENOUGH = 25.0  # chi-square that turning a recording by whole turns must gain; 1e-5 for the best of 28
 
 
-def open_data(model: Model, request: DataRequest) -> OpenedData:
+def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     """Read the recordings of a study.
 
     Raises
@@ -47,18 +47,18 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
         raise RequestError(f"the model {model.name} predicts no order lines", remedy="give a table instead")
     fitted, held_out, statements = [], [], []
     first: OrderLinesObservation | None = None
-    for file in (*request.measurements, *request.validations):
-        whole, said = observe(model, known, request, file)
+    for file in (*wanted.measurements, *wanted.validations):
+        whole, said = observe(model, known, wanted, file)
         if first is None:
             first = whole
         else:
             whole, turned = like(first, whole, known)
             said += turned
         statements += said
-        if file in request.validations:
+        if file in wanted.validations:
             held_out.append(whole)
             continue
-        aside = _put_aside(whole, file, request, model)
+        aside = _put_aside(whole, file, wanted, model)
         if not np.all(aside):
             fitted.append(whole.take(~aside))
         if np.any(aside):
@@ -74,10 +74,10 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
 
 
 def observe(
-    model: Model, known: OrderLines, request: DataRequest, file: DataFile
+    model: Model, known: OrderLines, wanted: MeasuredFiles, file: DataFile
 ) -> tuple[OrderLinesObservation, list[str]]:
     """The order lines of one recording."""
-    recording = open_recording(file.path, calibration=request.calibration, label=file.name)
+    recording = open_recording(file.path, calibration=wanted.calibration, label=file.name)
     names = tuple(c.name for c in recording.channels)
     sensors = tuple(n for n in model.axes[known.axis])
     missing = [n for n in sensors if n not in names]
@@ -274,12 +274,12 @@ def _stated(
 
 
 def _put_aside(
-    whole: OrderLinesObservation, file: DataFile, request: DataRequest, model: Model
+    whole: OrderLinesObservation, file: DataFile, wanted: MeasuredFiles, model: Model
 ) -> NDArray[np.bool_]:
     """Rows that ``channel=Acc 2`` or ``CONDITION=60`` names."""
     aside = np.zeros(whole.n, dtype=bool)
-    for wanted, where in request.hold_out:
-        if wanted not in (None, file.name):
+    for file_name, where in wanted.hold_out:
+        if file_name not in (None, file.name):
             continue
         given, _, levels = where.partition("=")
         key = _label(given.strip(), whole, model)

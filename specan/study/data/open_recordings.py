@@ -12,7 +12,7 @@ from specan.errors import InputError, RequestError, nearest
 from specan.io.open import open_recording
 from specan.models import Model, Receivers
 from specan.study.data.estimate_frf import BLOCK_S, observe_recording, settling_s
-from specan.study.data.sources import DataFile, DataRequest, OpenedData
+from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.frf import FrfObservation
 
 TITLE = "a recording"
@@ -29,7 +29,7 @@ def reads(path: Path) -> bool:
     return True
 
 
-def open_data(model: Model, request: DataRequest) -> OpenedData:
+def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     """Read the recordings of a study.
 
     Raises
@@ -45,17 +45,17 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
             f"the model {model.name} predicts nothing that a recording holds", remedy="give a table instead"
         )
     fitted, held_out, statements = [], [], []
-    for file in request.measurements:
-        whole, said = _observe(model, receivers, request, file)
-        aside = _put_aside(whole, file, request)
+    for file in wanted.measurements:
+        whole, said = _observe(model, receivers, wanted, file)
+        aside = put_aside(whole, file, wanted)
         if np.all(aside):
             raise RequestError(f"all channels of {file.name} are held out", remedy="hold out fewer")
         fitted.append(whole.take(~aside))
         if np.any(aside):
             held_out.append(whole.take(aside))
         statements += said
-    for file in request.validations:
-        whole, said = _observe(model, receivers, request, file)
+    for file in wanted.validations:
+        whole, said = _observe(model, receivers, wanted, file)
         held_out.append(whole)
         statements += said
     given = receivers.errors
@@ -73,9 +73,9 @@ def open_data(model: Model, request: DataRequest) -> OpenedData:
 
 
 def _observe(
-    model: Model, receivers: Receivers, request: DataRequest, file: DataFile
+    model: Model, receivers: Receivers, wanted: MeasuredFiles, file: DataFile
 ) -> tuple[FrfObservation, list[str]]:
-    recording = open_recording(file.path, calibration=request.calibration, label=file.name)
+    recording = open_recording(file.path, calibration=wanted.calibration, label=file.name)
     found = observe_recording(
         recording,
         model,
@@ -98,11 +98,11 @@ def _calibrated(recording: Recording, receivers: Receivers) -> list[str]:
     return [f"{recording.label}: sensitivities {reason}"] if reason else []
 
 
-def _put_aside(whole: FrfObservation, file: DataFile, request: DataRequest) -> NDArray[np.bool_]:
+def put_aside(whole: FrfObservation, file: DataFile, wanted: MeasuredFiles) -> NDArray[np.bool_]:
     """Rows of the channels that ``channel=Mic 19,Mic 20`` names."""
     aside = np.zeros(whole.n, dtype=bool)
-    for wanted, where in request.hold_out:
-        if wanted not in (None, file.name):
+    for file_name, where in wanted.hold_out:
+        if file_name not in (None, file.name):
             continue
         key, _, names = where.partition("=")
         if key.strip() not in whole.labels:
@@ -111,7 +111,7 @@ def _put_aside(whole: FrfObservation, file: DataFile, request: DataRequest) -> N
             )
         labels = whole.labels[key.strip()]
         for name in names.split(","):
-            chosen = labels.astype(str) == name.strip()
+            chosen = np.array([_alike(label, name.strip()) for label in labels.tolist()])
             if not chosen.any():
                 raise RequestError(
                     f"{file.name} has no {key.strip()} {name.strip()!r}",
@@ -119,3 +119,8 @@ def _put_aside(whole: FrfObservation, file: DataFile, request: DataRequest) -> N
                 )
             aside |= chosen
     return aside
+
+
+def _alike(label: object, name: str) -> bool:
+    """Whether a label is what a user wrote: ``25`` is the third octave 25.0."""
+    return f"{label:g}" == name if isinstance(label, float) else str(label) == name

@@ -13,10 +13,11 @@ from specan.errors import RequestError, nearest
 from specan.models import Model
 from specan.study.observation import Observation
 
-# kind -> module with `reads(path) -> bool`, `TITLE` and `open_data(model, request) -> OpenedData`
+# kind -> module with `reads(path) -> bool`, `TITLE` and `open_data(model, wanted) -> OpenedData`
 KINDS = {
     "table": "specan.study.data.open_tables",
     "frf": "specan.study.data.open_recordings",
+    "transfer": "specan.study.data.open_transfer",
     "orders": "specan.study.data.open_orders",
 }
 ENTRY_POINTS = "specan.measurement_kinds"  # of installed packages: name = such a module
@@ -44,7 +45,7 @@ class DataFile:
 
 
 @dataclass(frozen=True)
-class DataRequest:
+class MeasuredFiles:
     """The files of one kind, and what is to be put aside: pairs (file name or None, ``load=60``)."""
 
     measurements: Sequence[DataFile]
@@ -108,11 +109,11 @@ def kind_of(path: Path, model: Model) -> str:
     )
 
 
-def open_data(model: Model, requests: Mapping[str, DataRequest]) -> OpenedData:
+def open_data(model: Model, requests: Mapping[str, MeasuredFiles]) -> OpenedData:
     """Open the files of every kind."""
     parts = []
-    for kind, request in requests.items():
-        parts.append(kind_named(kind).open_data(model, request))
+    for kind, wanted in requests.items():
+        parts.append(kind_named(kind).open_data(model, wanted))
     return OpenedData(
         fitted=tuple(o for p in parts for o in p.fitted),
         held_out=tuple(o for p in parts for o in p.held_out),

@@ -42,7 +42,7 @@ class Noise:
     reading: VarianceFunction | None = None
     setup: VarianceFunction | None = None
     dof: float = np.inf
-    pure_dof: float = 0.0
+    pure_error_dof: float = 0.0
     known: bool = True
 
 
@@ -77,9 +77,13 @@ class Uncertainty:
         return self.model.rig.discrepancy_percent
 
     def observe(self, rows: Rows) -> TableObservation:
-        """Rows with their covariance; `pure_dof` holds for the rows that this was worked out on."""
+        """Rows with their covariance; `pure_error_dof` holds for the rows that this was worked out on."""
         reading, setup = self._variances(rows)
         together = (rows.setup[:, None] == rows.setup) & (rows.observable[:, None] == rows.observable)
+        # Scatter of set-ups without any of readings: too few second readings to tell, which count as set anew.
+        told = np.array([self.noise[name].reading is not None for name in rows.observable.tolist()])
+        declared = np.array([self.noise[name].setup is None for name in rows.observable.tolist()])
+        together &= (told | declared)[:, None] | np.eye(rows.n, dtype=bool)
         root = np.sqrt(setup)
         covariance = np.diag(reading) + np.where(together, np.outer(root, root), 0.0)
         part = self.discrepancy_percent / 100 * self.reference.effects_part(rows)
@@ -96,12 +100,13 @@ class Uncertainty:
             recordings=rows.recordings,
             recording=rows.recording,
             noise_dof=self._dof(rows),
-            pure_dof=sum(noise.pure_dof for noise in self.noise.values()),
+            pure_error_dof=sum(noise.pure_error_dof for noise in self.noise.values()),
             parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},
             available=frozenset(rows.conditions),
             known=self.known,
+            groups=rows.groups,
             lines=rows.lines,
-            cell=rows.cell,
+            replicate_group=rows.replicate_group,
         )
 
     def _variances(self, rows: Rows) -> tuple[Array, Array]:
@@ -167,7 +172,10 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
     ranges = {
         name: (float(x.min()), float(x.max()))
         for name, x in rows.conditions.items()
-        if np.ptp(x) > 0 and name != TIME and model.conditions[name].varies
+        if np.ptp(x) > 0
+        and name != TIME
+        and model.conditions[name].varies
+        and not model.conditions[name].group
     }
     found = Uncertainty(model, centre, noise, ranges)
     percent = found.discrepancy_percent
@@ -183,7 +191,7 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
     found = {"the reading": np.where(np.isfinite(predicted), predicted, rows.measured) ** 2}
     for name, x in rows.conditions.items():
         condition = model.conditions[name]
-        if name == TIME or not condition.varies or not np.ptp(rows.levels[name]) > 0:
+        if name == TIME or condition.group or not condition.varies or not np.ptp(rows.levels[name]) > 0:
             continue
         size = 1.0 if condition.usual_setting.absolute else x
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
@@ -272,19 +280,18 @@ def _noise_of(
     reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
     told = is_declared(model, str(part.observable[0]))
     instrument = mean(declared) / np.bincount(mean.index) if told else None
+    again, in_means = _usable(reading, told), None
+    if again and reading is not None:  # back-to-back readings tell what an instrument puts into the means
+        in_means, instrument = mean(reading.at(grows, part.n)) / np.bincount(mean.index), None
+    grown = {n: mean(c) for n, c in grows.items()}
     setup = pooled(
-        mean(rest), part.cell[first], means, {n: mean(c) for n, c in grows.items()}, SETTING, instrument
-    )
+        mean(rest), part.replicate_group[first], means, grown, SETTING, instrument, in_means
+    )  # fmt: skip
     measured = model.observables[str(part.observable[0])]
     column, unit = measured.header, f" {printed_unit(measured.unit)}".rstrip()
-    several = float(np.mean(np.bincount(np.unique(part.setup, return_inverse=True)[1])))
     anew = _usable(setup, told)
-    again = _usable(reading, told)
     if anew:
         assert setup is not None
-        if again:
-            assert reading is not None
-            setup = _less(setup, reading, several)
         words = _told(setup, rows.setups_from, "set anew", unit, grows)
         said = [words] + ([_told(reading, rows.setups_from, "back to back", unit, grows)] if again else [])
         pure = setup.dof + (reading.dof if again and reading is not None else 0.0)
@@ -325,12 +332,6 @@ def _usable(found: VarianceFunction | None, declared: bool) -> bool:
     return found is not None and found.dof >= (ENOUGH if declared else LEAST) and found.level > 0
 
 
-def _less(setup: VarianceFunction, reading: VarianceFunction, readings: float) -> VarianceFunction:
-    """Scatter of set-ups less the share that the readings of a set-up put into their mean."""
-    level = max(setup.level - reading.level / readings, 0.05 * setup.level)
-    return VarianceFunction(level, setup.share, setup.component, setup.dof)
-
-
 def _slopes(rows: Rows, predicted: Array) -> Array:
     """What repeats of a condition may differ by without being scattered, the likeliest first.
 
@@ -338,19 +339,23 @@ def _slopes(rows: Rows, predicted: Array) -> Array:
     linear in the deviation, and in the condition, is left to be fitted. Time went on: a machine runs in,
     quickly at first, by an amount or by a share of the reading.
     """
-    scaled = [(x - x.mean()) / x.std() for n, x in rows.levels.items() if np.ptp(x) > 0 and n != TIME]
+    scaled = [
+        (x - x.mean()) / x.std()
+        for n, x in rows.levels.items()
+        if np.ptp(x) > 0 and n != TIME and n not in rows.groups
+    ]
     deviations = {
         n: x - rows.levels[n] for n, x in rows.conditions.items() if n != TIME and not rows.is_set[n]
     }
     columns = list(deviations.values())
     if TIME in rows.conditions:
-        tents = _tents(rows.conditions[TIME])
-        columns += [tent * weight for weight in (predicted, np.ones(rows.n)) for tent in tents]
+        basis = _piecewise_linear_basis(rows.conditions[TIME])
+        columns += [part * weight for weight in (predicted, np.ones(rows.n)) for part in basis]
     columns += [deviation * u for deviation in deviations.values() for u in scaled]
     return np.stack(columns, axis=1) if columns else np.empty((rows.n, 0))
 
 
-def _tents(time: Array) -> list[Array]:
+def _piecewise_linear_basis(time: Array) -> list[Array]:
     """Piecewise straight functions of time whose corners lie closer together at the start."""
     span = max(float(np.ptp(time)), 1e-300)
     corners = time.min() + span * np.linspace(0, 1, CORNERS) ** 2
@@ -359,7 +364,7 @@ def _tents(time: Array) -> list[Array]:
 
 def _check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array, declared: Array) -> None:
     """Refuse repeats that no scatter explains; where the time is given they may drift, which an effect may explain."""
-    _, index, counts = np.unique(part.cell, return_inverse=True, return_counts=True)
+    _, index, counts = np.unique(part.replicate_group, return_inverse=True, return_counts=True)
     if TIME in part.conditions:
         return
     centre = np.array([np.median(rest[index == k]) for k in range(counts.size)])
@@ -405,7 +410,11 @@ def _about_conditions(model: Model, rows: Rows) -> list[str]:
             continue
         distinct = np.unique(rows.levels[name]).size
         kind = "set values" if rows.is_set[name] else "read values (their scatter is known, no noise)"
-        if np.ptp(x) > 0:
+        if condition.group:
+            names = rows.groups[name]
+            shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+            said.append(f"{name}: {len(names)} groups of rows, {shown}")
+        elif np.ptp(x) > 0:
             said.append(f"{condition.column}: {kind}, {distinct} levels")
     return said
 

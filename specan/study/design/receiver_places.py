@@ -87,7 +87,7 @@ def best_places(rivals: Sequence[Refit], weights: Array, count: int, least: floa
     """
     places = _of(rivals[0].problem)[1].free()
     views = _views(rivals, places)
-    covariances = [r.fit.covariance * r.scale for r in rivals]
+    covariances = [r.fit.covariance * r.dispersion for r in rivals]
     left, found = set(range(len(places))), []
     for _ in range(min(count, len(places))):
         gains = {k: _separations(views, covariances, k) for k in left}

@@ -9,9 +9,14 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError, RequestError, nearest
-from specan.study.estimation.levenberg_marquardt import descend
+from specan.models.parameter_name import ParameterName
+from specan.study.estimation.levenberg_marquardt import Minimum, descend
 from specan.study.estimation.problem import Problem
+from specan.study.estimation.refinement import MOST_JACOBIANS, refine
 from specan.study.observation import Array
+
+NORMAL_95 = 1.96  # standard deviations on either side of 95 % of a normal law
+FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +30,7 @@ class Fit:
     values : mapping
         SI value of every parameter of the model, those held included.
     chi2 : float
-        Sum of squares of `residual`: data, certificates and known ranges.
+        Sum of squares of `residual`: data, priors and known ranges.
     residual, jacobian : array
         As `Problem.residual` and `Problem.jacobian` give them at the minimum.
     covariance : array
@@ -36,19 +41,19 @@ class Fit:
         n_effective + number of priors - number of free parameters.
     reduced_chi2 : float
         Chi-square per degree of freedom, both without known ranges and without what only compares repeats
-        (`Observation.pure_dof`): one for a true model.
+        (`Observation.pure_error_dof`): one for a true model.
     p_value : float
         Probability of a worse fit of a true model, see `misfit_p_value`.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     theta: Array
     values: Mapping[str, Any]
     chi2: float
     residual: Array
     jacobian: Array
     covariance: Array
-    at_bound: tuple[str, ...]
+    at_bound: tuple[ParameterName, ...]
     converged: bool
     n_effective: float
     dof: float
@@ -75,7 +80,8 @@ def fit(
         Theta, or SI values by name, to start from; the problem's own start by default.
     starts : int
         Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
-        so that the same problem always gives the same answer. Only the first where an evaluation is dear.
+        so that the same problem always gives the same answer. Only the first without
+        `Strategy.further_starts`.
     max_evaluations : int
         Trust-region steps that one start may take before another method is tried.
 
@@ -92,31 +98,33 @@ def fit(
             f"{problem.n_data} measured values cannot determine {first.size} parameters",
             remedy="hold some of them fixed or measure more conditions",
         )
-    best: tuple[float, Array] | None = None
+    best: Minimum | None = None
     reason = "no start gave finite values"
-    for theta0 in [first, *_other_starts(problem, 0 if problem.dear else starts - 1)]:
+    for theta0 in [first, *_other_starts(problem, starts - 1 if problem.strategy.further_starts else 0)]:
         try:
-            cost, theta = _descend(problem, theta0, max_evaluations)
+            found = _descend(problem, theta0, max_evaluations)
         except ComputationError as fault:
             reason = fault.found
             continue
-        if best is None or cost < best[0] - 1e-9 * abs(best[0]):
-            best = (cost, theta)
+        if best is None or found.chi2 < best.chi2 - 1e-9 * abs(best.chi2):
+            best = found
     if best is None:
         raise ComputationError(
             f"the fit of {', '.join(problem.names) or 'no parameter'} failed: {reason}",
             remedy="give other start values or narrower bounds, or take an effect out",
         )
-    return describe(problem, best[1])
+    if best.theta.size and problem.strategy.exact_minimum:
+        best, _ = refine(problem, best.theta)
+    return describe(problem, best.theta, best.residual, best.jacobian)
 
 
-def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[float, Array]:
-    """Trust-region steps; in a valley that bends too much for them, those of `descent` from where they got."""
+def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> Minimum:
+    """Trust-region steps; in a valley that bends too much for them, those of `refine` from where they got."""
     if theta0.size == 0:
-        return float(np.sum(_finite(problem.residual(theta0)) ** 2)), theta0
-    if problem.dear:
-        minimum = descend(problem, _nearer(problem, theta0) if problem.resonant else theta0)
-        return minimum.chi2, minimum.theta
+        residual = _finite(problem.residual(theta0))
+        return Minimum(theta0, residual, np.empty((residual.size, 0)), float(residual @ residual))
+    if not problem.strategy.exact_minimum:
+        return descend(problem, _nearer(problem, theta0) if problem.strategy.continuation else theta0)
     from scipy.optimize import least_squares
 
     low, high = problem.bounds()
@@ -137,15 +145,17 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> tuple[flo
     except np.linalg.LinAlgError as fault:
         raise ComputationError(f"linear algebra failed ({fault})") from None
     if found.status > 0:
-        return 2 * float(found.cost), found.x
-    minimum = descend(problem, found.x)
-    return minimum.chi2, minimum.theta
+        return Minimum(found.x, found.fun, found.jac, 2 * float(found.cost))
+    minimum, settled = refine(problem, found.x)
+    if not settled:
+        raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
+    return minimum
 
 
 def _nearer(problem: Problem, theta0: Array) -> Array:
-    """Where a descent on a sketch leads, if it leads anywhere."""
+    """Where a descent on a subsample leads, if it leads anywhere."""
     try:
-        return descend(problem.sketched(theta0), theta0).theta
+        return descend(problem.subsampled(theta0), theta0).theta
     except ComputationError:
         return theta0
 
@@ -172,7 +182,7 @@ def _other_starts(problem: Problem, count: int) -> list[Array]:
 def _plausible(problem: Problem) -> tuple[Array, Array]:
     low, high = problem.bounds()
     start, scale = problem.start(), problem.scale
-    inner = [problem.assembly.parameters[name.split("[")[0]].si for name in problem.names]
+    inner = [problem.assembly.parameters[name.whole].si for name in problem.names]
     low = np.maximum(low, [s.min for s in inner])
     high = np.minimum(high, [s.max for s in inner])
     low = np.where(np.isfinite(low), low, start - 2 * scale)
@@ -192,7 +202,7 @@ def describe(
     chi2 = float(residual @ residual)
     dof = problem.n_effective + problem.n_priors - theta.size
     met = chi2 - problem.pulled(residual)  # a value outside its known range is no lack of fit of the data
-    lack, own = met - problem.pure_dof, dof - problem.pure_dof
+    lack, own = met - problem.pure_error_dof, dof - problem.pure_error_dof
     reduced = max(lack, 0.0) / own if own > 0 else float("nan")
     return Fit(
         names=problem.names,
@@ -207,11 +217,11 @@ def describe(
         n_effective=problem.n_effective,
         dof=dof,
         reduced_chi2=reduced,
-        p_value=misfit_p_value(met, dof, problem.noise_dof, problem.pure_dof),
+        p_value=misfit_p_value(met, dof, problem.noise_dof, problem.pure_error_dof),
     )
 
 
-def _snap(problem: Problem, theta: Array) -> tuple[Array, tuple[str, ...]]:
+def _snap(problem: Problem, theta: Array) -> tuple[Array, tuple[ParameterName, ...]]:
     """Put parameters that stopped a hair from an end of their domain on it, where that is no worse."""
     if not theta.size:
         return theta, ()
@@ -239,18 +249,19 @@ def covariance(jacobian: Array, scale: Array) -> Array:
     """
     if jacobian.shape[1] == 0:
         return np.empty((0, 0))
-    _, s, vt = np.linalg.svd(jacobian * scale, full_matrices=False)
-    floor = max(float(s[0]), 1.0) * 1e-8
-    root = vt.T / np.maximum(s, floor) * 1.0
-    root = scale[:, None] * root
+    sizes = np.linalg.norm(jacobian, axis=0)
+    most = max(float(np.max(sizes * scale)), 1.0)
+    sizes = np.where(sizes * scale > FLOOR * most, sizes, most / scale)
+    _, s, vt = np.linalg.svd(jacobian / sizes, full_matrices=False)
+    root = (vt.T / np.maximum(s, FLOOR * float(s[0]))) / sizes[:, None]
     return root @ root.T
 
 
-def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_dof: float = 0.0) -> float:
+def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_error_dof: float = 0.0) -> float:
     """Probability that a true model fits worse.
 
     Chi-square where the noise is known; else the lack of fit over the pure error,
-    F = ((chi2 - pure_dof) / (dof - pure_dof)) with dof - pure_dof and noise_dof degrees of freedom.
+    F = ((chi2 - pure_error_dof) / (dof - pure_error_dof)) with dof - pure_error_dof and noise_dof degrees of freedom.
 
     Parameters
     ----------
@@ -258,8 +269,8 @@ def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_dof:
         Sum of squares and degrees of freedom of the whole fit.
     noise_dof : float
         Degrees of freedom of the noise estimate.
-    pure_dof : float
-        Those of them that are part of `dof` (see `Observation.pure_dof`).
+    pure_error_dof : float
+        Those of them that are part of `dof` (see `Observation.pure_error_dof`).
 
     Examples
     --------
@@ -270,7 +281,7 @@ def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_dof:
     """
     from scipy.special import chdtrc, fdtrc
 
-    lack, own = chi2 - pure_dof, dof - pure_dof
+    lack, own = chi2 - pure_error_dof, dof - pure_error_dof
     if own <= 0:
         return float("nan")
     if np.isinf(noise_dof):

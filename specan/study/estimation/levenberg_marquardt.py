@@ -19,16 +19,15 @@ from specan.study.estimation.problem import Problem
 Array = NDArray[np.float64]
 
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
-SETTLED = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
-STALLED = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
-COARSE = 20.0  # times of that where an evaluation is dear
-FAR_OFF = 10.0  # reduced chi-square above which the exact minimum of a dear fit is of no interest
-SLIDING = 0.05  # share by which five Jacobians have to lower chi-square there to be worth going on
-MOST_JACOBIANS = 25
-LED = 3  # Jacobians that each of several starts is led by before the others are left
-MOST_SECANTS = 12
-MOST_DOUBLINGS = 8
-NEXT_TO_NONE = 1e-6  # damping with which a minimum is confirmed: a large one must not pass for it
+STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
+STALL_TOLERANCE = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
+POOR_FIT = 10.0  # reduced chi-square above which the exact minimum of a frugal fit is of no interest
+FAR_TOLERANCE = 0.05  # share by which five Jacobians have to lower chi-square there to be worth going on
+MOST_JACOBIANS = 25  # of one descent, before it counts as not converged
+SCREENING_JACOBIANS = 3  # Jacobians that each of several starts is led by before the others are left
+MOST_SECANTS = 12  # steps between two exact Jacobians
+MOST_DOUBLINGS = 8  # of a step that keeps paying
+LEAST_DAMPING = 1e-6  # damping with which a minimum is confirmed: a large one must not pass for it
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
     Raises
     ------
     ComputationError
-        Not finite at the start, or not settled after 25 Jacobians. A model that is far from dear data and slides
+        Not finite at the start, or not settled after 25 Jacobians. A model that is far from many data and slides
         along a valley is taken where it is: nothing is concluded from its exact minimum.
     """
     descent = _Descent(problem, np.asarray(start, dtype=float))
@@ -74,7 +73,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
     raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
 
 
-def descend_a_little(problem: Problem, start: Array, jacobians: int) -> Array:
+def descend_steps(problem: Problem, start: Array, jacobians: int) -> Array:
     """Where some exact Jacobians lead: near a minimum, if there is one near."""
     descent = _Descent(problem, np.asarray(start, dtype=float))
     for _ in range(jacobians):
@@ -83,7 +82,7 @@ def descend_a_little(problem: Problem, start: Array, jacobians: int) -> Array:
     return descent.theta
 
 
-def led_lowest(problem: Problem, starts: Sequence[Array]) -> Array:
+def best_screened(problem: Problem, starts: Sequence[Array]) -> Array:
     """Where some Jacobians lead that of several starts from which they lead lowest.
 
     Raises
@@ -97,7 +96,7 @@ def led_lowest(problem: Problem, starts: Sequence[Array]) -> Array:
     reason = ""
     for start in starts:
         try:
-            theta = descend_a_little(problem, start, LED)
+            theta = descend_steps(problem, start, SCREENING_JACOBIANS)
         except ComputationError as fault:
             reason = fault.found
             continue
@@ -109,8 +108,8 @@ def led_lowest(problem: Problem, starts: Sequence[Array]) -> Array:
 
 
 def unit(problem: Problem, chi2: float) -> float:
-    """Chi-square of a degree of freedom, at least one; where an evaluation is dear, what no verdict would notice."""
-    return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * (COARSE if problem.dear else 1.0)
+    """Chi-square per degree of freedom, at least one; the unit of the convergence tolerances."""
+    return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * problem.strategy.tolerance
 
 
 class _Descent:
@@ -120,7 +119,7 @@ class _Descent:
         self.problem, self.size = problem, problem.scale
         self.low, self.high = problem.bounds()
         self.theta = np.clip(start, self.low, self.high)
-        residual = _residual(problem, self.theta)
+        residual = finite_residual(problem, self.theta)
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")
         self.residual, self.damping = residual, 1e-4
@@ -136,8 +135,10 @@ class _Descent:
     @property
     def little(self) -> float:
         """By how much five Jacobians must lower chi-square to be worth going on."""
-        far_off = self.problem.dear and self.chi2 > FAR_OFF * (self.problem.n_data + self.problem.n_priors)
-        return SLIDING * self.chi2 if far_off else STALLED * self.unit
+        far_off = self.problem.strategy.pruning and self.chi2 > POOR_FIT * (
+            self.problem.n_data + self.problem.n_priors
+        )
+        return FAR_TOLERANCE * self.chi2 if far_off else STALL_TOLERANCE * self.unit
 
     def minimum(self, jacobian: Array) -> Minimum:
         return Minimum(self.theta, self.residual, jacobian, self.chi2)
@@ -147,8 +148,10 @@ class _Descent:
         slope = jacobian * self.size
         for secant in range(MOST_SECANTS):
             step, promised = self._step(slope, self.damping)
-            if promised < SETTLED * self.unit:
-                if (secant == 0 or guessed) and self._step(slope, NEXT_TO_NONE)[1] < SETTLED * self.unit:
+            if promised < STEP_TOLERANCE * self.unit:
+                if (secant == 0 or guessed) and self._step(slope, LEAST_DAMPING)[
+                    1
+                ] < STEP_TOLERANCE * self.unit:
                     return self.minimum(slope / self.size)
                 if secant > 0:
                     return None
@@ -190,7 +193,7 @@ class _Descent:
 def _try(problem: Problem, theta: Array, step: Array) -> tuple[Array, Array | None]:
     low, high = problem.bounds()
     trial = np.clip(theta + step, low, high)
-    return trial, _residual(problem, trial)
+    return trial, finite_residual(problem, trial)
 
 
 def _further(problem: Problem, theta: Array, trial: Array, there: Array) -> tuple[Array, Array]:
@@ -217,7 +220,8 @@ def _bend(slope: Array, step: Array, off: Array, damping: float) -> Array:
     return bend * min(1.0, most / length) if length > 0 else bend
 
 
-def _residual(problem: Problem, theta: Array) -> Array | None:
+def finite_residual(problem: Problem, theta: Array) -> Array | None:
+    """Residual at theta; None where the model has no value or one that is not finite."""
     try:
         residual = problem.residual(theta)
     except ComputationError:  # a loop of the model that does not settle there: the step was too long

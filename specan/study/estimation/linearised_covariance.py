@@ -12,17 +12,17 @@ from dataclasses import replace
 from typing import Any
 
 from specan.models import Assembly
-from specan.study.estimation.continuation import coarse_fit
-from specan.study.estimation.levenberg_marquardt import descend_a_little
+from specan.study.estimation.continuation import continuation_fit
+from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
 
-JACOBIANS = 3
+JACOBIANS = 3  # of all lines, about whose end the covariance is taken
 
 
 def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> Problem:
     """The problem with covariances about a fit of its own, and a start there; itself where they depend on none.
 
-    A coarse fit is not near enough, because it does not see the windows: a receiver's gain, say, would act on
+    A continuation fit is not near enough, because it does not see the windows: a receiver's gain, say, would act on
     another field than its calibration's uncertainty does, and seem to be known better than the calibration.
     From there all lines are fitted by a few steps, and the covariances taken about that.
 
@@ -30,13 +30,13 @@ def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
     ----------
     problem : Problem
     starts : sequence of mapping
-        SI values from which the coarse fit sets out; those that lack stand as the problem has them.
+        SI values from which the continuation fit sets out; those that lack stand as the problem has them.
     """
-    if not problem.about_model:
+    if not problem.strategy.linearised_covariance:
         return problem
-    values: Mapping[str, Any] = coarse_fit(problem, starts)
+    values: Mapping[str, Any] = continuation_fit(problem, starts)
     near = about(problem, problem.assembly, values)
-    theta = descend_a_little(near, near.start(values), JACOBIANS)
+    theta = descend_steps(near, near.start(values), JACOBIANS)
     values = problem.values_at(theta)
     return replace(
         about(problem, problem.assembly, values),

@@ -5,14 +5,14 @@ This is what every other part of the study engine works on. In short::
     problem = base_problem(model, observations)          # base effects, nuisances with their priors
     result = fit(problem)                                # specan.study.estimation.fit
     richer = problem.with_uses([Use("seal-drag")])       # its parameters free, at their defaults
-    problem.residual(theta)       # V^(-1/2) (predicted - measured), then certificates and known ranges
+    problem.residual(theta)       # V^(-1/2) (predicted - measured), then priors and known ranges
     problem.jacobian(theta)       # derivative of that residual: the Gauss-Newton step is -(J'J)^-1 J'r
     richer.start(result.values)   # a start that keeps what was fitted
     problem.split(array)          # rows of a residual or Jacobian by observation; the priors come last
 
-An instrument effect that is in the problem as a nuisance (held by its certificate) becomes a candidate
+An instrument effect that is in the problem as a nuisance (held by its prior) becomes a candidate
 by `with_uses` as well: the use loses its priors and its parameters are free; `nuisances` says which uses
-can be treated so, `without` puts them back under their certificate.
+can be treated so, `without` gives them their priors back.
 """
 
 from __future__ import annotations
@@ -26,12 +26,14 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
-from specan.study.estimation.known_ranges import KnownRanges
+from specan.models.groups import grouped
+from specan.models.parameter_name import ParameterName
+from specan.study.estimation.finite_differences import fine_stencil, usual_stencil
+from specan.study.estimation.pseudo_measurements import KnownRanges, PseudoMeasurements
 from specan.study.observation import Array, Observation
+from specan.study.observation.strategy import Strategy, joined
 
-DEAR = 2000  # rows from which an evaluation of the model is dear
-SKETCHED = 5000  # rows of a sketch
-STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
+SUBSAMPLE_ROWS = 5000  # rows of a subsample
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ class Problem:
     values : mapping
         SI values: those of the parameters that are held, and starts for the others.
     priors : mapping
-        ``{name: (mean, standard deviation)}`` in SI: certificates of instruments.
+        ``{name: (mean, standard deviation)}`` in SI: priors of instrument errors, from their calibration.
     domains : mapping
         ``{name: (low, high)}`` in SI where a study narrows or widens the parameter's own domain.
     links : mapping
@@ -91,7 +93,7 @@ class Problem:
         for name, parameter in self.assembly.parameters.items():
             if parameter.per == "recording":
                 found[name] = self.recordings
-            elif parameter.per:
+            elif parameter.per and parameter.per not in self.assembly.model.groups:
                 found[name] = tuple(self.assembly.model.axes[parameter.per])
         return found
 
@@ -101,10 +103,10 @@ class Problem:
         return tuple(dict.fromkeys(r for o in self.observations for r in o.recordings))
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[ParameterName, ...]:
         """Name of every element of theta: ``churning.exponent``, ``gain-error.gain[Channel 3]``."""
         return tuple(
-            f"{name}[{element}]" if element else name
+            ParameterName(name).at(element)
             for name in self.free
             for element in self.elements.get(name, ("",))
         )
@@ -118,20 +120,10 @@ class Problem:
         """Number of measured values."""
         return sum(o.n for o in self.observations)
 
-    @property
-    def about_model(self) -> bool:
-        """Whether covariances depend on where the model is (see `specan.study.estimation.linearised_covariance`)."""
-        return any(o.about_model for o in self.observations)
-
-    @property
-    def resonant(self) -> bool:
-        """Whether the data are narrow peaks, which a fit from a poor start misses (`estimation.continuation`)."""
-        return any(o.resonant for o in self.observations)
-
-    @property
-    def dear(self) -> bool:
-        """Whether an evaluation is worth saving."""
-        return self.n_data > DEAR
+    @cached_property
+    def strategy(self) -> Strategy:
+        """How it is fitted and searched."""
+        return joined([o.strategy for o in self.observations], self.n_data)
 
     @cached_property
     def n_effective(self) -> float:
@@ -146,20 +138,20 @@ class Problem:
         return 1 / spread if spread > 0 else float("inf")
 
     @cached_property
-    def pure_dof(self) -> float:
+    def pure_error_dof(self) -> float:
         """Degrees of freedom that only compare repeats with each other."""
-        return float(sum(o.pure_dof for o in self.observations))
+        return float(sum(o.pure_error_dof for o in self.observations))
 
     @cached_property
     def n_priors(self) -> int:
-        """Number of certificates: pseudo-measurements with a mean, which follow the data."""
-        return len(self._prior_index)
+        """Number of priors: pseudo-measurements with a mean, which follow the data."""
+        return int(self.pseudo.held.size)
 
     @cached_property
     def pseudo_rows(self) -> dict[str, int]:
-        """Row of every pseudo-measurement by its name: certificates by their element, then known ranges."""
-        held = [self.names[i] for i in self._prior_index]
-        ranged = [range_of(self.names[i]) for i in self._ranged]
+        """Row of every pseudo-measurement by its name: priors by their element, then known ranges."""
+        held = [self.names[i] for i in self.pseudo.held]
+        ranged = [range_of(self.names[i]) for i in self.pseudo.ranged]
         return {name: self.n_data + k for k, name in enumerate([*held, *ranged])}
 
     # --- from theta to values ------------------------------------------------------------------
@@ -217,9 +209,10 @@ class Problem:
         A leak that is smaller than those one usually finds is a leak nevertheless.
         """
         si, model = self.assembly.parameters[name].si, self.assembly.model
-        owner, _, own = name.rpartition(".")
+        owner, own = ParameterName(name).owner, ParameterName(name).own
         acting = {str(use): use for use in self.assembly.uses}
-        if owner not in acting or owner in map(str, model.base_effects):
+        base = {*model.base_effects, *(form for forms in model.other_forms.values() for form in forms)}
+        if owner not in acting or owner in base:
             return si.min, si.max
         neutral = model.effects[acting[owner].name].neutral_si.get(own, si.min)
         return min(si.min, neutral), max(si.max, neutral)
@@ -242,66 +235,39 @@ class Problem:
     def residual(self, theta: Array) -> Array:
         """V^(-1/2) (predicted - measured) of every observation, then the pseudo-measurements.
 
-        These are (theta - mean) / sd of the certificates, and the pulls of the known ranges.
+        These are (theta - mean) / sd of the priors, and the pulls of the known ranges.
         """
         values = self.values_at(theta)
         parts = [
             o.whiten(o.predict(self.assembly, self.seen_by(o, values)) - o.measured)
             for o in self.observations
         ]
-        return np.concatenate([*parts, self._prior_residual(theta), self.pulls(theta)])
+        return np.concatenate([*parts, self.pseudo.residual(np.asarray(theta, dtype=float))])
 
-    def jacobian(self, theta: Array) -> Array:
+    def jacobian(self, theta: Array, steps: Array | None = None) -> Array:
         """Derivative of `residual`, one column for each element of theta."""
-        slopes = self.sensitivities(theta)
+        slopes = self.sensitivities(theta, steps)
         white = [o.whiten(slope) for o, slope in zip(self.observations, slopes, strict=True)]
-        return np.concatenate([*white, self._prior_jacobian, self._range_jacobian(theta)], axis=0)
+        return np.concatenate([*white, self.pseudo.jacobian(np.asarray(theta, dtype=float))], axis=0)
 
-    def sensitivities(self, theta: Array) -> list[Array]:
-        """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences."""
+    def sensitivities(self, theta: Array, steps: Array | None = None) -> list[Array]:
+        """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences.
+
+        With `steps`, one for each element of theta, they are of fourth order.
+        """
         theta = np.asarray(theta, dtype=float)
         if not theta.size:
             return [np.empty((o.n, 0)) for o in self.observations]
-        points, weights = self._stencil(theta)
+        low, high = self.bounds()
+        if steps is None:
+            points, weights = usual_stencil(theta, self.scale, low, high, self.strategy.exact_minimum)
+        else:
+            points, weights = fine_stencil(theta, steps, low, high)
         many = [self.values_at(p) for p in points]
         return [
             o.predict_many(self.assembly, [self.seen_by(o, v) for v in many]) @ weights
             for o in self.observations
         ]
-
-    def _stencil(self, theta: Array) -> tuple[list[Array], Array]:
-        """Points around theta (itself first) and the weights that make derivatives of their predictions.
-
-        Central differences; one-sided ones of second order where a bound is near. Where an evaluation is
-        dear, plain one-sided ones: what they err by, the step's share of the parameter's width, no step
-        of a fit and no interval shows.
-        """
-        low, high = self.bounds()
-        points = [theta]
-        weights = np.zeros((2 * theta.size + 1, theta.size))
-        for k, scale in enumerate(self.scale):
-            h = STEP * max(scale, abs(theta[k]))
-            h = (theta[k] + h) - theta[k]
-            if self.dear:
-                h = -h if theta[k] + h > high[k] else h
-                weights[0, k] = -1 / h
-                weights[len(points), k] = 1 / h
-                points.append(theta.copy())
-                points[-1][k] += h
-                continue
-            if theta[k] - h < low[k]:
-                offsets, at_centre, outside = (1, 2), -1.5, (2.0, -0.5)
-            elif theta[k] + h > high[k]:
-                offsets, at_centre, outside = (-1, -2), 1.5, (-2.0, 0.5)
-            else:
-                offsets, at_centre, outside = (-1, 1), 0.0, (-0.5, 0.5)
-            weights[0, k] = at_centre / h
-            for place, (offset, weight) in enumerate(zip(offsets, outside, strict=True)):
-                point = theta.copy()
-                point[k] += offset * h
-                points.append(point)
-                weights[1 + 2 * k + place, k] = weight / h
-        return points, weights[: len(points)]
 
     def predictions(self, theta: Array) -> list[Array]:
         """What the model expects in place of `measured`, one vector an observation."""
@@ -331,65 +297,46 @@ class Problem:
     def _per_recording(self) -> tuple[str, ...]:
         return tuple(n for n, p in self.assembly.parameters.items() if p.per == "recording")
 
-    @cached_property
-    def _prior_index(self) -> list[int]:
-        return [i for i, owner in enumerate(self._owner) if owner in self.priors]
-
-    def _prior_residual(self, theta: Array) -> Array:
-        mean_sd = [self.priors[self._owner[i]] for i in self._prior_index]
-        return np.array([(theta[i] - m) / s for i, (m, s) in zip(self._prior_index, mean_sd, strict=True)])
+    # --- what is known beforehand -----------------------------------------------------------------
 
     @cached_property
-    def _prior_jacobian(self) -> Array:
-        rows = np.zeros((len(self._prior_index), len(self._owner)))
-        for row, i in enumerate(self._prior_index):
-            rows[row, i] = 1 / self.priors[self._owner[i]][1]
-        return rows
-
-    # --- known ranges ----------------------------------------------------------------------------
-
-    @cached_property
-    def _ranged(self) -> list[int]:
-        """Elements of theta that are held by a known range: those without a certificate."""
-        return [i for i, owner in enumerate(self._owner) if owner not in self.priors]
-
-    @cached_property
-    def known_ranges(self) -> KnownRanges:
-        """Ranges of the elements without a certificate."""
-        ends = [self.plausible(self._owner[i]) for i in self._ranged]
-        low, high = np.array([e[0] for e in ends]), np.array([e[1] for e in ends])
+    def pseudo(self) -> PseudoMeasurements:
+        """Priors and known ranges as rows of the residual."""
+        held = [i for i, owner in enumerate(self._owner) if owner in self.priors]
+        ranged = [i for i, owner in enumerate(self._owner) if owner not in self.priors]
+        prior = np.array([self.priors[self._owner[i]] for i in held]).reshape(-1, 2)
+        ends = np.array([self.plausible(self._owner[i]) for i in ranged]).reshape(-1, 2)
         if not self.ranges:
-            low, high = np.full(low.size, -np.inf), np.full(low.size, np.inf)
-        return KnownRanges.of(low, high, self.scale[self._ranged])
+            ends = np.tile([-np.inf, np.inf], (len(ranged), 1))
+        return PseudoMeasurements(
+            np.array(held, dtype=np.intp), np.array(ranged, dtype=np.intp), prior[:, 0], prior[:, 1],
+            KnownRanges.of(ends[:, 0], ends[:, 1], self.scale[ranged]), len(self._owner),
+        )  # fmt: skip
 
     def pulls(self, theta: Array) -> Array:
-        """Standard deviations by which the elements without a certificate leave their known ranges."""
-        return self.known_ranges.pulls(np.asarray(theta, dtype=float)[self._ranged])
+        """Standard deviations by which the elements without a prior leave their known ranges."""
+        return self.pseudo.pulls(np.asarray(theta, dtype=float))
 
     def pulled(self, residual: Array) -> float:
-        """Chi-square that a residual owes to known ranges, and not to data or certificates."""
+        """Chi-square that a residual owes to known ranges, and not to data or priors."""
         return float(np.sum(residual[self.n_data + self.n_priors :] ** 2))
-
-    def _range_jacobian(self, theta: Array) -> Array:
-        rows = np.zeros((len(self._ranged), len(self._owner)))
-        rows[np.arange(len(self._ranged)), self._ranged] = self.known_ranges.slopes(
-            np.asarray(theta, dtype=float)[self._ranged]
-        )
-        return rows
 
     # --- other problems ------------------------------------------------------------------------
 
-    def sketched(self, theta: Array) -> Problem:
+    def subsampled(self, theta: Array) -> Problem:
         """The problem on part of its rows, with the residual that the whole has at theta; itself where they are few."""
-        if self.n_data <= SKETCHED:
+        if self.n_data <= SUBSAMPLE_ROWS:
             return self
-        values, share = self.values_at(theta), SKETCHED / self.n_data
+        values, share = self.values_at(theta), SUBSAMPLE_ROWS / self.n_data
         return self.over(
-            [o.sketch(self.assembly, self.seen_by(o, values), round(share * o.n)) for o in self.observations]
+            [
+                o.subsample(self.assembly, self.seen_by(o, values), round(share * o.n))
+                for o in self.observations
+            ]
         )
 
     def with_uses(self, uses: Iterable[Use | str]) -> Problem:
-        """Add effects, their parameters free as far as declared and varied; a nuisance loses its certificate."""
+        """Add effects, their parameters free as far as declared and varied; a nuisance loses its prior."""
         new = [Use.parse(u) if isinstance(u, str) else u for u in uses]
         assembly = self.assembly.model.assemble({*self.assembly.uses, *new})
         varied = varying(o.conditions for o in self.observations)
@@ -403,7 +350,7 @@ class Problem:
         )
 
     def without(self, use: Use | str) -> Problem:
-        """Take an effect out; an instrument error with a certificate goes back under it."""
+        """Take an effect out; an instrument error gets its prior back."""
         use = Use.parse(use) if isinstance(use, str) else use
         if use not in self.assembly.uses:
             raise RequestError(
@@ -421,8 +368,8 @@ class Problem:
             links={n: o for n, o in self.links.items() if not _owned(n, [use]) and not _owned(o, [use])},
             nuisances=self.nuisances - {use},
         )
-        certified = use not in self.nuisances and any(str(use) == n.effect for n in model.nuisances)
-        return _with_nuisances(out, only=use) if certified else out
+        has_prior = use not in self.nuisances and any(str(use) == n.effect for n in model.nuisances)
+        return _with_nuisances(out, only=use) if has_prior else out
 
     def holding(self, values: Mapping[str, float]) -> Problem:
         """Hold parameters at given SI values instead of fitting them."""
@@ -455,13 +402,23 @@ def base_problem(
     uses : iterable of Use or str, optional
         Effects instead of the model's base effects.
     """
+    model = grouped_by(model, observations)
     assembly = model.assemble(model.base_effects if uses is None else uses)
     free = assembly.free(varying(o.conditions for o in observations))
     return _with_nuisances(Problem(assembly, tuple(observations), free))
 
 
+def grouped_by(model: Model, observations: Iterable[Observation]) -> Model:
+    """The model with the names of the groups that the observations hold."""
+    names: dict[str, dict[str, None]] = {}
+    for one in observations:
+        for axis, own in getattr(one, "groups", {}).items():
+            names.setdefault(axis, {}).update(dict.fromkeys(own))
+    return grouped(model, {axis: tuple(own) for axis, own in names.items()})
+
+
 def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
-    """Add the model's instrument errors that have a certificate and are not in the problem yet.
+    """Add the model's instrument errors that have a prior and are not in the problem yet.
 
     An error that the data cannot show at all (its conditions are missing) stays out.
     """
@@ -478,13 +435,13 @@ def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
         parameter = effect.parameters[nuisance.parameter]
         mean = effect.neutral_si[nuisance.parameter]
         sd = abs(parameter.to_si(effect.neutral[nuisance.parameter] + nuisance.prior_sd) - mean)
-        name = f"{use}.{nuisance.parameter}"
+        name = ParameterName.of(use, nuisance.parameter)
         priors[name], values[name] = (mean, sd), mean
         free.append(name)
         new.add(use)
-    for use in new:  # parameters without a certificate rest where the effect vanishes
-        for name, value in model.effects[use.name].neutral_si.items():
-            values.setdefault(f"{use}.{name}", value)
+    for use in new:  # parameters without a prior rest where the effect vanishes
+        for own, value in model.effects[use.name].neutral_si.items():
+            values.setdefault(ParameterName.of(use, own), value)
     return replace(
         problem,
         assembly=model.assemble({*problem.assembly.uses, *new}),
@@ -497,5 +454,5 @@ def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
 
 def _owned(name: str, uses: Sequence[Use]) -> bool:
     """Whether a parameter's full name belongs to one of the uses."""
-    owner = name.rpartition(".")[0]
+    owner = ParameterName(name).owner
     return any(owner == str(use) for use in uses)

@@ -35,21 +35,21 @@ class Projection:
         """Number of parameter combinations that the data determine."""
         return int(self.basis.shape[1])
 
-    def clean(self, columns: Array) -> Array:
+    def project_out(self, columns: Array) -> Array:
         """Part of a vector, or of each column, that no change of the parameters can produce.
 
         Examples
         --------
         >>> import numpy as np
         >>> line = np.column_stack([np.ones(3), [-1.0, 0.0, 1.0]])
-        >>> Projection.of(np.zeros(3), line).clean(np.array([0.0, 1.0, 2.0])).round(12) + 0.0
+        >>> Projection.of(np.zeros(3), line).project_out(np.array([0.0, 1.0, 2.0])).round(12) + 0.0
         array([0., 0., 0.])
         """
         return columns - self.basis @ (self.basis.T @ columns)
 
     def free_chi2(self, shift: Array) -> float:
         """Chi-square that is left of `shift` after a linear refit."""
-        rest = self.clean(shift)
+        rest = self.project_out(shift)
         return float(rest @ rest)
 
 

@@ -44,7 +44,7 @@ class LeftOut:
         jacobian = np.vstack([best.jacobian, hold])[:, free]
         residual = np.concatenate([best.residual, np.zeros(hold.shape[0])])
         self.basis = orthonormal(jacobian)
-        self.clean = residual - self.basis @ (self.basis.T @ residual)
+        self.projected = residual - self.basis @ (self.basis.T @ residual)
         self.predicted = np.concatenate(problem.predictions(best.theta))
         self._other_rows = residual.size - problem.n_data
 
@@ -72,7 +72,7 @@ class LeftOut:
         size, whole = float(column @ column), float(np.sum(self.problem.whiten(raw) ** 2))
         if size <= LEAST_SHARE * whole:
             return float("nan"), 0.0
-        along = float(column @ self.clean)
+        along = float(column @ self.projected)
         return along / size, along / np.sqrt(size)
 
     def statistic(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
@@ -80,7 +80,7 @@ class LeftOut:
         columns = self._unit_columns[:, rows]
         values, vectors = np.linalg.eigh(columns.T @ columns)
         kept = values > LEAST_SHARE * max(values[-1], 1e-300)
-        along = vectors[:, kept].T @ (columns.T @ self.clean)
+        along = vectors[:, kept].T @ (columns.T @ self.projected)
         return float(np.sum(along**2 / values[kept])), float(np.sum(kept))
 
 
@@ -171,7 +171,7 @@ def _trends(
             [np.where(values == level, algebra.predicted, 0.0) for level in _levels(values)], axis=1
         )
         basis = orthonormal(algebra.columns(dummies), 1e-6)
-        fall = float(np.sum((basis.T @ algebra.clean) ** 2))
+        fall = float(np.sum((basis.T @ algebra.projected) ** 2))
         raw.append((name, misfit_p_value(fall, basis.shape[1], algebra.problem.noise_dof)))
     passed = benjamini_yekutieli([p for _, p in raw], LEVEL)
     return [

@@ -1,4 +1,7 @@
-"""What was measured, in the form in which a model can be held against it."""
+"""What was measured, in the form in which a model can be held against it.
+
+Decisions: docs/decisions/covariance.md, docs/decisions/leakage.md.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
+from specan.study.observation.strategy import Strategy
 from specan.study.observation.variable import Variable
 
 Array = NDArray[np.float64]
@@ -73,7 +77,7 @@ class Observation(Protocol):
         """Degrees of freedom of the noise estimate; inf where the noise is known."""
 
     @property
-    def pure_dof(self) -> float:
+    def pure_error_dof(self) -> float:
         """Degrees of freedom of the residual that only compare repeats, and that the noise was estimated from.
 
         They are spent: whatever the model, their share of chi-square equals their number.
@@ -94,22 +98,18 @@ class Observation(Protocol):
     def take(self, mask: NDArray[np.bool_]) -> Observation:
         """The same observation with some of its rows only."""
 
-    def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Observation:
+    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Observation:
         """About so many rows, cheaper to predict, with the residual that the whole has at these values."""
 
     @property
-    def resonant(self) -> bool:
-        """Whether the rows are narrow peaks, which a fit from far off does not see."""
+    def strategy(self) -> Strategy:
+        """How fits and searches over these data are run."""
 
-    def coarse(self, percent: float) -> Observation:
-        """The same with every row uncertain by so much of the level around it; itself where nothing is `resonant`."""
+    def down_weighted(self, percent: float) -> Observation:
+        """The same with every row uncertain by so much of the level around it; itself without `continuation`."""
 
-    def unfolded(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
+    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
         """The same without windows, as far as the model at these values knows what they do; itself where none are."""
-
-    @property
-    def about_model(self) -> bool:
-        """Whether the covariance depends on where the model is."""
 
     def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> Observation:
         """The same with a covariance that is linearised about the model at these values; itself where it is not.

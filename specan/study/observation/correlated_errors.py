@@ -16,7 +16,7 @@ Complex = NDArray[np.complex128]
 Responses = Callable[[Assembly, Sequence[Mapping[str, Any]]], list[Complex]]
 
 DISCREPANCY_BANDS = 3  # an octave: how quickly the model's own error may turn with frequency
-STEP_M = 1e-3
+STEP_M = 1e-3  # of the differences that give slopes of the field
 PLACE = slice(0, 3)  # columns of the three coordinates
 
 
@@ -62,11 +62,11 @@ class CommonErrors:
             1j * response * np.radians(errors.calibration_phase_deg),
         ]
         of_all: list[Complex] = []
-        for hat in _hats(frequency_hz):
-            level = np.sqrt(np.mean(hat * np.abs(response) ** 2) / np.mean(hat))
+        for part in piecewise_linear_basis(frequency_hz):
+            level = np.sqrt(np.mean(part * np.abs(response) ** 2) / np.mean(part))
             of = [errors.discrepancy * response, 0.5 * errors.discrepancy * level + 0 * response]
-            found += [hat * size * turn for size in of for turn in (1, 1j)]
-            of_all += [hat * errors.detuning * detuned * turn for turn in (1, 1j)]
+            found += [part * size * turn for size in of for turn in (1, 1j)]
+            of_all += [part * errors.detuning * detuned * turn for turn in (1, 1j)]
         return np.stack(found, axis=-1), np.stack(of_all, axis=-1), np.stack(moved)
 
 
@@ -111,10 +111,10 @@ def moved_to(
     return whole, [{**values, **{n: values.get(n, 0.0) + d for n, d in by.items()}} for values in many]
 
 
-def _hats(frequency_hz: Array) -> Array:
+def piecewise_linear_basis(frequency_hz: Array) -> Array:
     """Hat functions a third of an octave apart: a smooth error is a mixture of them."""
     place = DISCREPANCY_BANDS * np.log2(frequency_hz)
     centres = np.arange(np.floor(place[0]), np.ceil(place[-1]) + 1)
-    hats = np.clip(1 - np.abs(place - centres[:, None]), 0, None)
-    found: Array = hats[hats.any(axis=1)]
+    basis = np.clip(1 - np.abs(place - centres[:, None]), 0, None)
+    found: Array = basis[basis.any(axis=1)]
     return found

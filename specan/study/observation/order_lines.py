@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
+from specan.study.observation.strategy import TABLE, Strategy
 from specan.study.observation.variable import Variable
 
 Array = NDArray[np.float64]
@@ -71,10 +72,9 @@ class OrderLinesObservation:
     levels: Mapping[str, tuple[float, Variable]] = field(default_factory=dict)
     noise_dof: float = np.inf
     observable: str = "lines"
-    pure_dof: ClassVar[float] = 0.0
+    pure_error_dof: ClassVar[float] = 0.0
     kind: ClassVar[str] = "orders"
-    resonant: ClassVar[bool] = False
-    about_model: ClassVar[bool] = False
+    strategy: ClassVar[Strategy] = TABLE
 
     @property
     def n(self) -> int:
@@ -121,7 +121,7 @@ class OrderLinesObservation:
 
     @cached_property
     def labels(self) -> Mapping[str, NDArray[Any]]:
-        """Family, harmonic and sensor of every row; level of each other condition."""
+        """MultipleTestingFamily, harmonic and sensor of every row; level of each other condition."""
         names = np.array(self.channels)[:, None]
         number = np.array([f"h = {h}" for h in self.harmonic])
         return {
@@ -227,15 +227,15 @@ class OrderLinesObservation:
         kept[self.kept] = mask[:half] | mask[half:]
         return replace(self, kept=kept)
 
-    def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> OrderLinesObservation:
+    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> OrderLinesObservation:
         """All of it: lines are few."""
         return self
 
-    def coarse(self, percent: float) -> OrderLinesObservation:
+    def down_weighted(self, percent: float) -> OrderLinesObservation:
         """Itself."""
         return self
 
-    def unfolded(self, assembly: Assembly, values: Mapping[str, Any]) -> OrderLinesObservation:
+    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> OrderLinesObservation:
         """Itself."""
         return self
 
@@ -277,8 +277,8 @@ def declared_errors(amplitude: Complex, order: Array, offset: Array, near: float
     [[0.2, 0.316, 0.0]]
     """
     centres = np.arange(np.floor(order.min() / REACH), np.ceil(order.max() / REACH) + 1) * REACH
-    hats = np.clip(1 - np.abs(order - centres[:, None]) / REACH, 0, None)
-    parts = [near * np.sqrt(hat) for hat in hats if hat.any()]  # the hats add up to one
+    basis = np.clip(1 - np.abs(order - centres[:, None]) / REACH, 0, None)
+    parts = [near * np.sqrt(part) for part in basis if part.any()]  # the basis add up to one
     places = np.round(offset, 6)
     parts += [path * (places == place) for place in np.unique(places) if place]
     found = []

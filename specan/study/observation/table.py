@@ -14,6 +14,7 @@ from specan.errors import InputError
 from specan.models import Assembly
 from specan.study.observation import Array
 from specan.study.observation.row_coupling import knowledge, rows_are_coupled
+from specan.study.observation.strategy import TABLE, Strategy
 from specan.study.observation.variable import Variable
 
 
@@ -35,8 +36,10 @@ class TableObservation:
         False where nothing tells the uncertainty: residuals can be shown, but nothing be concluded.
     series, position
         Conditions of the whole table that these rows were taken from, and their places in it.
-    lines, cell : array of int
-        Line of each row in its file; rows that were meant to be alike share a cell.
+    lines, replicate_group : array of int
+        Line of each row in its file; rows that were meant to be alike share a replicate group.
+    groups : mapping
+        Names of the groups whose numbers stand in `conditions`.
     """
 
     name: str
@@ -49,15 +52,17 @@ class TableObservation:
     recordings: tuple[str, ...] = ("",)
     recording: NDArray[np.intp] | None = None
     noise_dof: float = np.inf
-    pure_dof: float = 0.0
+    pure_error_dof: float = 0.0
     parts: Mapping[str, Array] = field(default_factory=dict)
     available: frozenset[str] = frozenset()
     known: bool = True
     series: tuple[Mapping[str, Array], NDArray[np.intp]] | None = None
     position: NDArray[np.intp] | None = None
     lines: NDArray[np.int_] | None = None
-    cell: NDArray[np.intp] | None = None
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    replicate_group: NDArray[np.intp] | None = None
     kind: ClassVar[str] = "table"
+    strategy: ClassVar[Strategy] = TABLE
 
     def __post_init__(self) -> None:
         if not np.all(np.isfinite(self.measured)):
@@ -115,36 +120,26 @@ class TableObservation:
             return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
         return self._root @ array
 
-    @property
-    def about_model(self) -> bool:
-        """No: the covariance was found without the model."""
-        return False
-
     def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> TableObservation:
         """Itself."""
         return self
 
-    def sketch(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> TableObservation:
+    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> TableObservation:
         """All of it: a table's rows are cheap."""
         return self
 
-    @property
-    def resonant(self) -> bool:
-        """No: nothing in a table is so narrow that a fit could pass by it."""
-        return False
-
-    def coarse(self, percent: float) -> TableObservation:
+    def down_weighted(self, percent: float) -> TableObservation:
         """Itself."""
         return self
 
-    def unfolded(self, assembly: Assembly, values: Mapping[str, Any]) -> TableObservation:
+    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> TableObservation:
         """Itself."""
         return self
 
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
         """Keep some of the rows; effects that look at earlier readings still see those left out.
 
-        How many degrees of freedom the kept repeats hold is not followed: `pure_dof` becomes 0.
+        How many degrees of freedom the kept repeats hold is not followed: `pure_error_dof` becomes 0.
         """
         keep = np.flatnonzero(mask) if np.asarray(mask).dtype == bool else np.asarray(mask)
         return replace(
@@ -158,9 +153,9 @@ class TableObservation:
             parts={name: values[keep] for name, values in self.parts.items()},
             series=self._series,
             position=self._position[keep],
-            pure_dof=0.0,
+            pure_error_dof=0.0,
             lines=None if self.lines is None else self.lines[keep],
-            cell=None if self.cell is None else self.cell[keep],
+            replicate_group=None if self.replicate_group is None else self.replicate_group[keep],
         )
 
     @cached_property
@@ -197,22 +192,19 @@ class TableObservation:
         vector = knowledge(assembly).vector
         vector.update({n: False for n in varying if assembly.parameters[n].per not in ("", "recording")})
         if not all(vector.get(name, True) for name in varying):
-            return self._one_by_one(assembly, many)
+            return np.stack([self._evaluate(assembly, v) for v in many], axis=1)
         try:
             together = self._evaluate(assembly, self._spread(many, varying), len(many))
         except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
             vector.update(dict.fromkeys(varying, False))
-            return self._one_by_one(assembly, many)
+            return np.stack([self._evaluate(assembly, v) for v in many], axis=1)
         table = together.reshape(len(many), self.n).T
         if all(name in vector for name in varying):
             return table
-        single = self._one_by_one(assembly, many)
+        single = np.stack([self._evaluate(assembly, v) for v in many], axis=1)
         same = np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)
         vector.update(dict.fromkeys(varying, same))
         return single
-
-    def _one_by_one(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        return np.stack([self._evaluate(assembly, values) for values in many], axis=1)
 
     def _in_order(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Predictions of an effect that looks at earlier rows: whole recordings, one after the other."""
@@ -243,14 +235,18 @@ class TableObservation:
         value = np.asarray(value, dtype=float)
         return value[self._recording] if value.ndim else np.full(self.n, value)
 
-    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
-        """Predictions for the conditions repeated `times` times."""
-        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+    def by_row(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> dict[str, Any]:
+        """Values with one element a row for parameters of each recording, rows repeated `times` times."""
         prepared = dict(values)
         for name, value in values.items():
             if self._is_vector(assembly, name, value) and np.size(value) != self.n * times:
                 prepared[name] = np.tile(self._per_row(value), times)
-        found = self._quantities(assembly, conditions, prepared, self.n * times)
+        return prepared
+
+    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
+        """Predictions for the conditions repeated `times` times."""
+        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+        found = self._quantities(assembly, conditions, self.by_row(assembly, values, times), self.n * times)
         predicted = np.empty(self.n * times)
         for name, rows in self._rows.items():
             rows = np.tile(rows, times)

@@ -1,4 +1,4 @@
-"""The gate that an effect has to pass before it is believed."""
+"""The acceptance that an effect has to pass before it is believed."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ from numpy.typing import NDArray
 
 from specan.study.estimation.problem import Problem
 from specan.study.selection import cross_validation
-from specan.study.selection.f_test import improvement_probability
-from specan.study.selection.multiple_testing import Family, simulated_probability
-from specan.study.selection.refits import FORM, Refit
+from specan.study.selection.f_test import LACK_OF_FIT, improvement_probability
+from specan.study.selection.multiple_testing import MultipleTestingFamily, simulated_probability
+from specan.study.selection.refits import FORM_TOLERANCE, Refit
 
 LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
 DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
-DRAWS = 20_000
+DRAWS = 20_000  # of the bootstrap
+# Part of a difference in chi-square, of which what the better of two sets may leave at most.
+COINCIDENCE = 0.2
 
 
 @dataclass(frozen=True)
-class Passage:
+class Decision:
     """How an extension of a model fares.
 
     Attributes
@@ -30,39 +32,39 @@ class Passage:
         Fall in BIC, chi-square in units of max(s^2, 1).
     held_out_gain : float
         Gain in blocked cross-validation.
-    p_beyond_form : float
+    p_with_tolerance : float
         As `p_value`, allowing for effects that are in the model already but have another form in truth.
     """
 
     p_value: float
-    p_beyond_form: float
+    p_with_tolerance: float
     delta_bic: float
     held_out_gain: float
     level: float
 
     @property
-    def passed(self) -> bool:
+    def accepted(self) -> bool:
         """All of: improbable by chance, decisive, predicts better what was left out.
 
         Values outside of what is known have paid for it in chi-square.
         """
-        return self.needed and self.p_beyond_form <= self.level
+        return self.accepted_if_exact and self.p_with_tolerance <= self.level
 
     @property
-    def needed(self) -> bool:
+    def accepted_if_exact(self) -> bool:
         """The same if the effects that are in the model already had exactly the form of their equations."""
         return self.p_value <= self.level and self.delta_bic > DECISIVE and self.held_out_gain > 0
 
 
 @dataclass(frozen=True, eq=False)
-class Gate:
+class AcceptanceTest:
     """The tests of one step of the search.
 
     Attributes
     ----------
     start : Refit
         What is to be extended.
-    family : Family
+    family : MultipleTestingFamily
         All directions tried from there.
     explained : float
         Chi-square that the effects which the search has added so far have taken away.
@@ -73,12 +75,12 @@ class Gate:
     """
 
     start: Refit
-    family: Family
+    family: MultipleTestingFamily
     explained: float = 0.0
     level: float = LEVEL
     bootstrap: bool = False
 
-    def passage(self, extended: Refit, *, tests: float | None = None) -> Passage:
+    def decision(self, extended: Refit, *, tests: float | None = None) -> Decision:
         """Fate of an extension.
 
         Parameters
@@ -88,23 +90,23 @@ class Gate:
         tests : float, optional
             Number of tests in the family, where it is not that of the directions (pairs).
         """
-        start, scale = self.start, extended.scale
+        start, dispersion = self.start, extended.dispersion
 
         def probability(tolerated: float) -> float:
             single = improvement_probability(
                 start.chi2 - extended.chi2,
                 max(extended.amplitudes - start.amplitudes, 1),
-                scale=scale,
+                dispersion=dispersion,
                 noise_dof=noise_dof(extended),
                 sided=1 if extended.uses - start.uses <= extended.one_sided else 2,
                 tolerated=tolerated,
             )
             return self._family_wise(single) if tests is None else min(tests * single, 1.0)
 
-        return Passage(
+        return Decision(
             p_value=probability(0.0),
-            p_beyond_form=probability(FORM**2 * self.explained / scale),
-            delta_bic=start.bic(scale) - extended.bic(scale),
+            p_with_tolerance=probability(FORM_TOLERANCE**2 * self.explained / dispersion),
+            delta_bic=start.bic(dispersion) - extended.bic(dispersion),
             held_out_gain=held_out_gain(start, extended),
             level=self.level,
         )
@@ -136,7 +138,7 @@ class Gate:
         return float(np.exp(root))
 
     @property
-    def needed_gain(self) -> float:
+    def needed_reduction(self) -> float:
         """Chi-square that one amplitude has to gain to pass."""
         from scipy.special import chdtri
 
@@ -151,7 +153,7 @@ def noise_dof(refit: Refit) -> float:
 def held_out_gain(start: Refit, extended: Refit) -> float:
     """Gain in blocked cross-validation, every level of every operating variable left out in turn."""
     return cross_validation.gain(
-        start.linear, extended.linear, left_out_blocks(start.problem), extended.scale
+        start.linear, extended.linear, left_out_blocks(start.problem), extended.dispersion
     )
 
 
@@ -162,3 +164,16 @@ def left_out_blocks(problem: Problem) -> list[NDArray[np.intp]]:
         left_out += [b + first for b in cross_validation.blocks(observation.labels, observation.n)]
         first += observation.n
     return left_out
+
+
+def complete(better: Refit, worse: Refit) -> bool:
+    """Whether one set meets resonances to the noise where another one does not: then that is not the other's form.
+
+    An equation that is not exact leaves a residual that may point anywhere: every resonance answers to it in its own
+    way. That it points along another effect, but for a part `COINCIDENCE` of its square, has a probability of about
+    ``COINCIDENCE ** ((n - 1) / 2)`` among n directions: 7e-4 with ten resonances, 2e-7 with twenty.
+    """
+    if not better.problem.strategy.continuation or better.lack_of_fit < LACK_OF_FIT:
+        return False
+    left = better.lack_of_fit_chi2 - better.dof + float(np.sqrt(2 * better.dof))
+    return max(left, 0.0) < COINCIDENCE * (worse.chi2 - better.chi2)

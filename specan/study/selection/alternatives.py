@@ -12,16 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from specan.study.estimation.projection import Projection
-from specan.study.selection.acceptance import DECISIVE
-from specan.study.selection.candidates import candidates, taken_for
-from specan.study.selection.refits import FORM, Refit
+from specan.study.selection.acceptance import DECISIVE, complete
+from specan.study.selection.candidates import candidates, confounded_with
+from specan.study.selection.refits import FORM_TOLERANCE, Refit
 from specan.study.selection.score_test import best_of_each, score, score_pairs
 from specan.study.selection.search import Search
-from specan.study.selection.starting_values import ways
+from specan.study.selection.starting_values import scan_shapes
 
-TELLING = 10.0  # D below which two explanations are not told apart
+DISTINGUISHABLE = 10.0  # D below which two explanations are not told apart
 WIDE = 30.0  # D of the linearised distance within which a rival is refitted
-MOST_RIVALS, MOST_DEAR_RIVALS = 8, 3
 
 
 def distance(truth: Refit, rival: Refit) -> float:
@@ -66,20 +65,27 @@ def refit_rivals(search: Search) -> None:
     scored = score(noise_free, search.tried_at(there, found), there.weights)
     whole = noise_free.free_chi2(gap)
     if len(best.uses) == 1:
-        options = [(whole - items[0].gain, [items[0]]) for items in best_of_each(scored).values()]
+        options = [(whole - items[0].chi2_reduction, [items[0]]) for items in best_of_each(scored).values()]
     else:
-        options = [(whole - pair.gain, [pair.first, pair.second]) for pair in score_pairs(noise_free, scored)]
+        options = [
+            (whole - pair.chi2_reduction, [pair.first, pair.second])
+            for pair in score_pairs(noise_free, scored)
+        ]
     options.sort(key=lambda option: option[0])
-    dear = search.best.problem.dear  # then the search has refitted few, and none for its place in the ranking
-    limit = max(WIDE * best.scale, FORM**2 * (search.base.chi2 - search.best.chi2) if dear else 0.0)
-    near = [members for d, members in options[: MOST_DEAR_RIVALS if dear else MOST_RIVALS] if d < limit]
-    if dear and len(search.best.uses) == 1:  # first: what is refitted here is not refitted below
+    strategy = search.best.problem.strategy
+    limit = WIDE * best.dispersion
+    if strategy.pruning:  # then the search has refitted few, and none for its place in the ranking
+        limit = max(limit, FORM_TOLERANCE**2 * (search.base.chi2 - search.best.chi2))
+    near = [members for d, members in options[: strategy.rivals] if d < limit]
+    if (
+        strategy.reuses_signatures and len(search.best.uses) == 1
+    ):  # first: what is refitted here is not refitted below
         declared = [
             use
-            for use in taken_for(there.problem.assembly.model, *search.best.uses)
+            for use in confounded_with(there.problem.assembly.model, *search.best.uses)
             if (done := search.refits.done.get(frozenset({use}))) is None or done.chi2 > best.chi2 + WIDE
         ]
-        for items in ways(there, declared).values():
+        for items in scan_shapes(there, declared).values():
             search.refits.fit(there, [[item] for item in items], again=True)
     for members in near:
         search.refits.fit(there, [members])
@@ -101,11 +107,11 @@ def alternatives(search: Search) -> list[Refit]:
         for uses, refit in search.refits.done.items()
         if uses and uses != best.uses and not uses > best.uses and len(uses) <= len(best.uses)
     ]
-    kept = [r for r in rivals if _alike(search, best, r)]
-    return [best, *sorted([*kept, *search.extensions], key=lambda r: r.bic(best.scale))]
+    kept = [r for r in rivals if _indistinguishable(search, best, r)]
+    return [best, *sorted([*kept, *search.extensions], key=lambda r: r.bic(best.dispersion))]
 
 
-def _alike(search: Search, best: Refit, rival: Refit) -> bool:
+def _indistinguishable(search: Search, best: Refit, rival: Refit) -> bool:
     """BIC as good as the best one's, or a distance below 10 while the data do not rule the rival out.
 
     As good is within 6, and within what an equation that is not exact may cost the right effect.
@@ -114,13 +120,17 @@ def _alike(search: Search, best: Refit, rival: Refit) -> bool:
         return False
     if len(rival.uses) > 1 and not search.needs_all(rival):
         return False
-    behind = rival.bic(best.scale) - best.bic(best.scale)
-    explained = (search.base.chi2 - best.chi2) / best.scale
-    if behind < DECISIVE + FORM**2 * explained:
+    if complete(best, rival):
+        return False
+    behind = rival.bic(best.dispersion) - best.bic(best.dispersion)
+    explained = (search.base.chi2 - best.chi2) / best.dispersion
+    if behind < DECISIVE + FORM_TOLERANCE**2 * explained:
         return True
-    there, back = distance(best, rival) / best.scale, distance(rival, best) / best.scale
-    off = (rival.chi2 - best.chi2) / best.scale
-    return (there < TELLING and off < _as_far_as(there)) or (back < TELLING and behind < TELLING)
+    there, back = distance(best, rival) / best.dispersion, distance(rival, best) / best.dispersion
+    off = (rival.chi2 - best.chi2) / best.dispersion
+    return (there < DISTINGUISHABLE and off < _as_far_as(there)) or (
+        back < DISTINGUISHABLE and behind < DISTINGUISHABLE
+    )
 
 
 def _as_far_as(distance_there: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from specan.study.estimation.projection import Projection
 
 Array = NDArray[np.float64]
-MOST_LEVELS = 12
+MOST_LEVELS = 12  # blocks of one operating variable
 
 
 def blocks(labels: Mapping[str, Array], n_data: int) -> list[NDArray[np.intp]]:
@@ -37,13 +37,13 @@ def blocks(labels: Mapping[str, Array], n_data: int) -> list[NDArray[np.intp]]:
     return found
 
 
-def score(fit: Projection, left_out: Sequence[NDArray[np.intp]], scale: float = 1.0) -> float:
+def score(fit: Projection, left_out: Sequence[NDArray[np.intp]], dispersion: float = 1.0) -> float:
     """Minus twice the log predictive density of all left-out blocks, up to a constant.
 
     Without block b, linearised, the residual of b is (I - H_bb)^-1 r_b with covariance
     (I - H_bb)^-1, so that no refit is needed:
 
-        S_b = r_b^T (I - H_bb)^-1 r_b / scale - ln det(I - H_bb).
+        S_b = r_b^T (I - H_bb)^-1 r_b / dispersion - ln det(I - H_bb).
 
     A direction that only block b determines is given a weak prior instead of an infinite variance.
     """
@@ -53,12 +53,14 @@ def score(fit: Projection, left_out: Sequence[NDArray[np.intp]], scale: float = 
         values, vectors = np.linalg.eigh(part.T @ part)
         left = np.clip(1.0 - values, 1e-3, 1.0)
         along = (part @ vectors).T @ residual
-        total += float(residual @ residual + np.sum(along**2 / left)) / scale - float(np.sum(np.log(left)))
+        total += float(residual @ residual + np.sum(along**2 / left)) / dispersion - float(
+            np.sum(np.log(left))
+        )
     return total
 
 
 def gain(
-    base: Projection, extended: Projection, left_out: Sequence[NDArray[np.intp]], scale: float = 1.0
+    base: Projection, extended: Projection, left_out: Sequence[NDArray[np.intp]], dispersion: float = 1.0
 ) -> float:
     """Score of the base less that of the extended fit; positive where the extension predicts better."""
-    return score(base, left_out, scale) - score(extended, left_out, scale)
+    return score(base, left_out, dispersion) - score(extended, left_out, dispersion)

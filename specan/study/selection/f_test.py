@@ -12,7 +12,7 @@ def improvement_probability(
     fall: float,
     amplitudes: float,
     *,
-    scale: float = 1.0,
+    dispersion: float = 1.0,
     noise_dof: float = math.inf,
     sided: int = 2,
     tolerated: float = 0.0,
@@ -29,7 +29,7 @@ def improvement_probability(
         Chi-square without less chi-square with the amplitudes.
     amplitudes : int
         Number q of amplitudes.
-    scale : float
+    dispersion : float
         max(s^2, 1), where s^2 is the reduced chi-square that is left.
     noise_dof : float
         Degrees of freedom from which the noise is known: replicates plus residual. The larger of s^2
@@ -37,7 +37,7 @@ def improvement_probability(
     sided : int
         1 or 2.
     tolerated : float
-        Chi-square, in units of `scale`, that may be there without meaning anything: the law is then
+        Chi-square, in units of `dispersion`, that may be there without meaning anything: the law is then
         the noncentral one.
 
     Examples
@@ -49,7 +49,7 @@ def improvement_probability(
 
     if fall <= 0:
         return 1.0
-    value = fall / scale
+    value = fall / dispersion
     if tolerated > 0:
         if math.isinf(noise_dof) or noise_dof > LIKE_INFINITE:
             return float(max(1 - chndtr(value, amplitudes, tolerated), 0.0))
@@ -76,12 +76,12 @@ def lack_of_fit_probability(
     return improvement_probability(chi2, dof, noise_dof=noise_dof, tolerated=tolerated)
 
 
-def needed_gain(level: float, amplitudes: int = 1, noise_dof: float = math.inf, sided: int = 2) -> float:
+def needed_reduction(level: float, amplitudes: int = 1, noise_dof: float = math.inf, sided: int = 2) -> float:
     """Fall in chi-square, in units of max(s^2, 1), at which `improvement_probability` is `level`.
 
     Examples
     --------
-    >>> round(needed_gain(0.05), 3), round(needed_gain(0.05, noise_dof=10), 3)
+    >>> round(needed_reduction(0.05), 3), round(needed_reduction(0.05, noise_dof=10), 3)
     (3.841, 4.965)
     """
     from scipy.special import chdtri, fdtri
@@ -92,7 +92,7 @@ def needed_gain(level: float, amplitudes: int = 1, noise_dof: float = math.inf, 
     return float(amplitudes * fdtri(amplitudes, noise_dof, 1 - level))
 
 
-def visible_noncentrality(
+def detectable_noncentrality(
     gain: float, amplitudes: int = 1, noise_dof: float = math.inf, power: float = 0.8
 ) -> float:
     """Chi-square without noise, of which the fall in chi-square exceeds `gain` with probability `power`.
@@ -102,7 +102,7 @@ def visible_noncentrality(
 
     Examples
     --------
-    >>> round(visible_noncentrality(needed_gain(0.05)), 2)
+    >>> round(detectable_noncentrality(needed_reduction(0.05)), 2)
     7.85
     """
     from scipy.special import chndtrinc, ncfdtr

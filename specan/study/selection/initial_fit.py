@@ -1,4 +1,4 @@
-"""A model brought near the data by whatever means, for covariances that depend on where the field is.
+"""A first fit near the data, for covariances that depend on where the field is.
 
 No verdict comes from here: the covariance is taken about the field that was found, and then every candidate is
 looked at anew. Only which of them are looked at first, and where their fits begin, is taken over.
@@ -16,31 +16,30 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.continuation import coarse, coarse_fit
+from specan.study.estimation.continuation import continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
-from specan.study.estimation.levenberg_marquardt import descend_a_little
+from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.linearised_covariance import about
 from specan.study.estimation.problem import Problem
-from specan.study.selection.candidates import candidates, taken_for
-from specan.study.selection.refits import FAR, OUT_OF_REACH, EffectSet, Refit, Refits
+from specan.study.selection.candidates import candidates, confounded_with
+from specan.study.selection.refits import FORM_TOLERANCE, POOR_FIT, PRUNING_FACTOR, EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, score
-from specan.study.selection.shape_grid import plan
-from specan.study.selection.signatures import Known, traces
-from specan.study.selection.starting_values import looked_over, promised, ways
+from specan.study.selection.signatures import Known, signatures
+from specan.study.selection.starting_values import planned_points, promised, scan_promising, scan_shapes
 
-LOOKED_AT = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
-TRIED, ALIKE = 4, 2  # of them that are refitted, and at most so many of one effect
-CLEAR = 0.7  # share of the base's chi-square on the coarse view that may be left by what is nearer
-MOST_TRIED = 7  # with those that are easily taken for the best so far
-SURE = 0.05  # reduced chi-square on the coarse view below which nothing else is tried
+SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
+REFITTED, PER_EFFECT = 4, 2  # of them that are refitted, and at most so many of one effect
+CLEAR = 0.7  # share of the base's chi-square on the down-weighted view that may be left by what is nearer
+MOST_REFITTED = 7  # with those that are easily taken for the best so far
+SURE = 0.05  # reduced chi-square on the down-weighted view below which nothing else is tried
 MOST = 2  # effects
 LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
-SKETCHED = 5  # Jacobians of a sketch
-JACOBIANS = 3  # of all lines, from where a sketch leads
+SUBSAMPLE_JACOBIANS = 5  # Jacobians of a subsample
+JACOBIANS = 3  # of all lines, from where a subsample leads
 
 
 @dataclass(frozen=True, eq=False)
-class Approach:
+class InitialFit:
     """Where a search sets out.
 
     Attributes
@@ -61,22 +60,24 @@ class Approach:
     found: EffectSet = frozenset()
 
 
-def approached(start: Refit, progress: Callable[[str], None]) -> Approach:
+def initial_fit(start: Refit, progress: Callable[[str], None]) -> InitialFit:
     """Look for a field near the measured one, where the base is far from it."""
-    if not start.problem.about_model or start.reduced < FAR:
-        return Approach(start)
+    if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
+        return InitialFit(start)
     progress("looking for a field that is near the measured one")
     tried = _tried(start.problem)
     bare = next(r for r in tried if not r.uses)
     near = min(tried, key=lambda r: r.bic(1.0))
     if near.chi2 > CLEAR * bare.chi2:  # the base is as near as the view can tell
-        return Approach(start)
-    beside = [r for r in tried if len(r.uses) == 1 and r.chi2 < OUT_OF_REACH * near.chi2]
+        return InitialFit(start)
+    beside = [r for r in tried if len(r.uses) == 1 and r.chi2 < PRUNING_FACTOR * near.chi2]
     known = {r.uses: r.problem.values_at(r.fit.theta) for r in tried if r.uses}
     found, values = _on_all_lines(start, near, {r.uses: r for r in [*beside, near]})
     single = sorted((uses for uses in values if len(uses) == 1), key=lambda uses: uses != found)
     likely = dict.fromkeys(use for uses in [*single, near.uses] for use in sorted(uses))
-    return Approach(seen_about(start, found, values[found]), tuple(likely), {**known, **values}, found)
+    return InitialFit(
+        with_covariances_about(start, found, values[found]), tuple(likely), {**known, **values}, found
+    )
 
 
 def _on_all_lines(
@@ -84,49 +85,49 @@ def _on_all_lines(
 ) -> tuple[EffectSet, dict[EffectSet, dict[str, Any]]]:
     """Where some steps on all lines lead the likeliest of some sets, and which of them comes nearest.
 
-    What seems nearest to the few lines of a coarse view, which has no windows, need not be the field. A sketch has
-    them: it says which sets are worth the steps.
+    What seems nearest to the few lines of a down-weighted view, which has no windows, need not be the field. A
+    subsample has them: it says which sets are worth the steps.
     """
     problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
     price = float(np.log(problem.n_effective))
     problems = {uses: problem.with_uses(sorted(uses)) for uses in sets}
-    sketched: dict[EffectSet, tuple[float, dict[str, Any]]] = {}
+    subsampled: dict[EffectSet, tuple[float, dict[str, Any]]] = {}
     for uses, refit in sets.items():
         whole, values = problems[uses], refit.problem.values_at(refit.fit.theta)
         theta = whole.start(values)
-        sketch = whole.sketched(theta)
-        with suppress(ComputationError):  # it stays where the coarse view has it
-            theta = descend_a_little(sketch, theta, SKETCHED)
-        chi2 = float(np.sum(sketch.residual(theta) ** 2)) * problem.n_data / sketch.n_data
-        sketched[uses] = chi2 + refit.count * price, whole.values_at(theta)
+        subsample = whole.subsampled(theta)
+        with suppress(ComputationError):  # it stays where the down-weighted view has it
+            theta = descend_steps(subsample, theta, SUBSAMPLE_JACOBIANS)
+        chi2 = float(np.sum(subsample.residual(theta) ** 2)) * problem.n_data / subsample.n_data
+        subsampled[uses] = chi2 + refit.count * price, whole.values_at(theta)
     bic: dict[EffectSet, float] = {}
     reached: dict[EffectSet, dict[str, Any]] = {}
-    for uses in sorted(sketched, key=lambda uses: sketched[uses][0])[:LIKELY]:
+    for uses in sorted(subsampled, key=lambda uses: subsampled[uses][0])[:LIKELY]:
         whole = problems[uses]
-        theta = descend_a_little(whole, whole.start(sketched[uses][1]), JACOBIANS)
+        theta = descend_steps(whole, whole.start(subsampled[uses][1]), JACOBIANS)
         reached[uses] = whole.values_at(theta)
         bic[uses] = float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price
     return min(bic, key=lambda uses: bic[uses]), reached
 
 
-def seen_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
+def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
     """The base with covariances about the field of a model with further effects, fitted."""
     problem = about(start.problem, start.problem.with_uses(sorted(uses)).assembly, values)
     return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
 
 
 def _tried(problem: Problem) -> list[Refit]:
-    """Sets of up to two effects that a greedy search on a coarse view fits, the empty one included."""
-    values = coarse_fit(problem)
-    view = coarse(problem, values=values)
+    """Sets of up to two effects that a greedy search on a down-weighted view fits, the empty one included."""
+    values = continuation_fit(problem)
+    view = down_weighted(problem, values=values)
     best = Refit(frozenset(), view, fit(view, start=values))
     refits = Refits(best, rough=True)
     for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}
-        points = plan(best.problem, best.fit, found, known)
+        points = planned_points(best, found, known)
         scored = best_of_each(
-            score(best.linear, traces(best.problem, best.fit, found, points, known), best.weights)
+            score(best.linear, signatures(best.problem, best.fit, found, points, known), best.weights)
         )
         better = _best_of_few(refits, best, scored)
         if better is best or better.reduced < 1:  # within the few per cent of the view
@@ -137,21 +138,29 @@ def _tried(problem: Problem) -> list[Refit]:
 
 def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]]) -> Refit:
     """The best set with one effect more, of those that promise most and of what is easily taken for the best."""
-    closer = looked_over(best, scored, LOOKED_AT)
+    closer = scan_promising(best, scored, SCANNED)
     queue = _of_several_names(sorted(closer, key=lambda use: promised(best, closer[use][0])))
     looked_at: set[Use] = set()
     better = best
-    while queue and better.reduced > SURE and len(looked_at) < MOST_TRIED:
+    while queue and better.reduced > SURE and len(looked_at) < MOST_REFITTED:
         use = queue.pop(0)
-        if use in looked_at or use not in scored:
+        if use in looked_at or use not in scored or not _may_win(best, better, use):
             continue
         looked_at.add(use)
-        items = closer.get(use) or ways(best, [use]).get(use) or scored[use][:1]
+        items = closer.get(use) or scan_shapes(best, [use]).get(use) or scored[use][:1]
         refit = refits.fit(best, [[item] for item in items])
         if refit is not None and refit.bic(1.0) < better.bic(1.0):
             better = refit
-            queue = [*taken_for(best.problem.assembly.model, use), *queue]
+            queue = [*confounded_with(best.problem.assembly.model, use), *queue]
     return better
+
+
+def _may_win(start: Refit, better: Refit, use: Use) -> bool:
+    """Whether a candidate may still come first: where a set leaves what its form may, only what is much like it."""
+    if better is start or better.reduced > 1 or better.chi2 > FORM_TOLERANCE**2 * start.chi2:
+        return True
+    (found,) = better.uses - start.uses
+    return use.name == found.name or use in confounded_with(start.problem.assembly.model, found)
 
 
 def _of_several_names(order: Sequence[Use]) -> list[Use]:
@@ -160,6 +169,6 @@ def _of_several_names(order: Sequence[Use]) -> list[Use]:
     queue = []
     for use in order:
         counts[use.name] += 1
-        if counts[use.name] <= ALIKE:
+        if counts[use.name] <= PER_EFFECT:
             queue.append(use)
-    return queue[:TRIED]
+    return queue[:REFITTED]

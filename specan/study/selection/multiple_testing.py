@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Family:
+class MultipleTestingFamily:
     """Directions that were tried.
 
     Attributes
@@ -58,10 +58,10 @@ class Family:
         Two equal directions count once, two orthogonal ones twice:
 
         >>> import numpy as np
-        >>> same = Family(np.array([[1.0, 1.0], [0.0, 0.0]]), np.array([False, False]))
+        >>> same = MultipleTestingFamily(np.array([[1.0, 1.0], [0.0, 0.0]]), np.array([False, False]))
         >>> round(same.probability(0.001), 9)
         0.001
-        >>> apart = Family(np.eye(2), np.array([False, False]))
+        >>> apart = MultipleTestingFamily(np.eye(2), np.array([False, False]))
         >>> round(apart.probability(0.001), 9)
         0.002
         """
@@ -96,7 +96,7 @@ class Family:
         return np.maximum(tree.data - 1e-9, 0.0), self.one_sided[tree.row] & self.one_sided[tree.col]
 
 
-def simulated_probability(family: Family, p_value: float, draws: int, seed: int = 0) -> float:
+def simulated_probability(family: MultipleTestingFamily, p_value: float, draws: int, seed: int = 0) -> float:
     """The same probability by parametric bootstrap of the maximum (one-amplitude members only).
 
     Draws of whitened noise are projected on all directions at once; the share of draws whose smallest

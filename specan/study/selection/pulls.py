@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.problem import range_of
-from specan.study.selection.refits import FORM, Refit
+from specan.study.selection.refits import FORM_TOLERANCE, Refit
 
 # Standard deviations beyond which a fit holds only with a value that contradicts what is known: three, as for an
 # outlier of a normal law (p = 0.003).
 TOO_FAR = 3.0
-CERTIFIED = 2.0  # standard uncertainties of a certificate that its range is shown as (coverage factor 2)
-MOST_TOLD = 2  # operating variables that are named, in the model's order
+COVERAGE = 2.0  # standard uncertainties of a prior that its range is shown as (coverage factor 2)
+MOST_NAMED = 2  # operating variables that are named, in the model's order
 SHOWN = 1.0  # pulls below this are no news
 
 
@@ -34,7 +35,7 @@ class Pull:
         The value rests on an end of its domain that lies outside the range: the data would go further.
     """
 
-    parameter: str
+    parameter: ParameterName
     value: float
     known: tuple[float, float]
     unit: str
@@ -80,15 +81,16 @@ def pulls(refit: Refit) -> tuple[Pull, ...]:
 def too_far(refit: Refit, base: Refit) -> tuple[Pull, ...]:
     """Values that contradict what is known, worst first.
 
-    Of a base parameter beside added effects, what the form of their equations may have pushed is taken off: what an
-    equation trusted to `FORM` of its trace leaves out has at most the length FORM sqrt(explained chi-square), and
-    moves no parameter of a least-squares fit by more standard errors than that.
+    Of a base parameter beside added effects, what the form of their equations may have pushed is taken off. An
+    equation is trusted to the share `FORM_TOLERANCE` of its signature. What it leaves out has at most the length
+    FORM_TOLERANCE sqrt(explained chi-square), and moves no parameter of a least-squares fit by more standard errors
+    than that.
     """
-    by_form = FORM * float(np.sqrt(max(base.chi2 - refit.chi2, 0.0)))
+    by_form = FORM_TOLERANCE * float(np.sqrt(max(base.chi2 - refit.chi2, 0.0)))
     own = {str(use) for use in refit.uses}
     found = []
     for pull in pulls(refit):
-        if pull.parameter.rpartition(".")[0] in own:
+        if pull.parameter.owner in own:
             found += [pull] if pull.too_far else []
             continue
         tail = _tail(refit, pull.parameter, pull.pull)
@@ -102,10 +104,10 @@ def stretched(refit: Refit) -> tuple[Pull, ...]:
     own = {str(use) for use in refit.uses}
     found = []
     for pull in pulls(refit):
-        if pull.parameter.rpartition(".")[0] in own:
+        if pull.parameter.owner in own:
             away = abs(pull.pull) * _tail(refit, pull.parameter, pull.pull)
-            error = refit.fit.standard_error(pull.parameter) * float(np.sqrt(refit.scale))
-            found += [pull] if away > CERTIFIED * error else []
+            error = refit.fit.standard_error(pull.parameter) * float(np.sqrt(refit.dispersion))
+            found += [pull] if away > COVERAGE * error else []
     return tuple(found)
 
 
@@ -127,21 +129,21 @@ def what_would_tell(refit: Refit) -> str:
         values = [o.conditions[name] for o in problem.observations if name in o.conditions]
         if all(np.ptp(v) <= 1e-9 * np.max(np.abs(v), initial=0.0) for v in values):
             constant.append(condition.column.rpartition("_")[0].replace("_", " ") or name)
-    return ", ".join(f"a second {name}" for name in constant[:MOST_TOLD])
+    return ", ".join(f"a second {name}" for name in constant[:MOST_NAMED])
 
 
 def _worst_first(pull: Pull) -> tuple[bool, float]:
     return not pull.too_far, -abs(pull.pull)
 
 
-def _pull(refit: Refit, name: str) -> Pull:
+def _pull(refit: Refit, name: ParameterName) -> Pull:
     problem, fit = refit.problem, refit.fit
-    plain = name.split("[")[0]
+    plain = name.whole
     parameter = problem.assembly.parameters[plain]
     value = float(fit.theta[fit.names.index(name)])
     if plain in problem.priors:
         mean, sd = problem.priors[plain]
-        known, pull = (mean - CERTIFIED * sd, mean + CERTIFIED * sd), (value - mean) / sd
+        known, pull = (mean - COVERAGE * sd, mean + COVERAGE * sd), (value - mean) / sd
     else:
         known = problem.plausible(plain)
         pull = float(problem.pulls(fit.theta)[_place(refit, name)])
@@ -152,17 +154,17 @@ def _pull(refit: Refit, name: str) -> Pull:
     )  # fmt: skip
 
 
-def _place(refit: Refit, name: str) -> int:
+def _place(refit: Refit, name: ParameterName) -> int:
     """Number of a parameter's range among the ranges."""
     problem = refit.problem
     return problem.pseudo_rows[range_of(name)] - problem.n_data - problem.n_priors
 
 
-def _tail(refit: Refit, name: str, pull: float) -> float:
-    """Standard deviation of the tail, or of the certificate, that a value is in; SI."""
+def _tail(refit: Refit, name: ParameterName, pull: float) -> float:
+    """Standard deviation of the tail, or of the prior, that a value is in; SI."""
     problem = refit.problem
-    plain = name.split("[")[0]
+    plain = name.whole
     if plain in problem.priors:
         return problem.priors[plain][1]
     k = _place(refit, name)
-    return float((problem.known_ranges.below if pull < 0 else problem.known_ranges.above)[k])
+    return float((problem.pseudo.ranges.below if pull < 0 else problem.pseudo.ranges.above)[k])

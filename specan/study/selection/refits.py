@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.continuation import ENOUGH, coarse_fit
+from specan.models.parameter_name import ParameterName
+from specan.study.estimation.continuation import ENOUGH, continuation_fit
 from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.levenberg_marquardt import (
-    STALLED,
+    STALL_TOLERANCE,
     Minimum,
+    best_screened,
     descend,
-    descend_a_little,
-    led_lowest,
+    descend_steps,
     unit,
 )
 from specan.study.estimation.problem import Problem
@@ -32,9 +33,9 @@ Array = NDArray[np.float64]
 
 EffectSet = frozenset[Use]
 
-FAR = 1.5  # reduced chi-square above which a base is too far from the data to set out from
-FORM = 0.2  # share of its trace to which the equation of an effect is trusted
-OUT_OF_REACH = 3.0  # times the best chi-square so far, beyond what an equation may be off
+POOR_FIT = 1.5  # reduced chi-square above which a base is too far from the data to set out from
+FORM_TOLERANCE = 0.2  # share of its signature to which the equation of an effect is trusted
+PRUNING_FACTOR = 3.0  # times the best chi-square so far, beyond what an equation may be off
 JACOBIANS = 3  # of all lines, before a set is given up
 SLOPE_STEP = 1e-3  # of a parameter's typical size
 
@@ -51,13 +52,13 @@ class Refit:
     uses : frozenset of Use
         What was added to the base.
     count : int
-        Parameters that were added, certificates put aside included.
+        Parameters that were added, those whose prior is removed included.
     amplitudes : int
         How many of them are amplitudes; the others are shapes.
     one_sided : frozenset of Use
         Those of the uses whose only amplitude is neutral at the boundary of its domain.
-    worth : float
-        Rows that each data row stands for (see `thinned`).
+    row_worth : float
+        Rows that each data row stands for (a subsample stands for all rows).
     """
 
     uses: EffectSet
@@ -66,13 +67,13 @@ class Refit:
     count: int = 0
     amplitudes: int = 0
     one_sided: EffectSet = frozenset()
-    worth: float = 1.0
+    row_worth: float = 1.0
 
     @cached_property
     def weights(self) -> Array:
         """Weights of the rows (see `row_weights`)."""
         weights = row_weights(self.problem)
-        weights[: self.problem.n_data] *= np.sqrt(self.worth)
+        weights[: self.problem.n_data] *= np.sqrt(self.row_worth)
         return weights
 
     @cached_property
@@ -91,15 +92,15 @@ class Refit:
     def dof(self) -> float:
         """Degrees of freedom that are left, without those that only compare repeats."""
         problem = self.problem
-        return problem.n_effective + problem.n_priors - self.linear.rank - problem.pure_dof
+        return problem.n_effective + problem.n_priors - self.linear.rank - problem.pure_error_dof
 
     @property
-    def lack(self) -> float:
+    def lack_of_fit_chi2(self) -> float:
         """Chi-square that is left for them; repeats, from which the noise was estimated, hold their number.
 
         Pulls out of known ranges are no lack of fit: they are a price, and are shown.
         """
-        return max(self.chi2 - self.pulled - self.problem.pure_dof, 0.0)
+        return max(self.chi2 - self.pulled - self.problem.pure_error_dof, 0.0)
 
     @property
     def pulled(self) -> float:
@@ -109,30 +110,30 @@ class Refit:
     @property
     def reduced(self) -> float:
         """Mean square of the lack of fit in units of the noise."""
-        return self.lack / self.dof
+        return self.lack_of_fit_chi2 / self.dof
 
     @property
-    def far(self) -> bool:
+    def poor_fit(self) -> bool:
         """Whether it is so far from peaks that nothing may be concluded from its parameters."""
-        return self.problem.resonant and self.reduced > FAR
+        return self.problem.strategy.continuation and self.reduced > POOR_FIT
 
     @property
-    def scale(self) -> float:
+    def dispersion(self) -> float:
         """Denominator of every test: the reduced chi-square, never below one."""
         return max(self.reduced, 1.0)
 
     @property
     def lack_of_fit(self) -> float:
         """Probability that a right model leaves this much."""
-        return self.lack_beyond(0.0)
+        return self.lack_of_fit_p_beyond(0.0)
 
-    def lack_beyond(self, tolerated: float) -> float:
+    def lack_of_fit_p_beyond(self, tolerated: float) -> float:
         """The same for a model that may be wrong by a chi-square of `tolerated`."""
-        return lack_of_fit_probability(self.lack, self.dof, self.problem.noise_dof, tolerated)
+        return lack_of_fit_probability(self.lack_of_fit_chi2, self.dof, self.problem.noise_dof, tolerated)
 
-    def bic(self, scale: float) -> float:
-        """Chi-square in units of `scale` plus the price of the added parameters."""
-        return self.chi2 / scale + self.count * float(np.log(self.problem.n_effective))
+    def bic(self, dispersion: float) -> float:
+        """Chi-square in units of `dispersion` plus the price of the added parameters."""
+        return self.chi2 / dispersion + self.count * float(np.log(self.problem.n_effective))
 
     def residual_like(self, other: Refit) -> Array:
         """Weighted residual with the rows of another set: pseudo-measurements that this one lacks count as met."""
@@ -163,17 +164,17 @@ class Refits:
     def __post_init__(self) -> None:
         self.done[frozenset()] = self.base
 
-    def fit(self, start: Refit, traces: Sequence[Sequence[Scored]], again: bool = False) -> Refit | None:
-        """Add the uses of the traces to a fitted set and refit everything.
+    def fit(self, start: Refit, signatures: Sequence[Sequence[Scored]], again: bool = False) -> Refit | None:
+        """Add the uses of the signatures to a fitted set and refit everything.
 
         A descent that ends above a fit with fewer effects has missed the minimum: it is begun anew from there.
 
         Parameters
         ----------
         start : Refit
-            Set to which the traces were scored.
-        traces : sequence of sequence of Scored
-            Alternative starts: each names one trace for every effect that is added.
+            Set to which the signatures were scored.
+        signatures : sequence of sequence of Scored
+            Alternative starts: each names one signature for every effect that is added.
         again : bool
             From these starts, though the set was fitted or its values are known: the better fit is kept.
 
@@ -182,21 +183,21 @@ class Refits:
         Refit or None
             None where no start converged; the reason stands in `failed`.
         """
-        uses = start.uses | {s.use for s in traces[0]}
+        uses = start.uses | {s.use for s in signatures[0]}
         before = self.done.get(uses)
         if not again and (before is not None or uses in self.failed):
             return before
         problem = self.base.problem.with_uses(sorted(uses))
-        starts = [start_from(start, members, problem) for members in traces]
+        starts = [start_from(start, members, problem) for members in signatures]
         if not again:
             known = [dict(self.known[uses])] if uses in self.known else []
-            starts = known or self._from_afar(start, problem, uses, starts) or starts
+            starts = known or self._continuation_start(start, problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
-        best, reason = self._lost(uses, problem, near), ""
+        best, reason = self._pruned_minimum(uses, problem, near), ""
         if best is None:
             best, reason = self._lowest(problem, near, self._whole(start))
             nested = self._best_within(uses)
-            if best is None or best.chi2 > nested.fit.chi2 + STALLED * unit(problem, best.chi2):
+            if best is None or best.chi2 > nested.fit.chi2 + STALL_TOLERANCE * unit(problem, best.chi2):
                 best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
         if best is None or (before is not None and before.fit.chi2 <= best.chi2):
             if before is None:
@@ -207,64 +208,66 @@ class Refits:
         return self.done[uses]
 
     @property
-    def far(self) -> bool:
+    def poor_fit(self) -> bool:
         """Whether the base is so far from the data that nothing may be concluded from its parameters."""
-        return self.base.far
+        return self.base.poor_fit
 
-    def out_of_reach(self, chi2: float, best: float) -> bool:
+    def beyond_pruning_bound(self, chi2: float, best: float) -> bool:
         """Whether a chi-square is too far above the best for an exact minimum, and an exact equation, to help."""
-        return chi2 > OUT_OF_REACH * best + FORM**2 * max(self.base.fit.chi2 - best, 0.0)
+        return chi2 > PRUNING_FACTOR * best + FORM_TOLERANCE**2 * max(self.base.fit.chi2 - best, 0.0)
 
     def _whole(self, start: Refit) -> Refit:
         """A set on all lines, of which a part was looked at."""
         return self.done.get(start.uses, start)
 
-    def _from_afar(
+    def _continuation_start(
         self, start: Refit, problem: Problem, uses: EffectSet, starts: list[dict[str, float | Array]]
     ) -> list[dict[str, float | Array]]:
-        """A start from a coarse fit, where what the set has wrong has dragged its parameters away."""
-        if not self._whole(start).far:
+        """A start from a continuation fit, where what the set has wrong has dragged its parameters away."""
+        if not self._whole(start).poor_fit:
             return []
-        own = [{n: v for n, v in s.items() if n.rpartition(".")[0] in map(str, uses)} for s in starts]
+        own = [{n: v for n, v in s.items() if ParameterName(n).owner in map(str, uses)} for s in starts]
         try:
-            return [coarse_fit(problem, own)]
+            return [continuation_fit(problem, own, self.rough)]
         except ComputationError:  # the other starts may do better
             return []
 
     def _nearer(
         self, problem: Problem, start: Refit, starts: list[dict[str, float | Array]]
     ) -> list[dict[str, Any]]:
-        """Of many rows, the start that leads lowest on a sketch, led there.
+        """Of many rows, the start that leads lowest on a subsample, led there.
 
-        The sketch is the one that the traces were scored on; about the last start where that set is far off.
+        The subsample is the one that the signatures were scored on; about the last start where that set is far off.
         """
         seen = problem.over(start.problem.observations)
-        if self._whole(start).far:
-            seen = problem.sketched(problem.start(starts[-1]))
+        if self._whole(start).poor_fit:
+            seen = problem.subsampled(problem.start(starts[-1]))
         if seen.n_data == problem.n_data:
             return starts
         try:
-            there = descend(seen, led_lowest(seen, [problem.start(values) for values in starts]))
+            there = descend(seen, best_screened(seen, [problem.start(values) for values in starts]))
         except ComputationError:  # the whole data may do better
             return starts
         return [problem.values_at(there.theta)]
 
-    def _lost(self, uses: EffectSet, problem: Problem, near: Sequence[Mapping[str, Any]]) -> Minimum | None:
-        """Where a dear refit was led, if that is so bad that its exact minimum is of no interest.
+    def _pruned_minimum(
+        self, uses: EffectSet, problem: Problem, near: Sequence[Mapping[str, Any]]
+    ) -> Minimum | None:
+        """Where an expensive refit was led, if that is so bad that its exact minimum is of no interest.
 
-        A sketch has the windows of the place where it began: some steps on all lines come before the judgement.
+        A subsample has the windows of the place where it began: some steps on all lines come before the judgement.
         """
-        if not problem.dear or len(near) > 1:
+        if not problem.strategy.pruning or len(near) > 1:
             return None
         others = [r.fit.chi2 for other, r in self.done.items() if len(other) <= len(uses)]
         if self._best_within(uses).fit.chi2 <= min(others):
             return None
         theta = problem.start(near[0])
         for jacobians in (0, JACOBIANS):
-            theta = descend_a_little(problem, theta, jacobians)
+            theta = descend_steps(problem, theta, jacobians)
             residual = problem.residual(theta)
             chi2 = float(residual @ residual)
-            if not self.out_of_reach(chi2, min(others)):
+            if not self.beyond_pruning_bound(chi2, min(others)):
                 return None
         return Minimum(theta, residual, problem.jacobian(theta), chi2)
 
@@ -273,14 +276,14 @@ class Refits:
     ) -> tuple[Minimum | None, str]:
         """Lowest minimum that a descent from one of the starts reaches; None, and why not, where none does.
 
-        `fewer` is a fit with fewer effects, whose slopes serve where new ones are dear.
+        `fewer` is a fit with fewer effects, whose slopes serve where new ones are expensive.
         """
         best: Minimum | None = None
         reason = ""
         thetas = [problem.start(values) for values in starts]
-        if problem.resonant:  # many starts, and most of them lead astray slowly
+        if problem.strategy.continuation:  # many starts, and most of them lead astray slowly
             try:
-                thetas = [led_lowest(problem, thetas)]
+                thetas = [best_screened(problem, thetas)]
             except ComputationError as fault:
                 return None, fault.found
         for theta in thetas:
@@ -302,15 +305,15 @@ class Refits:
         return min((r for part, r in self.done.items() if part < uses), key=lambda r: r.fit.chi2)
 
     def _describe(self, uses: EffectSet, problem: Problem, best: Fit) -> Refit:
-        own = {u: [n for n in problem.names if n.rpartition(".")[0] == str(u)] for u in uses}
+        own = {u: [n for n in problem.names if n.owner == str(u)] for u in uses}
         effects = problem.assembly.model.effects
         amplitudes, one_sided = 0, set()
         for use, names in own.items():
-            neutral = {f"{use}.{p}": v for p, v in effects[use.name].neutral_si.items()}
-            moving = [n for n in names if n.split("[")[0] in neutral]
+            neutral = {ParameterName.of(use, p): v for p, v in effects[use.name].neutral_si.items()}
+            moving = [n for n in names if n.whole in neutral]
             amplitudes += len(moving)
-            certified = any(n.split("[")[0] in self.base.problem.priors for n in moving)
-            if len(moving) == 1 and not certified and neutral[moving[0]] in problem.domain(moving[0]):
+            has_prior = any(n.whole in self.base.problem.priors for n in moving)
+            if len(moving) == 1 and not has_prior and neutral[moving[0]] in problem.domain(moving[0]):
                 one_sided.add(use)
         count = sum(len(names) for names in own.values())
         return Refit(uses, problem, best, count, amplitudes, frozenset(one_sided))
@@ -321,21 +324,21 @@ class Refits:
 
 
 def _some_steps(problem: Problem, theta: Array) -> Minimum:
-    theta = descend_a_little(problem, theta, ENOUGH)
+    theta = descend_steps(problem, theta, ENOUGH)
     residual = problem.residual(theta)
     return Minimum(theta, residual, problem.jacobian(theta), float(residual @ residual))
 
 
 def _slopes(fewer: Refit | None, problem: Problem, theta: Array) -> Array | None:
-    """Jacobian to begin with where an exact one is dear: of a fit with fewer effects, and slopes of what is new."""
-    if fewer is None or not problem.dear or fewer.far:
+    """First Jacobian where an exact one is expensive: of a fit with fewer effects, and slopes of new parameters."""
+    if fewer is None or problem.strategy.exact_minimum or fewer.poor_fit:
         return None
     known = {name: fewer.fit.jacobian[:, k] for k, name in enumerate(fewer.fit.names)}
     here = problem.residual(theta)
     low, high = problem.bounds()
     columns = []
     for k, name in enumerate(problem.names):
-        if name in known and name.split("[")[0] in fewer.problem.free:
+        if name in known and name.whole in fewer.problem.free:
             columns.append(with_rows_of(known[name], fewer.problem, problem))
             continue
         step = (
@@ -351,8 +354,8 @@ def start_nested(
     nested: Refit, near: Mapping[str, float | Array], problem: Problem
 ) -> dict[str, float | Array]:
     """Values of a fit with fewer effects, those that it lacks at nothing and with the shapes of `near`."""
-    nothing = {
-        f"{use}.{name}": value
+    nothing: dict[str, float | Array] = {
+        ParameterName.of(use, name): value
         for use in {*problem.assembly.uses}.difference(nested.problem.assembly.uses)
         for name, value in problem.assembly.model.effects[use.name].neutral_si.items()
     }
@@ -360,10 +363,10 @@ def start_nested(
 
 
 def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dict[str, float | Array]:
-    """Values to start a refit from: the linearised refit of everything along the traces."""
+    """Values to start a refit from: the linearised refit of everything along the signatures."""
     members = list(members)
     weights, fitted = start.weights, start.fit
-    columns = np.column_stack([s.trace.columns * weights[:, None] for s in members])
+    columns = np.column_stack([s.signature.columns * weights[:, None] for s in members])
     jacobian = fitted.jacobian * weights[:, None]
     size = start.problem.scale
     step, *_ = np.linalg.lstsq(
@@ -373,19 +376,19 @@ def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dic
     theta = np.clip(fitted.theta + step[: size.size] * size, low, high)
     values: dict[str, float | Array] = dict(start.problem.values_at(theta))
     position = size.size
-    elements: dict[str, dict[str, float]] = {}
+    elements: dict[ParameterName, dict[str, float]] = {}
     for member in members:
-        trace = member.trace
-        for k, name in enumerate(trace.names):
-            if trace.size[k]:
-                multiple = float(np.clip(step[position + k], *trace.reach))
-                elements.setdefault(name.split("[")[0], {})[name] = float(
-                    trace.neutral[k] + multiple * trace.size[k]
+        signature = member.signature
+        for k, name in enumerate(signature.names):
+            if signature.size[k]:
+                multiple = float(np.clip(step[position + k], *signature.multiplier_bounds))
+                elements.setdefault(name.whole, {})[name] = float(
+                    signature.neutral[k] + multiple * signature.size[k]
                 )
-        position += len(trace.names)
-        for name, value in trace.shapes.items():
-            elements.setdefault(name.split("[")[0], {})[name] = value
-    for name, known in elements.items():
-        order = problem.elements.get(name)
-        values[name] = np.array([known[f"{name}[{e}]"] for e in order]) if order else known[name]
+        position += len(signature.names)
+        for shape, value in signature.shapes.items():
+            elements.setdefault(ParameterName(shape).whole, {})[shape] = value
+    for whole, known in elements.items():
+        order = problem.elements.get(whole)
+        values[whole] = np.array([known[whole.at(e)] for e in order]) if order else known[whole]
     return values

@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Effect, LawSpace, Parameter, effect
+from specan.study.estimation.fit import NORMAL_95
 from specan.study.estimation.problem import Problem
+from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import noise_dof
 from specan.study.selection.f_test import improvement_probability
 from specan.study.selection.refits import Refit
@@ -27,14 +29,13 @@ from specan.study.selection.signatures import residuals
 
 Array = NDArray[np.float64]
 
-LOW, HIGH = -1.0, 4.0
+LOW, HIGH = -1.0, 4.0  # exponents that are looked for
 COARSE = (0.0, 1.0, 2.0, 3.0)  # exponents of the grid on which the starts are chosen
-STARTS = 4
+STARTS = 4  # exponents of the grid from which the law is fitted
 VARIES = 1.05  # ratio of largest to smallest value below which a variable says nothing
 FLOOR = 0.01  # of the largest value or of the mean: a power of zero load is not asked for
 NAME = "unknown-law"
-WIDTH = 1.96
-STEP = 0.01  # of the quantity's mean: amplitude of the law whose trace is worked out
+STEP = 0.01  # of the quantity's mean: amplitude of the law whose signature is worked out
 
 
 @dataclass(frozen=True)
@@ -91,13 +92,15 @@ def _means(start: Refit, space: LawSpace) -> dict[str, float]:
 
 
 def _evaluated(start: Refit, name: str) -> list[Array]:
-    problem = start.problem
-    return [
-        np.asarray(problem.assembly.evaluate(o.conditions, start.fit.values, [name])[name], float)
-        if name in problem.assembly.model.quantities
-        else np.asarray(o.conditions[name], float)
-        for o in problem.observations
-    ]
+    problem, assembly = start.problem, start.problem.assembly
+    if name not in assembly.model.quantities:
+        return [np.asarray(o.conditions[name], float) for o in problem.observations]
+    found = []
+    for o in problem.observations:
+        values = problem.seen_by(o, start.fit.values)
+        values = o.by_row(assembly, values) if isinstance(o, TableObservation) else values
+        found.append(np.asarray(assembly.evaluate(o.conditions, values, [name])[name], float))
+    return found
 
 
 def _typical(start: Refit, space: LawSpace) -> float:
@@ -155,7 +158,7 @@ def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fi
 
     n, linear, weights = start.problem.n_data, start.linear, start.weights
 
-    def traces(many: list[Array]) -> Array:
+    def signatures(many: list[Array]) -> Array:
         sets = [
             {
                 **start.fit.values,
@@ -166,7 +169,7 @@ def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fi
         ]
         columns = np.zeros((linear.residual.size, len(many)))
         columns[:n] = residuals(problem, sets) - start.fit.residual[:n, None]
-        return linear.clean(columns * weights[:, None])
+        return linear.project_out(columns * weights[:, None])
 
     def multiple(columns: Array) -> Array:
         """Best amplitudes, none larger than the whole quantity: a law next to one that the model has already
@@ -176,11 +179,11 @@ def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fi
         return np.asarray(np.clip(np.nan_to_num(free), -1 / STEP, 1 / STEP))
 
     def left(x: Array) -> Array:
-        column = traces([x])
+        column = signatures([x])
         return linear.residual + column @ multiple(column)
 
     coarse = [np.array(x) for x in product(COARSE, repeat=len(symbols))]
-    columns = traces(coarse)
+    columns = signatures(coarse)
     rest = np.sum((linear.residual[:, None] + columns * multiple(columns)) ** 2, axis=0)
     best = None
     for k in np.argsort(rest)[:STARTS]:
@@ -193,18 +196,18 @@ def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fi
     if best is None:
         return None
     x, step = best.x, 1e-3
-    near = traces([x, *(x + step * row for row in np.eye(x.size))])
+    near = signatures([x, *(x + step * row for row in np.eye(x.size))])
     c = float(multiple(near[:, :1])[0])
     jacobian = np.column_stack([near[:, 0], c * (near[:, 1:] - near[:, :1]) / step])
-    scale = max(2 * best.cost / max(start.dof - 1 - x.size, 1.0), 1.0)
-    return _Fitted(x, c, scale * np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10), 2 * best.cost)
+    dispersion = max(2 * best.cost / max(start.dof - 1 - x.size, 1.0), 1.0)
+    return _Fitted(x, c, dispersion * np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10), 2 * best.cost)
 
 
 def _describe(
     space: LawSpace, start: Refit, means: Mapping[str, float], fitted: _Fitted, size: float
 ) -> ResidualLaw:
     symbols = list(means)
-    errors = WIDTH * np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))[1:]
+    errors = NORMAL_95 * np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))[1:]
     exponents = {s: float(x) for s, x in zip(symbols, fitted.exponents)}
     low = {s: float(x - e) for s, x, e in zip(symbols, fitted.exponents, errors)}
     high = {s: float(x + e) for s, x, e in zip(symbols, fitted.exponents, errors)}
@@ -221,7 +224,7 @@ def _describe(
     p_value = improvement_probability(
         float(start.linear.residual @ start.linear.residual) - fitted.left,
         1 + len(symbols),
-        scale=start.scale,
+        dispersion=start.dispersion,
         noise_dof=noise_dof(start),
     )
     return ResidualLaw(text, exponents, low, high, amplitude, unit, dict(means), p_value)

@@ -1,7 +1,7 @@
-"""Score test: what every candidate, and every pair, would gain - by linear algebra, without a refit.
+"""Score test: chi-square reduction of every candidate and pair by linear algebra, without a refit.
 
-With Q an orthonormal basis of the base's whitened Jacobian and j~ = (I - Q Q^T) j a candidate's trace,
-chi-square falls by (j~^T r)^2 / (j~^T j~) at the multiple -j~^T r / j~^T j~ of the trace: the modification
+With Q an orthonormal basis of the base's whitened Jacobian and j~ = (I - Q Q^T) j a candidate's signature,
+chi-square falls by (j~^T r)^2 / (j~^T j~) at the multiple -j~^T r / j~^T j~ of the signature: the modification
 index and the expected parameter change (Saris, Satorra & van der Veld 2009, SEM 16:561). On a boundary the
 multiple is held to what the domain allows.
 """
@@ -17,15 +17,13 @@ from numpy.typing import NDArray
 from specan.models import Use
 from specan.study.estimation.problem import Problem
 from specan.study.estimation.projection import Projection, orthonormal
-from specan.study.selection.multiple_testing import Family
-from specan.study.selection.signatures import Trace
+from specan.study.selection.multiple_testing import MultipleTestingFamily
+from specan.study.selection.signatures import Signature
 
 Array = NDArray[np.float64]
 
-# Share of a trace, in chi-square, below which the base has swallowed it, and the chi-square that it must
-# be able to leave at some size in its domain to be worth a test.
-INVISIBLE = 1e-6
-WORTH_A_TEST = 1.0
+INVISIBLE = 1e-6  # share of a signature, in chi-square, below which it is collinear with the base's Jacobian
+WORTH_A_TEST = 1.0  # chi-square that a signature must be able to leave at some size in its domain
 SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhere
 
 
@@ -37,101 +35,106 @@ def row_weights(problem: Problem) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """A trace with what the parameters of the base cannot produce of it.
+    """A signature with what the parameters of the base cannot produce of it.
 
     Attributes
     ----------
-    clean : array, (n_rows, q)
+    projected : array, (n_rows, q)
         Columns orthogonal to the base's Jacobian.
-    gain : float
+    chi2_reduction : float
         Fall in chi-square that the linearised refit promises.
-    multiple : array, (q,)
-        Multiple of the trace at which it is reached.
+    expected_change : array, (q,)
+        Multiple of the signature at which it is reached.
     """
 
-    trace: Trace
-    clean: Array
-    gain: float
-    multiple: Array
+    signature: Signature
+    projected: Array
+    chi2_reduction: float
+    expected_change: Array
 
     @property
     def use(self) -> Use:
         """The candidate."""
-        return self.trace.use
+        return self.signature.use
 
     @property
     def amplitudes(self) -> int:
         """Number of columns."""
-        return self.clean.shape[1]
+        return self.projected.shape[1]
 
 
-def score(fit: Projection, found: Sequence[Trace], weights: Array) -> list[Scored]:
-    """Score every trace; those that the base swallows are left out.
+def score(fit: Projection, found: Sequence[Signature], weights: Array) -> list[Scored]:
+    """Score every signature; those collinear with its Jacobian are left out.
 
     Parameters
     ----------
     fit : Projection
         The base, its rows weighted.
-    found : sequence of Trace
+    found : sequence of Signature
     weights : array
         Weights of the rows.
     """
     scored = []
-    for trace in found:
-        columns = trace.columns * weights[:, None]
-        clean = fit.clean(columns)
-        if not np.sum(clean**2) > INVISIBLE * np.sum(columns**2) or _most(clean, trace) < WORTH_A_TEST:
+    for signature in found:
+        columns = signature.columns * weights[:, None]
+        projected = fit.project_out(columns)
+        if (
+            not np.sum(projected**2) > INVISIBLE * np.sum(columns**2)
+            or _most(projected, signature) < WORTH_A_TEST
+        ):
             continue
-        if clean.shape[1] == 1:
-            gain, multiple = _one(clean[:, 0], fit.residual, trace.reach)
-            scored.append(Scored(trace, clean, gain, np.array([multiple])))
+        if projected.shape[1] == 1:
+            gain, multiple = _one(projected[:, 0], fit.residual, signature.multiplier_bounds)
+            scored.append(Scored(signature, projected, gain, np.array([multiple])))
         else:
-            multiple_q, *_ = np.linalg.lstsq(clean, -fit.residual, rcond=1e-9)
-            gain = float(fit.residual @ fit.residual - np.sum((fit.residual + clean @ multiple_q) ** 2))
-            scored.append(Scored(trace, clean, gain, np.asarray(multiple_q, dtype=float)))
+            multiple_q, *_ = np.linalg.lstsq(projected, -fit.residual, rcond=1e-9)
+            gain = float(fit.residual @ fit.residual - np.sum((fit.residual + projected @ multiple_q) ** 2))
+            scored.append(Scored(signature, projected, gain, np.asarray(multiple_q, dtype=float)))
     return scored
 
 
-def _most(clean: Array, trace: Trace) -> float:
-    """Chi-square that the trace can leave at the far end of its domain."""
-    if clean.shape[1] > 1:
+def _most(projected: Array, signature: Signature) -> float:
+    """Chi-square that the signature can leave at the far end of its domain."""
+    if projected.shape[1] > 1:
         return np.inf
-    return float(clean[:, 0] @ clean[:, 0]) * max(abs(end) for end in trace.reach) ** 2
+    return (
+        float(projected[:, 0] @ projected[:, 0]) * max(abs(end) for end in signature.multiplier_bounds) ** 2
+    )
 
 
-def _one(clean: Array, residual: Array, reach: tuple[float, float]) -> tuple[float, float]:
-    along, size = float(clean @ residual), float(clean @ clean)
-    multiple = min(max(-along / size, reach[0]), reach[1])
+def _one(projected: Array, residual: Array, multiplier_bounds: tuple[float, float]) -> tuple[float, float]:
+    along, size = float(projected @ residual), float(projected @ projected)
+    multiple = min(max(-along / size, multiplier_bounds[0]), multiplier_bounds[1])
     return -2 * multiple * along - multiple**2 * size, multiple
 
 
 def best_of_each(scored: Sequence[Scored]) -> dict[Use, list[Scored]]:
-    """Traces of each candidate, best first; candidates by their best, best first."""
+    """Signatures of each candidate, best first; candidates by their best, best first."""
     table: dict[Use, list[Scored]] = {}
-    for item in sorted(scored, key=lambda s: -s.gain):
+    for item in sorted(scored, key=lambda s: -s.chi2_reduction):
         table.setdefault(item.use, []).append(item)
     return table
 
 
-def family(scored: Sequence[Scored]) -> Family:
+def family(scored: Sequence[Scored]) -> MultipleTestingFamily:
     """All directions that were tried, for the family-wise level."""
     single = [s for s in scored if s.amplitudes == 1]
-    directions = [s.clean[:, 0] / np.linalg.norm(s.clean[:, 0]) for s in single]
-    rows = scored[0].clean.shape[0] if scored else 0
-    return Family(
+    directions = [s.projected[:, 0] / np.linalg.norm(s.projected[:, 0]) for s in single]
+    rows = scored[0].projected.shape[0] if scored else 0
+    return MultipleTestingFamily(
         np.column_stack(directions) if directions else np.zeros((rows, 0)),
-        np.array([s.trace.one_sided for s in single], dtype=bool),
+        np.array([s.signature.one_sided for s in single], dtype=bool),
         len(scored) - len(single),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class ScoredPair:
-    """Two traces together."""
+    """Two signatures together."""
 
     first: Scored
     second: Scored
-    gain: float
+    chi2_reduction: float
 
     @property
     def uses(self) -> frozenset[Use]:
@@ -140,10 +143,10 @@ class ScoredPair:
 
 
 def score_pairs(fit: Projection, scored: Sequence[Scored], per_candidate: int = 12) -> list[ScoredPair]:
-    """Best pair of traces for every two candidates, best first.
+    """Best pair of signatures for every two candidates, best first.
 
     Two effects of opposite sign can each be invisible alone, so that a search that adds one at a time
-    never starts; all pairs are tried. Of each candidate the traces that differ most in direction are
+    never starts; all pairs are tried. Of each candidate the signatures that differ most in direction are
     taken, `per_candidate` at most, the best one always.
     """
     kept = [s for items in best_of_each(scored).values() for s in _spread(items, per_candidate)]
@@ -155,37 +158,37 @@ def score_pairs(fit: Projection, scored: Sequence[Scored], per_candidate: int = 
         for other in kept:
             if other.use != several.use:
                 _pair_of_subspaces(fit, several, other, best)
-    return sorted(best.values(), key=lambda pair: -pair.gain)
+    return sorted(best.values(), key=lambda pair: -pair.chi2_reduction)
 
 
 def _spread(items: Sequence[Scored], count: int) -> list[Scored]:
-    """The best trace and those that differ most from the ones taken already."""
+    """The best signature and those that differ most from the ones taken already."""
     taken = [items[0]]
     if items[0].amplitudes > 1:
         return list(items[:count])
-    units = np.column_stack([s.clean[:, 0] / np.linalg.norm(s.clean[:, 0]) for s in items])
-    likeness = np.abs(units.T @ units[:, 0])
+    units = np.column_stack([s.projected[:, 0] / np.linalg.norm(s.projected[:, 0]) for s in items])
+    cosine_to_taken = np.abs(units.T @ units[:, 0])
     while len(taken) < min(count, len(items)):
-        k = int(np.argmin(likeness))
-        if likeness[k] > 0.999:
+        k = int(np.argmin(cosine_to_taken))
+        if cosine_to_taken[k] > 0.999:
             break
         taken.append(items[k])
-        likeness = np.maximum(likeness, np.abs(units.T @ units[:, k]))
+        cosine_to_taken = np.maximum(cosine_to_taken, np.abs(units.T @ units[:, k]))
     return taken
 
 
 def _pairs_of_single(
     fit: Projection, single: Sequence[Scored], best: dict[frozenset[Use], ScoredPair]
 ) -> None:
-    norms = np.array([np.linalg.norm(s.clean[:, 0]) for s in single])
-    units = np.column_stack([s.clean[:, 0] for s in single]) / norms
+    norms = np.array([np.linalg.norm(s.projected[:, 0]) for s in single])
+    units = np.column_stack([s.projected[:, 0] for s in single]) / norms
     along = -(units.T @ fit.residual)
     cosine = units.T @ units
     with np.errstate(divide="ignore", invalid="ignore"):
         left = 1 - cosine**2
         first = (along[:, None] - cosine * along[None, :]) / left
         gain = along[:, None] ** 2 + (along[None, :] - cosine * along[:, None]) ** 2 / left
-    reach = np.array([s.trace.reach for s in single]) * norms[:, None]
+    reach = np.array([s.signature.multiplier_bounds for s in single]) * norms[:, None]
     allowed = (first >= reach[:, :1]) & (first <= reach[:, 1:])
     gain = np.where((left > 1e-8) & allowed & allowed.T, gain, -np.inf)
     names = {use: k for k, use in enumerate(dict.fromkeys(s.use for s in single))}
@@ -204,27 +207,29 @@ def _pairs_of_single(
 def _pair_of_subspaces(
     fit: Projection, first: Scored, second: Scored, best: dict[frozenset[Use], ScoredPair]
 ) -> None:
-    basis = orthonormal(np.column_stack([first.clean, second.clean]))
+    basis = orthonormal(np.column_stack([first.projected, second.projected]))
     along = basis.T @ fit.residual
     _keep(best, first, second, float(along @ along))
 
 
 def _keep(best: dict[frozenset[Use], ScoredPair], first: Scored, second: Scored, gain: float) -> None:
     pair = ScoredPair(first, second, gain)
-    if pair.uses not in best or gain > best[pair.uses].gain:
+    if pair.uses not in best or gain > best[pair.uses].chi2_reduction:
         best[pair.uses] = pair
 
 
 def different(items: Sequence[Scored], count: int) -> list[Scored]:
-    """The best trace of a candidate and the best of those that point elsewhere, in shape or size."""
+    """The best signature of a candidate and the best of those that point elsewhere, in shape or size."""
     taken = [items[0]]
     for item in items[1:]:
         if len(taken) == count:
             break
-        if item.gain < SAME_GAIN * taken[-1].gain and all(_apart(item, t) for t in taken):
+        if item.chi2_reduction < SAME_GAIN * taken[-1].chi2_reduction and all(_apart(item, t) for t in taken):
             taken.append(item)
     return taken
 
 
 def _apart(one: Scored, two: Scored) -> bool:
-    return one.trace.shapes != two.trace.shapes or bool(np.any(one.trace.size != two.trace.size))
+    return one.signature.shapes != two.signature.shapes or bool(
+        np.any(one.signature.size != two.signature.size)
+    )

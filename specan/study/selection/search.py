@@ -7,29 +7,40 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.models import Use
-from specan.study.selection.acceptance import DECISIVE, LEVEL, Gate, Passage
+from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision, complete
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.pulls import Pull, too_far
-from specan.study.selection.refits import FORM, EffectSet, Refit, Refits
+from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, different, family, score, score_pairs
-from specan.study.selection.shape_grid import plan
-from specan.study.selection.signatures import Known, Point, Trace, carried, changes, default_value, traces
-from specan.study.selection.starting_values import looked_over, promised
+from specan.study.selection.shape_grid import shape_grid
+from specan.study.selection.signatures import (
+    Known,
+    Point,
+    Signature,
+    carried,
+    changes,
+    default_value,
+    signatures,
+)
+from specan.study.selection.starting_values import promised, scan_promising
 
-REFITTED, DEAR_REFITTED = 5, 3  # candidates that are always refitted
-LOOKED_AT = 6  # dear ones that are looked at closer before, beside the best place of every effect
+SCANNED = 6  # candidates with few signatures that are looked at closer before, beside the best place of every effect
 WINDOW = 10.0  # and all whose BIC lies within this of the best
-MOST_PAIRS, MOST_DEAR_PAIRS = 8, 4
-STARTS = 2
+STARTS = 2  # signatures of a candidate from which it is refitted
+# Standard deviations of a chi-square, and times the middle receiver's mean square.
+STANDS_OUT, LOUDER = 5.0, 1.2
+MOST_OUTSTANDING = 3  # receivers
+HALF = 0.5  # of what a set leaves, that a further effect must promise to be refitted whatever the form of the others
 
 Progress = Callable[[str], None]
 
 
 @dataclass(eq=False)
 class Step:
-    """One set of effects, what could be added to it, and the gate for that.
+    """One set of effects, what could be added to it, and the acceptance test for that.
 
     Attributes
     ----------
@@ -41,7 +52,7 @@ class Step:
     seen: Refit
     scored: list[Scored]
     by_use: dict[Use, list[Scored]]
-    gate: Gate
+    acceptance: AcceptanceTest
     not_testable: dict[str, str]
 
 
@@ -60,8 +71,8 @@ class Search:
     extensions : list of Refit
         Pairs with the best single effect that would be needed if its equation were exact.
     points, tried
-        Where the candidates are tried, and the traces that they left there.
-    passages : dict
+        Where the candidates are tried, and the signatures that they left there.
+    decisions : dict
         How every refitted set fared against the base or, where it has two effects, its best part.
     third : Refit or None
         A set with a third effect that would pass as well.
@@ -73,9 +84,9 @@ class Search:
     progress: Progress = lambda text: None
     only: bool = False
     steps: dict[EffectSet, Step] = field(default_factory=dict)
-    passages: dict[EffectSet, Passage] = field(default_factory=dict)
+    decisions: dict[EffectSet, Decision] = field(default_factory=dict)
     points: dict[Use, list[Point]] = field(default_factory=dict)
-    tried: list[Trace] = field(default_factory=list)
+    tried: list[Signature] = field(default_factory=list)
     best: Refit = field(init=False)
     extensions: list[Refit] = field(default_factory=list)
     third: Refit | None = None
@@ -94,8 +105,26 @@ class Search:
         pair = self._best_pair(single)
         if pair is not None:
             self.best = pair
-        if len(self.best.uses) == 2:
+        several = self._several_places()
+        if several is not None and several.bic(several.dispersion) < self.best.bic(several.dispersion):
+            self.best = several
+        if len(self.best.uses) >= 2:
             self.third = self._best_third()
+        while self.third is not None and self.of_one_instrument(self.third):
+            self.best = self.third
+            self.third = self._best_third()
+
+    def of_one_instrument(self, refit: Refit) -> bool:
+        """Whether a set is one instrument error at several places: several receivers that stand elsewhere, say.
+
+        That is one explanation, however many they are, as long as most are in order.
+        """
+        names = {use.name for use in refit.uses}
+        if len(names) != 1 or any(not use.at for use in refit.uses):
+            return False
+        effect = self.base.problem.assembly.model.effects[next(iter(names))]
+        places = sum(use.name in names for use in self.step(self.base).by_use)
+        return effect.instrument and 2 * len(refit.uses) <= places
 
     def too_far(self, refit: Refit) -> tuple[Pull, ...]:
         """Values of a refitted set that contradict what is known, worst first."""
@@ -105,14 +134,14 @@ class Search:
         """Whether no value of a refitted set contradicts what is known."""
         return not self.too_far(refit)
 
-    def passage(self, refit: Refit) -> Passage:
+    def decision(self, refit: Refit) -> Decision:
         """How a refitted set fares; of a pair, from the better of its parts where that was refitted."""
-        if refit.uses not in self.passages:
+        if refit.uses not in self.decisions:
             parts = [self.refits.done.get(refit.uses - {use}) for use in refit.uses]
             start = min((p for p in parts if p is not None), key=lambda r: r.chi2, default=self.base)
-            gate = (self.steps.get(start.uses) or self.step(self.base)).gate
-            self.passages[refit.uses] = gate.passage(refit)
-        return self.passages[refit.uses]
+            acceptance = (self.steps.get(start.uses) or self.step(self.base)).acceptance
+            self.decisions[refit.uses] = acceptance.decision(refit)
+        return self.decisions[refit.uses]
 
     # --- one effect ------------------------------------------------------------------------------
 
@@ -120,25 +149,27 @@ class Search:
         """Score everything that could be added to a set."""
         if start.uses not in self.steps:
             self.progress("scoring what could be added to " + (_text(start.uses) or "the base"))
-            seen = _on_a_sketch(start)
+            seen = _on_a_subsample(start)
             found, not_testable = candidates(seen.problem)
             known: Known = {}
             if not self.points:
-                self.points = plan(seen.problem, seen.fit, found, known)
+                self.points = shape_grid(seen.problem, seen.fit, found, known)
                 not_testable |= _not_finite(seen, [c for c in found if c.use not in self.points])
             scored = score(seen.linear, self.tried_at(seen, found, known), seen.weights)
             explained = max(self.base.chi2 - start.chi2, 0.0)
-            gate = Gate(start, family(scored), explained, level, self.bootstrap)
-            self.steps[start.uses] = Step(start, seen, scored, best_of_each(scored), gate, not_testable)
+            acceptance = AcceptanceTest(start, family(scored), explained, level, self.bootstrap)
+            self.steps[start.uses] = Step(start, seen, scored, best_of_each(scored), acceptance, not_testable)
         return self.steps[start.uses]
 
-    def tried_at(self, seen: Refit, found: Sequence[Candidate], known: Known | None = None) -> list[Trace]:
-        """Traces of candidates at a set; those of the base again where an evaluation is dear."""
-        if seen.problem.dear and self.tried:
+    def tried_at(
+        self, seen: Refit, found: Sequence[Candidate], known: Known | None = None
+    ) -> list[Signature]:
+        """Signatures of candidates at a set; those of the base again where the strategy reuses them."""
+        if seen.problem.strategy.reuses_signatures and self.tried:
             return carried(
                 self.tried, self.step(self.base).seen.problem, seen.problem, {c.use for c in found}
             )
-        self.tried = traces(seen.problem, seen.fit, found, self.points, known)
+        self.tried = signatures(seen.problem, seen.fit, found, self.points, known)
         return self.tried
 
     @cached_property
@@ -148,29 +179,32 @@ class Search:
         first = [use for use in self.likely if use in step.by_use]
         for use in first:
             self._extend(step, use)
-        if step.start.problem.dear and not (self.only or self._met):
+        if step.start.problem.strategy.reuses_signatures and not (self.only or self._met):
             self._look_closer(step)
         for use in _worth_refitting(step):
-            if use not in first and not (self.only or self._out_of_reach(step, use)):
+            if use not in first and not (self.only or self._pruned(step, use)):
+                self._extend(step, use)
+        if step.start.problem.strategy.pruning and not self._met:
+            for use in _outstanding(step):
                 self._extend(step, use)
         return self._best_passed(self.refits.of_size(1))
 
     @property
     def _met(self) -> bool:
         """Whether one effect brings a base that was far off near the data: chance does not do that."""
-        return self.refits.far and not all(refit.far for refit in self.refits.of_size(1))
+        return self.refits.poor_fit and not all(refit.poor_fit for refit in self.refits.of_size(1))
 
     def _look_closer(self, step: Step) -> None:
-        """Dear candidates were scored at few shapes: those that promise most are looked at over all of them."""
+        """Where candidates were scored at few shapes, those that promise most are looked at over all of them."""
         unknown = {u: items for u, items in step.by_use.items() if frozenset({u}) not in self.refits.known}
-        step.by_use |= looked_over(step.seen, unknown, LOOKED_AT)
+        step.by_use |= scan_promising(step.seen, unknown, SCANNED)
 
-    def _out_of_reach(self, step: Step, use: Use) -> bool:
-        """Whether a set was found that is so much better than the linearised promise that a dear refit is spared."""
-        if not step.start.problem.dear:
+    def _pruned(self, step: Step, use: Use) -> bool:
+        """Whether a set was found that is so much better than the linearised promise that no refit is needed."""
+        if not step.start.problem.strategy.pruning:
             return False
         found = min((r.chi2 for r in self.refits.of_size(1)), default=np.inf)
-        return self.refits.out_of_reach(step.start.chi2 - step.by_use[use][0].gain, found)
+        return self.refits.beyond_pruning_bound(step.start.chi2 - step.by_use[use][0].chi2_reduction, found)
 
     def _extend(self, step: Step, use: Use) -> Refit | None:
         """Refit a set with one more effect."""
@@ -178,9 +212,9 @@ class Search:
         return self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
 
     def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
-        passed = [r for r in found if self.passage(r).passed]
-        scale = min((r.scale for r in passed), default=1.0)
-        return min(passed, key=lambda r: r.bic(scale), default=None)
+        passed = [r for r in found if self.decision(r).accepted]
+        dispersion = min((r.dispersion for r in passed), default=1.0)
+        return min(passed, key=lambda r: r.bic(dispersion), default=None)
 
     # --- two effects -----------------------------------------------------------------------------
 
@@ -188,35 +222,48 @@ class Search:
         """The pair that is better than the best single effect, or than the base where none passed."""
         promising = self._promising_pairs(single)
         reference = single or self.base
-        most = MOST_DEAR_PAIRS if self.base.problem.dear else MOST_PAIRS
-        for predicted, start, members in promising[:most]:
-            if self._hopeless(reference, predicted):
+        for predicted, start, members in promising[: self.base.problem.strategy.pairs]:
+            if self._below_pruning_bound(reference, predicted):
                 break
+            if (
+                single is not None
+                and self._completed(single)
+                and predicted > single.bic(1.0) - _excess(single)
+            ):
+                break  # what may still win promises at least to take away what the single effect leaves
             self.progress("refitting with " + _text({*start.uses, *(m.use for m in members)}))
             self.refits.fit(start, [members])
         passed, needed = [], []
         for refit in self.refits.of_size(2):
-            self.passages[refit.uses] = passage = self._pair_passage(refit, single)
-            if passage.needed and self.needs_all(refit):
+            self.decisions[refit.uses] = decision = self._pair_decision(refit, single)
+            if decision.accepted_if_exact and self.needs_all(refit):
                 needed.append(refit)
-                passed += [refit] if passage.passed else []
-        scale = min((r.scale for r in needed), default=1.0)
-        best = min(passed, key=lambda r: r.bic(scale), default=None)
+                passed += (
+                    [refit] if decision.accepted or (single is not None and complete(refit, single)) else []
+                )
+        dispersion = min((r.dispersion for r in needed), default=1.0)
+        best = min(passed, key=lambda r: r.bic(dispersion), default=None)
         if best is None and single is not None and needed:
-            least = min(r.bic(scale) for r in needed)
-            self.extensions = [r for r in needed if r.bic(scale) < least + DECISIVE]
+            least = min(r.bic(dispersion) for r in needed)
+            self.extensions = [r for r in needed if r.bic(dispersion) < least + DECISIVE]
         return best
 
-    def _pair_passage(self, refit: Refit, single: Refit | None) -> Passage:
+    def _completed(self, single: Refit) -> bool:
+        """Whether a second effect was found that explains all that the best single one leaves."""
+        return any(single.uses < pair.uses and complete(pair, single) for pair in self.refits.of_size(2))
+
+    def _pair_decision(self, refit: Refit, single: Refit | None) -> Decision:
         if single is None:
-            gate = self.step(self.base).gate
-            return gate.passage(refit, tests=gate.pairs)
-        return self.step(single).gate.passage(refit)
+            acceptance = self.step(self.base).acceptance
+            return acceptance.decision(refit, tests=acceptance.pairs)
+        return self.step(single).acceptance.decision(refit)
 
     def needs_all(self, refit: Refit) -> bool:
         """Backward: without any one of its effects BIC must rise decisively."""
         parts = [self.refits.done.get(refit.uses - {use}) for use in refit.uses]
-        return all(p is None or p.bic(refit.scale) - refit.bic(refit.scale) > DECISIVE for p in parts)
+        return all(
+            p is None or p.bic(refit.dispersion) - refit.bic(refit.dispersion) > DECISIVE for p in parts
+        )
 
     def _promising_pairs(self, single: Refit | None) -> list[tuple[float, Refit, list[Scored]]]:
         """Pairs by the chi-square that their refit promises, BIC price included, best first."""
@@ -226,14 +273,14 @@ class Search:
         for pair in score_pairs(base.seen.linear, base.scored):
             members = [pair.first, pair.second]
             cost = price * sum(_count(m) for m in members)
-            best[pair.uses] = (self.base.chi2 - pair.gain + cost, base.seen, members)
+            best[pair.uses] = (self.base.chi2 - pair.chi2_reduction + cost, base.seen, members)
         starts = self._starts_of_pairs(single)
         if starts:  # scored at the fit of one of them: better than at the base
             nearer: dict[EffectSet, tuple[float, Refit, list[Scored]]] = {}
             for start in starts:
                 step = self.step(start)
                 for use, items in step.by_use.items():
-                    value = start.chi2 - items[0].gain + price * (start.count + _count(items[0]))
+                    value = start.chi2 - items[0].chi2_reduction + price * (start.count + _count(items[0]))
                     uses = start.uses | {use}
                     if uses not in nearer or value < nearer[uses][0]:  # a refit from there falls deepest
                         nearer[uses] = (value, step.seen, [items[0]])
@@ -244,19 +291,48 @@ class Search:
         """Single effects whose fit pairs set out from: the best, where one passed."""
         if single is None:
             return []
-        return sorted(self.refits.of_size(1), key=lambda r: r.bic(single.scale))[:3]
+        return sorted(self.refits.of_size(1), key=lambda r: r.bic(single.dispersion))[:3]
 
-    def _hopeless(self, reference: Refit, promised_bic: float) -> bool:
+    def _below_pruning_bound(self, reference: Refit, promised_bic: float) -> bool:
         """Whether a promised BIC is too far from passing for a refit to make up for it.
 
-        Where a refit is dear the promise comes from a sketch, whose noise counts several times; and what the form of
-        the effects that were found may have left does not pass, so that to know it is not worth a refit.
+        Where a refit is expensive the promise comes from a subsample, whose noise counts several times; and what the
+        form of the effects that were found may have left does not pass, so that to know it is not worth a refit.
         """
-        least = 0.4 * DECISIVE
-        if reference.problem.dear:
-            price, gate = float(np.log(self.base.problem.n_effective)), self.step(reference).gate
-            least = max(least, gate.needed_gain - price, FORM**2 * gate.explained / reference.scale)
-        return promised_bic > reference.bic(1.0) - least * reference.scale
+        least, promised_fall = 0.4 * DECISIVE, reference.bic(1.0) - promised_bic
+        if reference.problem.strategy.pruning and not promised_fall > HALF * _excess(reference):
+            price, acceptance = float(np.log(self.base.problem.n_effective)), self.step(reference).acceptance
+            least = max(
+                least,
+                acceptance.needed_reduction - price,
+                FORM_TOLERANCE**2 * acceptance.explained / reference.dispersion,
+            )
+        return promised_fall < least * reference.dispersion
+
+    # --- one instrument error at several places --------------------------------------------------
+
+    def _several_places(self) -> Refit | None:
+        """The errors of several receivers together, where each of them passes alone and the set needs all of them."""
+        step = self.step(self.base)
+        by_name: dict[str, list[Refit]] = {}
+        for refit in self.refits.of_size(1):
+            if self.of_one_instrument(refit) and self.decision(refit).accepted:
+                by_name.setdefault(next(iter(refit.uses)).name, []).append(refit)
+        found = []
+        for parts in by_name.values():
+            uses = frozenset().union(*(refit.uses for refit in parts))
+            if len(parts) < 2:
+                continue
+            values = {
+                name: v for refit in parts for name, v in refit.problem.values_at(refit.fit.theta).items()
+            }
+            own = {n: v for refit in parts for n, v in refit.fit.values.items() if _owned(n, refit.uses)}
+            self.progress("refitting with " + _text(uses))
+            self.refits.known = {**self.refits.known, uses: values | own}
+            whole = self.refits.fit(step.seen, [[step.by_use[use][0] for use in sorted(uses)]])
+            if whole is not None and self.of_one_instrument(whole) and self.needs_all(whole):
+                found += [whole] if self.decision(whole).accepted else []
+        return min(found, key=lambda r: r.bic(r.dispersion), default=None)
 
     # --- three -----------------------------------------------------------------------------------
 
@@ -265,22 +341,59 @@ class Search:
         price = float(np.log(self.base.problem.n_effective))
         passed = []
         for use, items in list(step.by_use.items())[:2]:
-            if self._hopeless(self.best, self.best.bic(1.0) - items[0].gain + price * _count(items[0])):
+            if self._below_pruning_bound(
+                self.best, self.best.bic(1.0) - items[0].chi2_reduction + price * _count(items[0])
+            ):
                 continue
             refit = self._extend(step, use)
             if refit is None:
                 continue
-            passage = step.gate.passage(refit)
-            if passage.passed:
+            decision = step.acceptance.decision(refit)
+            if decision.accepted:
                 passed.append(refit)
         return min(passed, key=lambda r: r.chi2, default=None)
+
+
+def _outstanding(step: Step) -> list[Use]:
+    """Instrument errors of the few receivers whose own rows stand out most.
+
+    One that stands far from its place is beyond what a linearised score can promise.
+    """
+    residual = step.start.fit.residual * step.start.weights
+    rows: dict[str, NDArray[np.float64]] = {}
+    first = 0
+    for observation in step.start.problem.observations:
+        own = residual[first : first + observation.n]
+        first += observation.n
+        for label in observation.labels.values():
+            for element in {str(value) for value in label}:
+                part = own[np.asarray(label).astype(str) == element]
+                rows[element] = np.concatenate([rows.get(element, np.empty(0)), part])
+    effects = step.start.problem.assembly.model.effects
+    uses = [use for use in step.by_use if use.at in rows and effects[use.name].instrument]
+    size = {use.at: float(np.mean(rows[str(use.at)] ** 2)) for use in uses}
+    usual = float(np.median([*size.values()])) if size else 1.0
+    excess = {
+        at: (mean - 1) * np.sqrt(rows[str(at)].size / 2) for at, mean in size.items() if mean > LOUDER * usual
+    }
+    order = sorted((at for at, off in excess.items() if off > STANDS_OUT), key=lambda at: -excess[at])
+    return [use for at in order[:MOST_OUTSTANDING] for use in uses if use.at == at]
+
+
+def _owned(name: str, uses: EffectSet) -> bool:
+    return any(name.startswith(f"{use}.") for use in uses)
+
+
+def _excess(refit: Refit) -> float:
+    """Chi-square that a set leaves beyond the noise; at least what the noise leaves in doubt."""
+    return max(refit.lack_of_fit_chi2 - refit.dof, float(np.sqrt(2 * refit.dof)))
 
 
 def _not_finite(start: Refit, found: Sequence[Candidate]) -> dict[str, str]:
     """Candidates at whose default values the model has no finite value."""
     reasons = {}
     for candidate in found:
-        point = {n: default_value(candidate, n) for n in candidate.own}
+        point: Point = {n: default_value(candidate, n) for n in candidate.own}
         if changes(start.problem, start.fit, candidate, [point])[0] is None:
             reasons[candidate.use.name] = "gives values that are not finite at these conditions"
     return reasons
@@ -296,29 +409,29 @@ def _by_promise(step: Step) -> list[Use]:
 
 def _worth_refitting(step: Step) -> list[Use]:
     order = _by_promise(step)
-    # Where an evaluation is dear, what promises nothing is not refitted only because nothing else promises more.
-    limit = min(_promised(step, order[0]) + WINDOW, 0.0 if step.start.problem.dear else np.inf)
-    always = DEAR_REFITTED if step.start.problem.dear else REFITTED
-    return [use for k, use in enumerate(order) if k < always or _promised(step, use) < limit]
+    # With pruning, what promises nothing is not refitted only because nothing else promises more.
+    strategy = step.start.problem.strategy
+    limit = min(_promised(step, order[0]) + WINDOW, 0.0 if strategy.pruning else np.inf)
+    return [use for k, use in enumerate(order) if k < strategy.refitted or _promised(step, use) < limit]
 
 
 def _count(item: Scored) -> int:
-    return item.amplitudes + len(item.trace.shapes)
+    return item.amplitudes + len(item.signature.shapes)
 
 
 def _text(uses: frozenset[Use] | set[Use]) -> str:
     return " and ".join(str(u) for u in sorted(uses))
 
 
-def _on_a_sketch(refit: Refit) -> Refit:
+def _on_a_subsample(refit: Refit) -> Refit:
     """The same fit on part of its rows, each weighted up; the fit itself where the rows are few.
 
     A score test over a hundred candidates on 48 000 rows costs more than the refits that it is meant to save. It is
-    done on a sketch of the data, with gains scaled up. What it finds is refitted and judged on all rows.
+    done on a subsample of the data, with gains scaled up. What it finds is refitted and judged on all rows.
     """
     problem, theta = refit.problem, refit.fit.theta
-    part = problem.sketched(theta)
+    part = problem.subsampled(theta)
     if part is problem:
         return refit
     seen = replace(refit.fit, residual=part.residual(theta), jacobian=part.jacobian(theta))
-    return replace(refit, problem=part, fit=seen, worth=problem.n_data / part.n_data)
+    return replace(refit, problem=part, fit=seen, row_worth=problem.n_data / part.n_data)

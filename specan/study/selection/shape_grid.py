@@ -1,4 +1,4 @@
-"""At which sizes and shapes each candidate is tried: as many as its trace turns in different directions."""
+"""At which sizes and shapes each candidate is tried: as many as its signature turns in different directions."""
 
 from __future__ import annotations
 
@@ -18,19 +18,21 @@ from specan.study.selection.signatures import Known, Point, changes, default_val
 
 Array = NDArray[np.float64]
 
-SAME = 0.985  # cosine above which two sizes of an effect leave one direction
-ALIKE = 0.8  # cosine below which a shape is tried between two others
-ROUNDS = 4
+SAME_DIRECTION = 0.985  # cosine above which two sizes of an effect leave one direction
+REFINE_BELOW = 0.8  # cosine below which a shape is tried between two others
+ROUNDS = 4  # of refinement of one shape
 MOST_PLACES = 60  # places of its shapes that one candidate is tried at
 # Evaluations for all candidates together: for a small table, and where there are very many rows.
 MOST_EVALUATIONS, LEAST_EVALUATIONS = 4000, 400
 ROWS = 175  # of a small table
 FEW = 10  # places below which sizes are not told apart
-SWALLOWED = 1e-6  # share of a trace, in chi-square, that is no more than rounding
+COLLINEAR = 1e-6  # share of a signature, in chi-square, that is no more than rounding
 
 
-def plan(problem: Problem, fit: Fit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
-    """Points at which each candidate is to be tried, from how its trace turns at a fit of the problem.
+def shape_grid(
+    problem: Problem, fit: Fit, found: Sequence[Candidate], known: Known
+) -> dict[Use, list[Point]]:
+    """Points at which each candidate is to be tried, from how its signature turns at a fit of the problem.
 
     Amplitudes are moved by sizes from the plausible range, not by infinitesimal steps, so that an
     effect that saturates, or has a kink at zero, is seen as it is. Directions are compared after the
@@ -39,12 +41,12 @@ def plan(problem: Problem, fit: Fit, found: Sequence[Candidate], known: Known) -
     base = Projection.of(fit.residual, fit.jacobian)
     allowed = max(LEAST_EVALUATIONS, min(MOST_EVALUATIONS, MOST_EVALUATIONS * ROWS // problem.n_data))
     most = max(1, min(MOST_PLACES, allowed // max(len(found), 1)))
-    planners = {c.use: _Planner(problem, fit, base, c, most, known) for c in found}
-    return {use: points for use, planner in planners.items() if (points := planner.points())}
+    grids = {c.use: _ShapeGrid(problem, fit, base, c, most, known) for c in found}
+    return {use: points for use, grid_of in grids.items() if (points := grid_of.points())}
 
 
 @dataclass(frozen=True, eq=False)
-class _Planner:
+class _ShapeGrid:
     problem: Problem
     fit: Fit
     base: Projection
@@ -56,7 +58,7 @@ class _Planner:
         """Own elements and their values, one mapping a point."""
         candidate = self.candidate
         defaults: Point = {n: default_value(candidate, n) for n in candidate.shapes}
-        if candidate.released:
+        if candidate.without_prior:
             return [defaults]
         amplitude = candidate.amplitudes[0]
         if len(candidate.amplitudes) > 1:
@@ -67,40 +69,40 @@ class _Planner:
         return [{**place, amplitude: v} for place in self._places(amplitude, sizes[0]) for v in sizes]
 
     def _directions(self, points: Sequence[Point]) -> list[Array | None]:
-        """Unit vectors that are left of the traces; None where nothing is, or no finite value."""
+        """Unit vectors that are left of the signatures; None where nothing is, or no finite value."""
         out: list[Array | None] = []
         for column in changes(self.problem, self.fit, self.candidate, points, self.known):
-            clean = None if column is None else self.base.clean(column)
-            if clean is None or column is None or not clean @ clean > SWALLOWED * (column @ column):
+            projected = None if column is None else self.base.project_out(column)
+            if (
+                projected is None
+                or column is None
+                or not projected @ projected > COLLINEAR * (column @ column)
+            ):
                 out.append(None)
             else:
-                out.append(clean / np.linalg.norm(clean))
+                out.append(projected / np.linalg.norm(projected))
         return out
 
     def _sizes(self, amplitude: str) -> list[float]:
-        """Values of the amplitude whose traces differ in direction; the default first."""
+        """Values of the amplitude whose signatures differ in direction; the default first."""
         candidate = self.candidate
         neutral = candidate.neutral(amplitude)
         low, high = candidate.plausible(amplitude)
+        reach = max(abs(low), abs(high))
+        shapes: Point = {n: default_value(candidate, n) for n in candidate.shapes}
         kept: list[tuple[float, Array]] = []
         ends = [default_value(candidate, amplitude), high, low][: None if self.most >= FEW else 1]
         for values in (ends, [neutral + 0.1 * (v - neutral) for v in (high, low)]):
             if values is not ends and len(kept) <= 1:
                 break  # the same direction at both ends: it is the same in between
-            self._keep_distinct(amplitude, values, kept)
+            apart = [v for v in dict.fromkeys(values) if abs(v - neutral) > 1e-9 * reach]
+            for value, unit in zip(apart, self._directions([{**shapes, amplitude: v} for v in apart])):
+                if unit is not None and all(abs(unit @ other) < SAME_DIRECTION for _, other in kept):
+                    kept.append((value, unit))
         return [value for value, _ in kept]
 
-    def _keep_distinct(self, amplitude: str, values: list[float], kept: list[tuple[float, Array]]) -> None:
-        candidate = self.candidate
-        reach = max(abs(v) for v in candidate.plausible(amplitude))
-        values = [v for v in dict.fromkeys(values) if abs(v - candidate.neutral(amplitude)) > 1e-9 * reach]
-        shapes = {n: default_value(candidate, n) for n in candidate.shapes}
-        for value, unit in zip(values, self._directions([{**shapes, amplitude: v} for v in values])):
-            if unit is not None and all(abs(unit @ other) < SAME for _, other in kept):
-                kept.append((value, unit))
-
     def _places(self, amplitude: str, size: float) -> list[Point]:
-        """Places of the shapes: each over its plausible range, closer where the trace turns quickly.
+        """Places of the shapes: each over its plausible range, closer where the signature turns quickly.
 
         Several shapes are moved one at a time from their defaults, and together on a coarse grid where
         there is space for it.
@@ -116,7 +118,7 @@ class _Planner:
             values = list(grid(*candidate.plausible(name), min(5, each))) if each > 1 else []
             for _ in range(ROUNDS):
                 units = self._directions([{**defaults, **rest, name: v} for v in values])
-                wide = [k for k in range(len(values) - 1) if _turn(units[k], units[k + 1])]
+                wide = [k for k in range(len(values) - 1) if _turns(units[k], units[k + 1])]
                 if not wide or len(values) + len(wide) > each:
                     break
                 values = sorted({*values, *(_middle(values[k], values[k + 1]) for k in wide)})
@@ -131,5 +133,5 @@ def _middle(low: float, high: float) -> float:
     return float(np.sqrt(low * high)) if low > 0 else (low + high) / 2
 
 
-def _turn(first: Array | None, second: Array | None) -> bool:
-    return first is not None and second is not None and bool(abs(first @ second) < ALIKE)
+def _turns(first: Array | None, second: Array | None) -> bool:
+    return first is not None and second is not None and bool(abs(first @ second) < REFINE_BELOW)

@@ -12,77 +12,80 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate
 
 Array = NDArray[np.float64]
 
-SAME_LINE = 0.99  # cosine between traces to both sides of nothing, above which they are one straight line
+SAME_LINE = 0.99  # cosine between signatures to both sides of nothing, above which they are one straight line
 MOST_VALUES = 4_000_000  # predicted values held at a time
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class Signature:
     """Change of the residual by one candidate at one place of its shapes.
 
     Attributes
     ----------
     columns : array, (n_rows, q)
         Change when each amplitude goes from its neutral value by its `size`; rows as in the residual
-        of the problem without the candidate. A released certificate is a unit step of its prior's row.
+        of the problem without the candidate. A removed prior is a unit step of its prior's row.
     names : tuple of str
         Amplitudes, one a column.
     neutral, size : array, (q,)
-        Values that the columns stand for; size 0 for a released certificate.
+        Values that the columns stand for; size 0 where a prior is removed.
     shapes : mapping
         SI values of the shape parameters.
-    reach : tuple of float
+    multiplier_bounds : tuple of float
         Smallest and largest multiple of `size` that the domain allows (one amplitude), else infinite.
     """
 
     use: Use
     columns: Array
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     neutral: Array
     size: Array
     shapes: Mapping[str, float]
-    reach: tuple[float, float]
+    multiplier_bounds: tuple[float, float]
 
     @property
     def one_sided(self) -> bool:
         """Whether the amplitude can have one sign only."""
-        return self.columns.shape[1] == 1 and (self.reach[0] > -1e-9 or self.reach[1] < 1e-9)
+        return self.columns.shape[1] == 1 and (
+            self.multiplier_bounds[0] > -1e-9 or self.multiplier_bounds[1] < 1e-9
+        )
 
 
 Point = Mapping[str, float]
 Known = dict[tuple[Use, tuple[tuple[str, float], ...]], "Array | None"]
 
 
-def traces(
+def signatures(
     problem: Problem,
     fit: Fit,
     found: Sequence[Candidate],
     points: Mapping[Use, Sequence[Point]],
     known: Known | None = None,
-) -> list[Trace]:
-    """Traces of candidates at a fit of the problem that lacks them, at planned points.
+) -> list[Signature]:
+    """Signatures of candidates at a fit of the problem that lacks them, at planned points.
 
     `known` holds changes that were worked out at the same fit already.
     """
     known = {} if known is None else known
     return [
-        trace
+        signature
         for candidate in found
         if candidate.use in points
-        for trace in _of(problem, fit, candidate, points[candidate.use], known)
+        for signature in _of(problem, fit, candidate, points[candidate.use], known)
     ]
 
 
 def _of(
     problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known
-) -> Iterator[Trace]:
-    if candidate.released:
+) -> Iterator[Signature]:
+    if candidate.without_prior:
         yield _certificate(problem, fit, candidate)
     elif len(candidate.amplitudes) > 1:
         yield from _several_amplitudes(problem, fit, candidate, points)
@@ -91,40 +94,44 @@ def _of(
         for point, column in zip(points, changes(problem, fit, candidate, points, known)):
             if column is not None:
                 shapes = {name: value for name, value in point.items() if name != amplitude}
-                yield _trace(candidate, amplitude, point[amplitude], shapes, column)
+                yield _signature(candidate, amplitude, point[amplitude], shapes, column)
 
 
-def carried(seen: Sequence[Trace], old: Problem, new: Problem, uses: Collection[Use]) -> list[Trace]:
-    """Traces for another set of effects, taken as they were: rows of priors that it put aside fall out.
+def carried(seen: Sequence[Signature], old: Problem, new: Problem, uses: Collection[Use]) -> list[Signature]:
+    """Signatures for another set of effects, taken as they were: rows of priors that it removed fall out.
 
     What an effect does to the residual depends little on the effects beside it, and where an evaluation is
-    dear that is enough to see which ones are worth a refit.
+    expensive that is enough to see which ones are worth a refit.
     """
     return [replace(t, columns=with_rows_of(t.columns, old, new)) for t in seen if t.use in uses]
 
 
-def _trace(
-    candidate: Candidate, amplitude: str, value: float, shapes: Mapping[str, float], column: Array
-) -> Trace:
+def _signature(
+    candidate: Candidate,
+    amplitude: ParameterName,
+    value: float,
+    shapes: Mapping[str, float],
+    column: Array,
+) -> Signature:
     neutral = candidate.neutral(amplitude)
     size = value - neutral
-    low, high = candidate.extended.domain(amplitude.split("[")[0])
+    low, high = candidate.extended.domain(amplitude.whole)
     ends = sorted(((low - neutral) / size, (high - neutral) / size))
-    return Trace(
+    return Signature(
         candidate.use, column[:, None], (amplitude,), np.array([neutral]), np.array([size]), shapes,
         (ends[0], ends[1]),
     )  # fmt: skip
 
 
-def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Trace:
+def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Signature:
     """Without its prior a nuisance is free: the same as a free step of the prior's pseudo-datum."""
     rows = problem.pseudo_rows
-    columns = np.zeros((fit.residual.size, len(candidate.released)))
-    for k, name in enumerate(candidate.released):
+    columns = np.zeros((fit.residual.size, len(candidate.without_prior)))
+    for k, name in enumerate(candidate.without_prior):
         columns[rows[name], k] = 1.0
-    count = len(candidate.released)
-    return Trace(
-        candidate.use, columns, candidate.released, np.zeros(count), np.zeros(count),
+    count = len(candidate.without_prior)
+    return Signature(
+        candidate.use, columns, candidate.without_prior, np.zeros(count), np.zeros(count),
         {n: default_value(candidate, n) for n in candidate.shapes}, (-np.inf, np.inf),
     )  # fmt: skip
 
@@ -141,7 +148,7 @@ def with_rows_of(columns: Array, old: Problem, new: Problem) -> Array:
 
 def _several_amplitudes(
     problem: Problem, fit: Fit, candidate: Candidate, places: Sequence[Point]
-) -> Iterator[Trace]:
+) -> Iterator[Signature]:
     names = candidate.amplitudes
     neutral = np.array([candidate.neutral(n) for n in names])
     value = np.array([default_value(candidate, n) for n in names])
@@ -154,7 +161,7 @@ def _several_amplitudes(
         part = columns[2 * k * len(names) : 2 * (k + 1) * len(names)]
         sides = [_sides(part[2 * i], part[2 * i + 1], value[i], mirrored[i]) for i in range(len(names))]
         for chosen in product(*sides):
-            yield Trace(
+            yield Signature(
                 candidate.use, np.column_stack([c for c, _ in chosen]), names, neutral,
                 np.array([v for _, v in chosen]) - neutral, shapes, (-np.inf, np.inf),
             )  # fmt: skip
@@ -162,14 +169,14 @@ def _several_amplitudes(
 
 def _inside(candidate: Candidate, values: Array) -> Array:
     """Values inside the domains of the amplitudes."""
-    ends = [candidate.extended.domain(n.split("[")[0]) for n in candidate.amplitudes]
+    ends = [candidate.extended.domain(n.whole) for n in candidate.amplitudes]
     return np.array([min(max(v, low), high) for v, (low, high) in zip(values, ends)])
 
 
 def _sides(
     there: Array | None, back: Array | None, value: float, mirrored: float
 ) -> list[tuple[Array, float]]:
-    """Trace of an amplitude to one side of its neutral value, and to the other one where it is not the same line.
+    """Signature of an amplitude to one side of its neutral value, and to the other one where it is not the same line.
 
     An error of a zero has a kink there: idle runs feel one of either sign as a load. A descent that sets out on one
     side does not cross it.
@@ -200,45 +207,50 @@ def changes(
     known = {} if known is None else known
     keys = [(candidate.use, tuple(sorted(point.items()))) for point in points]
     new = {key: point for key, point in zip(keys, points) if key not in known}
-    known.update(zip(new, _worked_out(problem, fit, candidate, list(new.values()))))
+    values = _values_at(candidate, fit, list(new.values()))
+    chunk = max(1, MOST_VALUES // problem.n_data)
+    found: list[Array | None] = []
+    for first in range(0, len(values), chunk):
+        part = values[first : first + chunk]
+        try:
+            columns = list(residuals(candidate.extended, part).T)
+        except ComputationError:  # a loop that runs away at one point must not take the others with it
+            columns = [_residual_or_nan(candidate.extended, one) for one in part]
+        found += [_change(fit, column) for column in columns]
+    known.update(zip(new, found))
     return [known[key] for key in keys]
 
 
-def _worked_out(
-    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point]
-) -> list[Array | None]:
+def _values_at(candidate: Candidate, fit: Fit, points: Sequence[Point]) -> list[dict[str, Any]]:
+    """SI values of all parameters at each point, the base's as they were fitted."""
     extended = candidate.extended
     start = extended.start({**fit.values, **_neutral_values(candidate)})
-    places = {name: k for k, name in enumerate(extended.names)}
+    places: dict[str, int] = {name: k for k, name in enumerate(extended.names)}
     many = []
     for point in points:
         theta = start.copy()
         for name, value in point.items():
             theta[places[name]] = value
         many.append(extended.values_at(theta))
-    out: list[Array | None] = []
-    chunk = max(1, MOST_VALUES // problem.n_data)
-    for first in range(0, len(many), chunk):
-        out += _residual_changes(extended, fit, many[first : first + chunk], problem.n_data)
-    return out
+    return many
+
+
+def _change(fit: Fit, column: Array) -> Array | None:
+    """Change of the whole residual, priors included; None where the model has no finite value."""
+    change = np.zeros(fit.residual.size)
+    change[: column.size] = column - fit.residual[: column.size]
+    return change if np.all(np.isfinite(change)) else None
 
 
 def _neutral_values(candidate: Candidate) -> dict[str, float]:
-    return {f"{candidate.use}.{n}": v for n, v in candidate.effect.neutral_si.items()}
+    return {ParameterName.of(candidate.use, n): v for n, v in candidate.effect.neutral_si.items()}
 
 
-def _residual_changes(
-    extended: Problem, fit: Fit, many: Sequence[Mapping[str, Any]], n_data: int
-) -> list[Array | None]:
+def _residual_or_nan(problem: Problem, values: Mapping[str, Any]) -> Array:
     try:
-        table = residuals(extended, many)
-    except ComputationError:  # a loop that runs away at one point must not take the others with it
-        if len(many) == 1:
-            return [None]
-        return [c for values in many for c in _residual_changes(extended, fit, [values], n_data)]
-    change = np.zeros((fit.residual.size, len(many)))
-    change[:n_data] = table - fit.residual[:n_data, None]
-    return [c if np.all(np.isfinite(c)) else None for c in change.T]
+        return residuals(problem, [values])[:, 0]
+    except ComputationError:
+        return np.full(problem.n_data, np.nan)
 
 
 def residuals(problem: Problem, many: Sequence[Mapping[str, Any]]) -> Array:

@@ -14,18 +14,20 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.continuation import coarse, coarse_fit
+from specan.models.parameter_name import ParameterName
+from specan.study.estimation.continuation import continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
-from specan.study.estimation.levenberg_marquardt import descend_a_little
+from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.linearised_covariance import JACOBIANS, about
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, candidates, grid
+from specan.study.selection.matched_field import Found, likely_places
 from specan.study.selection.refits import Refit, start_from
 from specan.study.selection.score_test import Scored, best_of_each, different, score
-from specan.study.selection.shape_grid import plan
-from specan.study.selection.signatures import Known, Point, default_value, traces
+from specan.study.selection.shape_grid import shape_grid
+from specan.study.selection.signatures import Known, Point, default_value, signatures
 
-STARTS = 3
+STARTS = 3  # signatures of a candidate that lie apart
 EVERYWHERE = 2  # effects that are looked for at every place
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
@@ -33,38 +35,42 @@ RESONANCES = 45  # 5 % apart over a decade
 WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
 
 
-def ways_in(problem: Problem, new: Sequence[Use], known: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """SI values to start from: the problem's own, and those known with several ways for the uses that are new."""
+def starting_values(
+    problem: Problem, new: Sequence[Use], known: Mapping[str, Any]
+) -> list[Mapping[str, Any]]:
+    """SI values to start from: the problem's own, and known ones, with several starts for new uses."""
     starts: list[Mapping[str, Any]] = [{}, known] if known else [{}]
-    if not new or not problem.resonant:
+    if not new or not problem.strategy.continuation:
         return starts
     lean = problem
     for use in new:
         lean = lean.without(use)
     try:
-        values = coarse_fit(lean, [known])
+        values = continuation_fit(lean, [known])
     except ComputationError:  # without what is new nothing fits: the declared values must do
         return starts
     base = _seen_from(lean, values)
-    found = list(ways(base, new).values())
+    found = list(scan_shapes(base, new).values())
     for k in range(max((len(w) for w in found), default=0)):
         starts.append(start_from(base, [w[min(k, len(w) - 1)] for w in found], problem))
     return starts
 
 
 def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
-    """The model without what is new on a coarse view; on a sketch where that view is met already."""
-    view = coarse(lean, values=values)
+    """The model without what is new on a down-weighted view; on a subsample where that view is met already."""
+    view = down_weighted(lean, values=values)
     seen = Refit(frozenset(), view, fit(view, start=values))
     if seen.reduced > 1:
         return seen
     near = about(lean, lean.assembly, values)
-    theta = descend_a_little(near, near.start(values), JACOBIANS)
-    sketch = about(lean, lean.assembly, near.values_at(theta)).sketched(theta)
-    return Refit(frozenset(), sketch, fit(sketch, start=theta))
+    theta = descend_steps(near, near.start(values), JACOBIANS)
+    subsample = about(lean, lean.assembly, near.values_at(theta)).subsampled(theta)
+    return Refit(frozenset(), subsample, fit(subsample, start=theta))
 
 
-def looked_over(refit: Refit, scored: Mapping[Use, Sequence[Scored]], count: int) -> dict[Use, list[Scored]]:
+def scan_promising(
+    refit: Refit, scored: Mapping[Use, Sequence[Scored]], count: int
+) -> dict[Use, list[Scored]]:
     """Ways in for what promises most, for every effect where it promises most, and for the two best at every place.
 
     Few shapes may be what holds an effect back; and a low mode is much the same at the opposite end.
@@ -73,79 +79,127 @@ def looked_over(refit: Refit, scored: Mapping[Use, Sequence[Scored]], count: int
     names: dict[str, Use] = {}
     for use in order:
         names.setdefault(use.name, use)
-    found = ways(refit, [*order[:count], *names.values()])
+    found = scan_shapes(refit, [*order[:count], *names.values()])
     if not found:
         return found
     best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: promised(refit, found[use][0])))
-    return found | ways(
+    return found | scan_shapes(
         refit, [use for use in order if use.name in [*best][:EVERYWHERE] and use not in found]
     )
 
 
 def promised(refit: Refit, item: Scored) -> float:
-    """Change of BIC that a trace promises."""
-    count = item.amplitudes + len(item.trace.shapes)
-    return -item.gain / refit.scale + count * float(np.log(refit.problem.n_effective))
+    """Change of BIC that a signature promises."""
+    count = item.amplitudes + len(item.signature.shapes)
+    return -item.chi2_reduction / refit.dispersion + count * float(np.log(refit.problem.n_effective))
 
 
-def ways(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
-    """Traces of few candidates over all of their shapes: the best of each, and others that lie apart."""
+def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
+    """Signatures of few candidates over all of their shapes: the best of each, and others that lie apart."""
     known: Known = {}
     found = {c.use: c for c in candidates(refit.problem)[0] if c.use in uses}
     if not found:
         return {}
-    points = plan(refit.problem, refit.fit, list(found.values()), known)
-    scored = _scored(refit, list(found.values()), points, known)
-    return {
-        use: [*_peaks(refit, found[use], items[0], known), *different(items, STARTS)[1:]]
-        for use, items in best_of_each(scored).items()
-    }
+    points = shape_grid(refit.problem, refit.fit, list(found.values()), known)
+    scored = best_of_each(_scored(refit, list(found.values()), points, known))
+    places = likely_places(refit, list(found.values()))
+    peaks = {}
+    for use, items in scored.items():
+        optima = _coordinate_optima(refit, found[use], items[0], known)
+        optima += _at_places(refit, found[use], places.get(use, ()), known)
+        optima.sort(key=lambda s: -s.chi2_reduction)
+        peaks[use] = [*optima[:STARTS], *different(items, STARTS)[1:]]
+    return peaks
 
 
-def _peaks(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> list[Scored]:
-    """Where the climb from the best trace leads, and that from the best resonance at a usual place or an image of it.
+def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
+    """Points at which candidates are to be tried, for those that act at one place the likeliest of each element too."""
+    places = likely_places(refit, found)
+    points = shape_grid(refit.problem, refit.fit, found, known)
+    for candidate in found:
+        if candidate.use in places:
+            more = _at_place(candidate, places[candidate.use][0], _sizes(candidate)[:1])
+            points[candidate.use] = [*points.get(candidate.use, []), *more]
+    return points
+
+
+def _at_places(refit: Refit, candidate: Candidate, places: Sequence[Found], known: Known) -> list[Scored]:
+    """Where the searches from the likely places of a candidate lead, best first."""
+    peaks = []
+    for place in places:
+        points = _at_place(candidate, place, _sizes(candidate))
+        scored = _scored(refit, [candidate], {candidate.use: points}, known)
+        if scored:
+            best = max(scored, key=lambda s: s.chi2_reduction)
+            peaks.append(_coordinate_search(refit, candidate, best, known))
+    return sorted(peaks, key=lambda s: -s.chi2_reduction)
+
+
+def _at_place(candidate: Candidate, place: Found, sizes: Sequence[float]) -> list[Point]:
+    """The other shapes over the range of a resonance, with some sizes, at one place."""
+    usual = {n: default_value(candidate, n) for n in candidate.shapes} | place.shapes
+    narrow = [n for n in candidate.shapes if candidate.parameter(n).unit == "Hz"]
+    shaped = [{**usual, narrow[0]: v} for v in _range_of(candidate, narrow[0])] if narrow else [usual]
+    amplitude = candidate.amplitudes[0]
+    return [{**shape, amplitude: size} for size in sizes for shape in shaped]
+
+
+def _sizes(candidate: Candidate) -> list[float]:
+    """The usual size of a candidate's amplitude and a large one: where it acts strongly a mode splits otherwise."""
+    amplitude = candidate.amplitudes[0]
+    usual, (_, high) = default_value(candidate, amplitude), candidate.plausible(amplitude)
+    return list(dict.fromkeys([usual, float(np.sqrt(abs(usual * high)))]))
+
+
+def _coordinate_optima(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> list[Scored]:
+    """Results of coordinate searches from the best signature, and from the best resonance at usual or symmetric places.
 
     What has little damping at a low frequency does something everywhere, and hides a resonance that is elsewhere.
     """
-    peaks = [_climbed(refit, candidate, best, known)]
-    narrow = [n for n in best.trace.shapes if candidate.parameter(n).unit == "Hz"]
+    peaks = [_coordinate_search(refit, candidate, best, known)]
+    narrow = [n for n in best.signature.shapes if candidate.parameter(n).unit == "Hz"]
     if narrow and best.amplitudes == 1:
-        usual = {n: default_value(candidate, n) for n in best.trace.shapes} | _promised_size(best)
-        places = [usual, *_mirrored(usual)]
+        usual = {n: default_value(candidate, n) for n in best.signature.shapes} | _promised_size(best)
+        places = [usual, *_symmetric_places(usual)]
         points = [
             {**place, narrow[0]: value} for place in places for value in _range_of(candidate, narrow[0])
         ]
         other = _scored(refit, [candidate], {candidate.use: points}, known)
         if other:
-            peaks.append(_climbed(refit, candidate, max(other, key=lambda s: s.gain), known))
-    return sorted(peaks, key=lambda s: -s.gain)
+            peaks.append(
+                _coordinate_search(refit, candidate, max(other, key=lambda s: s.chi2_reduction), known)
+            )
+    return sorted(peaks, key=lambda s: -s.chi2_reduction)
 
 
-def _climbed(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> Scored:
-    """The best trace that is reached by moving one shape at a time: over its range, then about the best.
+def _coordinate_search(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> Scored:
+    """The best signature that is reached by moving one shape at a time: over its range, then about the best.
 
     A resonator's place shows near its resonance only, and the resonance where the place is not a node. Each round is
     at the size that the one before promises: a large resonator changes a mode otherwise than a small one.
     """
-    if candidate.released or not best.trace.shapes:
+    if candidate.without_prior or not best.signature.shapes:
         return best
-    tried = {name: _range_of(candidate, name) for name in best.trace.shapes}
+    tried = {name: _range_of(candidate, name) for name in best.signature.shapes}
     for _ in range(ROUNDS):
         size = _promised_size(best)
         for name, values in tried.items():
-            here = best.trace.shapes
+            here = best.signature.shapes
             points = [{**size, **here, name: float(v)} for v in values]
             found = _scored(refit, [candidate], {candidate.use: points}, known)
-            best = max([best, *found], key=lambda s: s.gain)
-            tried[name] = _between(values, best.trace.shapes[name])
-        images = [{**size, **image} for image in _mirrored(best.trace.shapes)]
-        best = max([best, *_scored(refit, [candidate], {candidate.use: images}, known)], key=lambda s: s.gain)
+            best = max([best, *found], key=lambda s: s.chi2_reduction)
+            tried[name] = _between(values, best.signature.shapes[name])
+        symmetric = [{**size, **image} for image in _symmetric_places(best.signature.shapes)]
+        best = max(
+            [best, *_scored(refit, [candidate], {candidate.use: symmetric}, known)],
+            key=lambda s: s.chi2_reduction,
+        )
     return best
 
 
-def _mirrored(shapes: Mapping[str, float]) -> list[dict[str, float]]:
+def _symmetric_places(shapes: Mapping[str, float]) -> list[dict[str, float]]:
     """The same place seen from the other ends of the edges: modes are as much shifted from there."""
-    places = [name for name in shapes if name.rpartition(".")[2] in PLACES]
+    places = [name for name in shapes if ParameterName(name).own in PLACES]
     turned = [sides for sides in product((False, True), repeat=len(places)) if any(sides)]
     return [
         {**shapes, **{name: 1 - shapes[name] for name, side in zip(places, sides) if side}}
@@ -160,11 +214,13 @@ def _range_of(candidate: Candidate, name: str) -> list[float]:
 
 
 def _promised_size(best: Scored) -> dict[str, float]:
-    """The amplitude that a trace promises, no larger than that of the trace; empty for several."""
+    """The amplitude that a signature promises, no larger than that of the signature; empty for several."""
     if best.amplitudes > 1:
         return {}
-    share = np.clip(np.abs(best.multiple), LEAST_SIZE, 1.0) * np.where(best.multiple < 0, -1.0, 1.0)
-    return dict(zip(best.trace.names, (best.trace.neutral + share * best.trace.size).tolist()))
+    share = np.clip(np.abs(best.expected_change), LEAST_SIZE, 1.0) * np.where(
+        best.expected_change < 0, -1.0, 1.0
+    )
+    return dict(zip(best.signature.names, (best.signature.neutral + share * best.signature.size).tolist()))
 
 
 def _between(values: Sequence[float], best: float) -> list[float]:
@@ -177,7 +233,7 @@ def _between(values: Sequence[float], best: float) -> list[float]:
 def _scored(
     refit: Refit, found: Sequence[Candidate], points: Mapping[Use, Sequence[Point]], known: Known
 ) -> list[Scored]:
-    tried = traces(refit.problem, refit.fit, found, points, known)
+    tried = signatures(refit.problem, refit.fit, found, points, known)
     return score(refit.linear, tried, refit.weights)
 
 
@@ -186,14 +242,14 @@ def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dic
 
     What the problem no longer has is left out.
     """
-    elements: dict[str, dict[str, float]] = {}
+    elements: dict[ParameterName, dict[str, float]] = {}
     for name, row in table.items():
-        plain = name.split("[")[0]
-        if plain in problem.free:
-            elements.setdefault(plain, {})[name] = problem.assembly.parameters[plain].to_si(row["value"])
+        whole = ParameterName(name).whole
+        if whole in problem.free:
+            elements.setdefault(whole, {})[name] = problem.assembly.parameters[whole].to_si(row["value"])
     found: dict[str, Any] = {}
-    for plain, own in elements.items():
-        names = [f"{plain}[{e}]" for e in problem.elements.get(plain, ())] or [plain]
+    for whole, own in elements.items():
+        names = [whole.at(e) for e in problem.elements.get(whole, ())] or [whole]
         if all(name in own for name in names):
-            found[plain] = np.array([own[n] for n in names]) if plain in problem.elements else own[plain]
+            found[whole] = np.array([own[n] for n in names]) if whole in problem.elements else own[whole]
     return found

@@ -13,8 +13,8 @@ from specan.study.selection.refits import Refit
 
 # Family-wise probability below which rows stand out, as of a lack of fit; and that above which the rest is whole.
 STANDS_OUT, WHOLE = 1e-3, 0.05
-MOST_LINES = 6
-LEAST_ROWS = 3
+MOST_LINES = 6  # of a table that a sentence names
+LEAST_ROWS = 3  # of each kind, below which kinds are not compared
 KINDS = "coupled"  # condition that tells runs with the brake from those without it
 
 
@@ -29,20 +29,24 @@ def suspect_rows(refit: Refit) -> str:
     if (
         len(problem.observations) > 1
         or not isinstance(observation, TableObservation)
-        or observation.cell is None
+        or observation.replicate_group is None
     ):
         return ""
-    if problem.dear or refit.lack_of_fit >= STANDS_OUT or observation.lines is None:
+    if not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT or observation.lines is None:
         return ""
     readings = [np.array([k]) for k in range(observation.n)]
-    conditions = [np.flatnonzero(observation.cell == cell) for cell in np.unique(observation.cell)]
+    conditions = [
+        np.flatnonzero(observation.replicate_group == cell) for cell in np.unique(observation.replicate_group)
+    ]
     for kind, blocks in (("reading", readings), ("condition", conditions)):
         falls = np.array([_fall(refit, block) for block in blocks])
         worst = int(np.argmax(falls))
         block = blocks[worst]
         chance = len(blocks) * lack_of_fit_probability(falls[worst], block.size, problem.noise_dof)
         rest = lack_of_fit_probability(
-            max(refit.lack - falls[worst], 0.0), max(refit.dof - block.size, 1.0), problem.noise_dof
+            max(refit.lack_of_fit_chi2 - falls[worst], 0.0),
+            max(refit.dof - block.size, 1.0),
+            problem.noise_dof,
         )
         if chance < STANDS_OUT and rest > WHOLE:
             where = _where(observation, block)
@@ -57,9 +61,9 @@ def rows_of_two_kinds(refit: Refit) -> str:
     where one kind is missing, and where the table tells the kinds apart already (a column ``coupled`` that varies).
     """
     problem, observation = refit.problem, refit.problem.observations[0]
-    if len(problem.observations) > 1 or not isinstance(observation, TableObservation) or problem.dear:
+    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
         return ""
-    if refit.lack_of_fit >= STANDS_OUT:
+    if not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT:
         return ""
     conditions = problem.assembly.model.conditions
     told = KINDS in conditions and np.ptp(observation.conditions.get(KINDS, np.ones(1))) > 0

@@ -9,7 +9,7 @@ from scipy.special import j1, spherical_jn
 from specan.models.room import box_field
 from specan.models.room.axis_modes import axis_modes
 from specan.models.room.box_field import Port, ball_mean, box, disc_mean
-from specan.models.room.remainder import _closed_form
+from specan.models.room.static_correction import _closed_form
 
 LENGTHS = (0.9, 0.6, 0.7)
 PISTON = Port((0.0, 0.246, 0.3229), 0, 0.05)
@@ -141,7 +141,7 @@ def test_few_lines_tell_the_others_or_are_not_used(beta, few, monkeypatch):
     sparse = box(*arguments)
     assert (len(sparse.few.chosen) if sparse.few else None) == few
     got = sparse.coupling(source, receivers)
-    monkeypatch.setattr(box_field, "few_lines", lambda frequency: ())
+    monkeypatch.setattr(box_field, "interpolations", lambda frequency: ())
     expected = box(*arguments).coupling(source, receivers)
     size = np.sqrt(np.mean(np.abs(expected) ** 2, axis=0))
     assert np.max(np.abs(got - expected) / size) < 1e-8

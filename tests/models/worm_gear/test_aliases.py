@@ -83,8 +83,8 @@ def one_signed(name, amplitude):
     return effect.neutral_si[amplitude] in (domain.lower, domain.upper)
 
 
-def likeness(one, other):
-    """Largest cosine between amplitudes of two effects; opposite traces differ where neither can turn its sign."""
+def cosine_to_taken(one, other):
+    """Largest cosine between amplitudes of two effects; opposite signatures differ where neither can turn its sign."""
     cosines = []
     for a, b in itertools.product(SEEN, SEEN):
         if (a[0], b[0]) == (one, other):
@@ -104,20 +104,20 @@ def test_the_base_is_identified_on_a_full_grid():
 def test_declared_look_alikes_look_alike(name):
     for other in MODEL.effects[name].aliases:
         if other not in MODEL.base_effects:
-            assert likeness(name, other) > 0.6, other
+            assert cosine_to_taken(name, other) > 0.6, other
 
 
 def test_what_looks_alike_is_declared():
     names = sorted({name for name, _ in SEEN})
     for one, other in itertools.combinations(names, 2):
         # an error of a gain leaves next to nothing, and the direction of next to nothing says nothing
-        if likeness(one, other) > 0.8 and "torque-gain-error" not in (one, other):
+        if cosine_to_taken(one, other) > 0.8 and "torque-gain-error" not in (one, other):
             assert other in MODEL.effects[one].aliases, (one, other)
             assert one in MODEL.effects[other].aliases, (other, one)
 
 
 def test_a_seal_and_a_zero_error_are_one():
-    assert likeness("seal-drag", "torque-zero-error") == pytest.approx(1.0, abs=1e-9)
+    assert cosine_to_taken("seal-drag", "torque-zero-error") == pytest.approx(1.0, abs=1e-9)
 
 
 def test_the_base_takes_up_what_it_is_declared_to_take_up():

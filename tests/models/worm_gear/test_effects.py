@@ -1,4 +1,4 @@
-"""Every effect of the worm gear keeps the rules and leaves the trace that physics says.
+"""Every effect of the worm gear keeps the rules and leaves the signature that physics says.
 
 Adding an effect touches two places: its file, and one row in EFFECTS below.
 """
@@ -19,7 +19,7 @@ TORQUE_OUT, TORQUE_IN = "indicated_output_torque", "indicated_input_torque"
 
 
 @dataclass(frozen=True)
-class Trace:
+class Signature:
     """How the change of the power loss goes with torque, speed and viscosity: T^a n^b nu^c, and its sign.
 
     None: not a power law there; told by a test of its own.
@@ -33,26 +33,32 @@ class Trace:
 
 # the catalogue's signatures, at 60 N*m, 1500 rpm, 50 degC
 EFFECTS = {
-    "bearing-friction": Trace(),  # a sum of rolling and sliding
-    "bearing-preload": Trace(torque=0, speed=1),
-    "churning": Trace(torque=0),  # its exponents are its parameters
-    "inlet-shear-heating": Trace(sign=-1),
-    "load-dependent-friction": Trace(speed=1, viscosity=0),
-    "mesh-pocketing": Trace(torque=0, speed=2, viscosity=0),
-    "oil-heating": Trace(sign=-1),
-    "running-in": Trace(speed=1, viscosity=0),
-    "seal-drag": Trace(torque=0, speed=1, viscosity=0),
-    "shear-thinning": Trace(sign=-1),
-    "speed-dependent-friction": Trace(torque=1, viscosity=0),
-    "starvation": Trace(sign=-1),
-    "temperature-bias": Trace(torque=None),
-    "thermal-lag": Trace(sign=0),  # nothing under load in the steady state
-    "tooth-friction": Trace(torque=1, speed=1, viscosity=0),
-    "torque-gain-error": Trace(),
-    "torque-zero-error": Trace(),
-    "viscosity-dependent-friction": Trace(torque=1, speed=1, sign=-1),
-    "windage": Trace(torque=0, speed=3, viscosity=0),
-    "zero-drift": Trace(torque=0, speed=1, viscosity=0),
+    "axial-preload": Signature(),  # a sum of rolling and sliding
+    "bearing-friction": Signature(),  # a sum of rolling and sliding
+    "bearing-preload": Signature(torque=0, speed=1),
+    "brake-drag": Signature(sign=0),  # only without load
+    "churning": Signature(torque=0),  # its exponents are its parameters
+    "exponential-churning": Signature(torque=0, viscosity=0),
+    "inlet-shear-heating": Signature(sign=-1),
+    "load-dependent-friction": Signature(speed=1, viscosity=0),
+    "mesh-starvation": Signature(torque=1),
+    "mesh-pocketing": Signature(torque=0, speed=2, viscosity=0),
+    "oil-heating": Signature(sign=-1),
+    "palmgren-bearings": Signature(),  # a sum of two
+    "running-in": Signature(speed=1, viscosity=0),
+    "seal-drag": Signature(torque=0, speed=1, viscosity=0),
+    "shear-thinning": Signature(sign=-1),
+    "speed-dependent-friction": Signature(torque=1, viscosity=0),
+    "starvation": Signature(sign=-1),
+    "temperature-bias": Signature(torque=None),
+    "thermal-lag": Signature(sign=0),  # nothing under load in the steady state
+    "tooth-friction": Signature(torque=1, speed=1, viscosity=0),
+    "torque-gain-error": Signature(),
+    "torque-hysteresis": Signature(sign=0),  # nothing in one reading
+    "torque-zero-error": Signature(),
+    "viscosity-dependent-friction": Signature(torque=1, speed=1, sign=-1),
+    "windage": Signature(torque=0, speed=3, viscosity=0),
+    "zero-drift": Signature(torque=0, speed=1, viscosity=0),
 }
 
 
@@ -127,7 +133,7 @@ def test_an_engineer_learns_what_it_is(name):
         assert low <= parameter.min <= parameter.default <= parameter.max <= high
 
 
-@pytest.mark.parametrize("name", [n for n, trace in EFFECTS.items() if trace.sign])
+@pytest.mark.parametrize("name", [n for n, signature in EFFECTS.items() if signature.sign])
 def test_the_sign_of_its_trace(name):
     assert np.sign(change_of(name)[0]) == EFFECTS[name].sign or name in (
         "temperature-bias",
@@ -168,7 +174,7 @@ def test_power_is_balanced_with_all_effects():
     )
 
 
-# --- traces that are no power law ----------------------------------------------------------------
+# --- signatures that are no power law ----------------------------------------------------------------
 
 
 def test_a_seal_is_a_zero_error_of_the_input_sensor():
@@ -289,7 +295,7 @@ def test_running_in_is_an_order_in_time():
 
 def test_effects_over_time_need_the_time():
     assert MODEL.not_testable({"worm_speed", TORQUE_OUT}) == dict.fromkeys(
-        ("running-in", "zero-drift"), "needs elapsed_time"
+        ("running-in", "torque-hysteresis", "zero-drift"), "needs elapsed_time"
     )
     assert MODEL.not_testable({"worm_speed", TORQUE_OUT, "elapsed_time"}) == {}
 

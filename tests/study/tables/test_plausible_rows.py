@@ -77,7 +77,7 @@ def test_what_alone_carries_a_misfit_is_named_by_its_lines(tables, tmp_path, kin
     columns = tables.bench(seed=3, points=tables.grid(**PLAN), setting="read")
     data = observed(tables, tmp_path, columns)
     [o] = data.fitted
-    rows = np.flatnonzero(o.cell == o.cell[5]) if kind == "condition" else np.array([5])
+    rows = np.flatnonzero(o.replicate_group == o.replicate_group[5]) if kind == "condition" else np.array([5])
     measured = o.measured.copy()
     measured[rows] += 10 * o.sigma[5]
     model = tables.model(input_torque_Nm=0.01)

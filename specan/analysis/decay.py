@@ -1,0 +1,207 @@
+"""Reverberation times and clarity from impulse responses (ISO 3382-1, ISO 3382-2)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Literal
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+from pydantic import Field
+
+from specan.analysis.section import of_one_rate, section
+from specan.data.decay import DecayTimes
+from specan.data.recording import Channel, Recording
+from specan.dsp import bands
+from specan.dsp.energy_decay import decay_line, energy_decay, noise_floor
+from specan.errors import InputError, RequestError
+from specan.schema import Settings
+
+Real = NDArray[np.float64]
+
+# Evaluation ranges in dB below the beginning, and the range above the noise that they need: their end and 10 dB
+# (ISO 3382-1:2009, 5.3.3 and 6).
+_RANGES = {"edt": (0.0, -10.0), "t20": (-5.0, -25.0), "t30": (-5.0, -35.0)}
+_ABOVE_NOISE_DB = 10.0
+# Standard deviation of T over positions: factor and term of 1/n (ISO 3382-2:2008, 7.1), and n of an integrated
+# impulse response.
+_SCATTER = {"t20": (0.88, 1.90), "t30": (0.55, 1.52)}
+_DECAYS_OF_AN_IMPULSE_RESPONSE = 10
+_ARRIVAL = 0.1  # of the largest magnitude: -20 dB (ISO 3382-1:2009, A.1)
+_FIRST_INTERVAL_S = 0.01
+_LEAD_S = 1.0  # of silence before the record, for what the reversed filter puts there
+_FILTER_LASTS = 3.0  # times 1 / B: an order 4 band-pass has fallen to 1 % of its peak
+# Lines at which the band filter lets less than this through are left out.
+_FILTER_FLOOR = 1e-10
+
+
+class Decay(Settings):
+    """Settings of an evaluation of impulse responses.
+
+    Attributes
+    ----------
+    fraction : {1, 3}
+        Octaves or one-third octaves.
+    fmin, fmax : float
+        Bands from the one that contains `fmin` to the one that contains `fmax`; by default 125 Hz to 4 kHz in
+        octaves, 100 Hz to 5 kHz in thirds (ISO 3382-2:2008, 6), as far as the sampling rate allows.
+    channels : tuple of str
+        Names or patterns; all microphones by default, all channels where there is none.
+    start_s, stop_s : float
+        Time section.
+
+    Examples
+    --------
+    >>> from specan.data.recording import ArraySource
+    >>> t = np.arange(32000) / 16000
+    >>> decaying = np.random.default_rng(1).standard_normal(t.size) * 10 ** (-3 * t / 1.2)
+    >>> mic = Channel("Mic 1", role="microphone", unit="Pa", sampling_rate=16000.0, n_samples=t.size)
+    >>> found = Decay(fmin=1000, fmax=4000)(Recording("a.wav", (mic,), ArraySource([decaying])))
+    >>> found.t20_s.round(1).tolist()
+    [[1.2, 1.2, 1.2]]
+    """
+
+    fraction: Literal[1, 3] = 1
+    fmin: float | None = Field(default=None, gt=0.0)
+    fmax: float | None = Field(default=None, gt=0.0)
+    channels: tuple[str, ...] = ()
+    start_s: float = Field(default=0.0, ge=0.0)
+    stop_s: float | None = Field(default=None, gt=0.0)
+
+    def __call__(self, recording: Recording, upper_hz: float = math.inf) -> DecayTimes:
+        """Read the section and return the decay times; the responses hold up to `upper_hz`."""
+        microphones = [f"{c.group}/{c.name}" for c in recording.channels if c.role == "microphone"]
+        chosen, notes = of_one_rate(recording, self.channels or microphones)
+        start, stop = section(recording, chosen, self.start_s, self.stop_s)
+        rate = chosen[0].sampling_rate
+        index = self._bands(rate, min(upper_hz, rate / 2))
+        mid = bands.mid_frequencies(index, self.fraction)
+        lower, upper = bands.band_edges(index, self.fraction)
+        rows = [self._channel(recording, c, start, stop, mid, upper - lower) for c in chosen]
+        return DecayTimes(
+            label=recording.label,
+            channels=tuple(c.name for c in chosen),
+            groups=tuple(c.group for c in chosen),
+            fraction=self.fraction,
+            exact_hz=mid,
+            nominal_hz=np.array([bands.nominal_frequency(int(k), self.fraction) for k in index]),
+            bandwidth_hz=upper - lower,
+            **{name: np.stack([row[name] for row in rows]) for name in _RESULTS},
+            start_s=np.array([row["start_s"][0] for row in rows]),
+            notes=notes,
+            settings=self.model_dump(mode="json"),
+        )
+
+    def _bands(self, rate: float, top: float) -> NDArray[np.int64]:
+        low, high = (125.0, 4000.0) if self.fraction == 1 else (100.0, 5000.0)
+        index = bands.band_range(self.fmin or low, self.fmax or high, self.fraction)
+        below = bands.band_edges(index, self.fraction)[1] <= top
+        if not below.any() or (self.fmax is not None and not below[-1]):
+            raise RequestError(
+                f"bands up to {self.fmax or high:g} Hz do not fit responses up to {top:g} Hz, sampled at {rate:g} Hz",
+                expected=f"bands whose upper edge is at most {top:g} Hz",
+            )
+        return index[below]
+
+    def _channel(
+        self, recording: Recording, channel: Channel, start: int, stop: int, mid: Real, width: Real
+    ) -> dict[str, Real]:
+        samples = recording.read((channel,), start, stop)[0]
+        if not np.isfinite(samples).all() or not samples.any():
+            raise InputError(
+                f"{recording.label}: {channel.name} holds no impulse response",
+                expected="samples that are finite and not all zero",
+                remedy="choose other channels",
+            )
+        samples = samples - np.mean(samples)
+        rate = channel.sampling_rate
+        arrival = int(np.argmax(np.abs(samples) >= _ARRIVAL * np.abs(samples).max()))
+        lead = int(_LEAD_S * rate)
+        length = scipy.fft.next_fast_len(lead + samples.size, real=True)
+        spectrum = scipy.fft.rfft(np.concatenate([np.zeros(lead), samples]), length)
+        found = []
+        for f, bandwidth in zip(mid, width, strict=True):
+            energy, step = _band_energy(spectrum, length, lead + samples.size, f / rate, self.fraction)
+            found.append(
+                _evaluate(energy, int((lead + arrival) / step), int(lead / step), step / rate, bandwidth)
+            )
+        return {
+            "start_s": np.array([start / rate + arrival / rate]),
+            **{name: np.array([one[name] for one in found]) for name in _RESULTS},
+        }
+
+
+_RESULTS = tuple(
+    f.name
+    for f in fields(DecayTimes)
+    if f.name.endswith(("_s", "_dB", "_percent", "_permille")) and f.name != "start_s"
+)
+
+
+def _band_energy(
+    spectrum: NDArray[np.complex128], length: int, n: int, mid: float, fraction: int
+) -> tuple[Real, float]:
+    """Squared envelope of one band at a lower rate, and how many samples of the record one of it spans.
+
+    The filter is reversed in time: its slow decay lies before each arrival and not after it (ISO 3382-1:2009, 7.3).
+    Only the lines that it lets through are transformed back, which gives the complex envelope.
+    """
+    with np.errstate(divide="ignore"):
+        gain = bands.power_response(np.log(np.arange(spectrum.size) / length / mid), fraction)
+    kept = np.flatnonzero(gain > _FILTER_FLOOR)
+    first, last = int(kept[0]), int(kept[-1]) + 1
+    response = bands.complex_response(np.arange(first, last) / length / mid, fraction)
+    count = scipy.fft.next_fast_len(last - first)
+    lines = np.zeros(count, dtype=complex)
+    lines[: last - first] = spectrum[first:last] * np.conj(response)
+    step = length / count
+    envelope = scipy.fft.ifft(lines) * (2.0 / step)
+    return 0.5 * np.abs(envelope[: int(n / step)]) ** 2, step
+
+
+def _evaluate(energy: Real, arrival: int, recorded: int, step_s: float, width: float) -> dict[str, float]:
+    """All parameters of one band.
+
+    Parameters
+    ----------
+    energy : array (n,)
+        Squared envelope, `step_s` seconds apart.
+    arrival, recorded : int
+        Where the direct sound arrives, and where the record begins.
+    width : float
+        Bandwidth in Hz.
+    """
+    interval = max(1, int(_FIRST_INTERVAL_S / step_s))
+    after = energy[arrival:]
+    floor = noise_floor(after, interval)
+    curve = energy_decay(after, floor)
+    # What the reversed filter puts before the arrival is energy of the direct sound.
+    first = max(0, arrival - int(_FILTER_LASTS / width / step_s))
+    before = float(np.sum(energy[first:arrival])) - floor.power * max(0, arrival - max(first, recorded))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        level = 10.0 * np.log10(curve / curve[0])
+    top = float(np.max(np.convolve(after[: floor.end], np.ones(interval) / interval, "valid")))
+    bottom = floor.power or float(np.mean(after[-interval:]))
+    range_dB = 10.0 * math.log10(top / bottom) if bottom > 0 else math.inf
+    found = {"range_dB": range_dB, "nonlinearity_permille": math.nan}
+    for name, (upper, lower) in _RANGES.items():
+        line = decay_line(level, upper, lower)
+        enough = range_dB >= _ABOVE_NOISE_DB - lower
+        time = found[f"{name}_s"] = line.samples * step_s if enough else math.nan
+        if name in _SCATTER:
+            factor, term = _SCATTER[name]
+            scatter = (1.0 + term / _DECAYS_OF_AN_IMPULSE_RESPONSE) / (width * time) if time > 0 else math.nan
+            found[f"u_{name}_s"] = factor * time * math.sqrt(scatter)
+            if enough:
+                found["nonlinearity_permille"] = line.nonlinearity
+    total, times = float(curve[0]) + before, (np.arange(curve.size) + 0.5) * step_s
+    for name, limit in (("c50_dB", 0.050), ("c80_dB", 0.080)):
+        late = float(np.interp(limit, times - 0.5 * step_s, curve, right=math.nan))
+        found[name] = 10.0 * math.log10((total - late) / late) if 0 < late < total else math.nan
+        if limit == 0.050:
+            found["d50_percent"] = 100.0 * (1.0 - late / total)
+    # The integral of t p^2 is that of the decay curve.
+    found["centre_time_s"] = float(np.sum(curve) * step_s / total)
+    return found

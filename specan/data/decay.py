@@ -1,0 +1,108 @@
+"""Decay times and energy ratios of impulse responses, in bands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.result import Result, counted, full_names
+
+Real = NDArray[np.float64]
+
+NOT_LINEAR_PERMILLE, CURVED_PERCENT = 10.0, 10.0
+"""Above these a decay is far from a straight line: ISO 3382-2:2008, B.2 and B.3."""
+
+LEAST_BT = 4.0
+"""Bandwidth times decay time that a band filter reversed in time allows: ISO 3382-1:2009, 7.3."""
+
+
+@dataclass(frozen=True, repr=False)
+class DecayTimes(Result):
+    """Room acoustic parameters after ISO 3382-1:2009, one row a channel and one column a band.
+
+    Attributes
+    ----------
+    label : str
+    channels, groups : tuple of str
+    fraction : int
+    exact_hz, nominal_hz, bandwidth_hz : arrays (bands,)
+    edt_s, t20_s, t30_s : arrays (channels, bands)
+        Early decay time (0 to -10 dB) and reverberation times (-5 to -25, -5 to -35 dB); NaN where the range is short.
+    u_t20_s, u_t30_s : arrays (channels, bands)
+        Standard deviation over positions in a diffuse field (ISO 3382-2:2008, 7.1; one position, n = 10).
+    range_dB : array (channels, bands)
+        Level of the beginning of the decay above the noise.
+    nonlinearity_permille : array (channels, bands)
+        xi of T30, or of T20 where there is no T30 (ISO 3382-2:2008, B.2).
+    c50_dB, c80_dB, d50_percent, centre_time_s : arrays (channels, bands)
+        Clarity, definition and centre time (ISO 3382-1:2009, A.2).
+    start_s : array (channels,)
+        Arrival of the direct sound: where the response first comes within 20 dB of its maximum.
+    notes : tuple of str
+    settings : mapping
+    """
+
+    label: str
+    channels: tuple[str, ...]
+    groups: tuple[str, ...]
+    fraction: int
+    exact_hz: Real
+    nominal_hz: Real
+    bandwidth_hz: Real
+    edt_s: Real
+    t20_s: Real
+    t30_s: Real
+    u_t20_s: Real
+    u_t30_s: Real
+    range_dB: Real
+    nonlinearity_permille: Real
+    c50_dB: Real
+    c80_dB: Real
+    d50_percent: Real
+    centre_time_s: Real
+    start_s: Real
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    dimensions = ("channel", "nominal_hz")
+
+    @property
+    def curvature_percent(self) -> Real:
+        """C = 100 (T30 / T20 - 1) (ISO 3382-2:2008, B.3)."""
+        return 100.0 * (self.t30_s / self.t20_s - 1.0)
+
+    def flags(self, row: int, band: int) -> tuple[str, ...]:
+        """``low-BT``, ``low-range``, ``not-linear``, ``curved``: what is wrong with a band of a channel."""
+        best = self.t30_s[row, band] if np.isfinite(self.t30_s[row, band]) else self.t20_s[row, band]
+        words = {
+            "curved": self.curvature_percent[row, band] > CURVED_PERCENT,
+            "low-BT": best * self.bandwidth_hz[band] < LEAST_BT,
+            "low-range": not np.isfinite(best),
+            "not-linear": self.nonlinearity_permille[row, band] > NOT_LINEAR_PERMILLE,
+        }
+        return tuple(word for word, holds in words.items() if holds)
+
+    def summary(self) -> str:
+        """What it is, on one line."""
+        return (
+            f"{self.label}, decay times of {counted(len(self.channels), 'channel')} in {self.exact_hz.size} bands of "
+            f"1/{self.fraction} octave"
+        )
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each channel and band."""
+        names, bands = full_names(self.channels, self.groups), self.exact_hz.size
+        values = (
+            "edt_s", "t20_s", "u_t20_s", "t30_s", "u_t30_s", "c50_dB", "c80_dB", "d50_percent", "centre_time_s",
+            "range_dB", "nonlinearity_permille", "curvature_percent",
+        )  # fmt: skip
+        return {
+            "channel": np.repeat(names, bands),
+            "nominal_hz": np.tile(self.nominal_hz, len(names)),
+            **{name: getattr(self, name).ravel() for name in values},
+            "flags": [" ".join(self.flags(row, band)) for row in range(len(names)) for band in range(bands)],
+        }

@@ -1,0 +1,131 @@
+"""Effects and parameter values as a user writes them on a command line."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from specan.errors import RequestError, nearest
+from specan.models.effect import Use
+from specan.models.model import Assembly, Model
+from specan.units import convert
+
+
+@dataclass(frozen=True)
+class ChosenModel:
+    """A model with effects switched on and some parameter values, in SI."""
+
+    assembly: Assembly
+    values: dict[str, float]
+
+
+def choose_model(model: Model, effects: Iterable[str] = (), without: Iterable[str] = ()) -> ChosenModel:
+    """Switch on what a user asks for, beside the base effects.
+
+    Parameters
+    ----------
+    effects : iterable of str
+        ``seal-drag``; ``seal-drag=0.2`` (its first parameter, in that one's unit); ``seal-drag=200 mN*m``;
+        ``windage.exponent=2.8``; ``wall-impedance@z1.beta=0.1``.
+    without : iterable of str
+        Base effects to switch off.
+
+    Raises
+    ------
+    RequestError
+        An effect or parameter that does not exist, a value that is no number or outside the domain.
+
+    Examples
+    --------
+    >>> from specan.models.catalogue import example_model
+    >>> request = choose_model(example_model("worm-gear"), ["seal-drag=200 mN*m"], without=["churning"])
+    >>> [str(use) for use in request.assembly.uses], request.values
+    (['bearing-friction', 'seal-drag', 'tooth-friction'], {'seal-drag.torque': 0.2})
+    """
+    asked = [_split(model, text) for text in effects]
+    dropped = set(without)
+    for name in dropped:
+        if name not in model.base_effects:
+            raise RequestError(
+                f"{name!r} is no effect of the base model", remedy=nearest(name, model.base_effects)
+            )
+    uses = {Use(name) for name in model.base_effects if name not in dropped} | {use for use, _, _ in asked}
+    assembly = model.assemble(uses)
+    values = {}
+    for use, parameter, text in asked:
+        if text is not None:
+            full = f"{use}.{parameter or _first(model, use)}"
+            values[full] = _value(assembly, full, text)
+    return ChosenModel(assembly, values)
+
+
+def override(rig: Mapping[str, Any], texts: Iterable[str]) -> dict[str, Any]:
+    """A rig file's content with some keys set otherwise.
+
+    Parameters
+    ----------
+    rig : mapping
+        The parsed file; it is left as it is.
+    texts : iterable of str
+        ``model.mesh=article``, ``oil.viscosity_40C_mm2_s=320``; the value as TOML writes it, quotes optional.
+
+    Examples
+    --------
+    >>> override({"oil": {"density_kg_m3": 1000.0}}, ["oil.density_kg_m3=870", "model.mesh=article"])
+    {'oil': {'density_kg_m3': 870}, 'model': {'mesh': 'article'}}
+    """
+    changed = copy.deepcopy(dict(rig))
+    for text in texts:
+        key, equals, value = text.partition("=")
+        *path, last = key.strip().split(".")
+        place: Any = changed
+        for part in path:
+            place = place.setdefault(part, {}) if isinstance(place, dict) else None
+        if not equals or not isinstance(place, dict):
+            raise RequestError(f"{text!r} cannot be set", expected="TABLE.KEY=VALUE of the rig file")
+        place[last] = _toml_value(value.strip())
+    return changed
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _split(model: Model, text: str) -> tuple[Use, str, str | None]:
+    """Use, parameter (may be empty), value (may be None) of one text."""
+    name, equals, value = text.partition("=")
+    use, _, parameter = name.strip().partition(".")
+    if parameter and not equals:
+        raise RequestError(f"{text!r} names a parameter without a value", expected=f"{text}=NUMBER")
+    return Use.parse(use), parameter, value.strip() if equals else None
+
+
+def _first(model: Model, use: Use) -> str:
+    return next(iter(model.effects[use.name].parameters))
+
+
+def _value(assembly: Assembly, full: str, text: str) -> float:
+    """SI value of a parameter from a number, or a number and a unit."""
+    if full not in assembly.parameters:
+        raise RequestError(f"there is no parameter {full!r}", remedy=nearest(full, assembly.parameters))
+    parameter = assembly.parameters[full]
+    number, _, unit = text.partition(" ")
+    try:
+        given = float(number)
+    except ValueError:
+        raise RequestError(
+            f"{full} = {text!r} is no number", expected=f"a number, in {parameter.unit}, or with its unit"
+        ) from None
+    value = float(convert(given, unit, parameter.received_unit)) if unit else parameter.to_si(given)
+    if not parameter.si.lower <= value <= parameter.si.upper:
+        low, high = parameter.domain
+        raise RequestError(
+            f"{full} = {text} is outside its domain", expected=f"{low} to {high} {parameter.unit}"
+        )
+    return value
