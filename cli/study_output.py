@@ -25,7 +25,7 @@ def study_options(function: Callable[..., Any]) -> Callable[..., Any]:
             multiple=True,
             type=click.Path(path_type=Path),
             metavar="FILE",
-            help="Take in, and trust, a Python file with own effects; repeatable.",
+            help="Add and trust a Python file with your own effects; repeatable.",
         ),
         click.argument("directory", type=click.Path(path_type=Path), metavar="DIR"),
     ):
