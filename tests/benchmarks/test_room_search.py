@@ -70,7 +70,12 @@ def test_the_truth_is_told_in_the_terms_of_the_catalogue():
 
 def record(named, chi2, wanted=("leak@z1",)):
     verdict = {"alternatives": [list(n) for n in named], "verdict": "effect" if named else "nothing-missing"}
-    return {"at_truth": {use: {} for use in wanted}, "verdict": verdict, "chi2": chi2, "effects": {"leak": 1.0}}
+    return {
+        "at_truth": {use: {} for use in wanted},
+        "verdict": verdict,
+        "chi2": chi2,
+        "effects": {"leak": 1.0},
+    }
 
 
 def test_a_minimum_is_missed_where_every_set_of_the_search_lies_above_that_at_the_truth():
