@@ -28,6 +28,9 @@ MOST_JACOBIANS = 25
 SCREENING_JACOBIANS = 3  # Jacobians that each of several starts is led by before the others are left
 MOST_SECANTS = 12
 MOST_DOUBLINGS = 8
+# Damping of the first step, in units of the diagonal of J'J. In a valley of nearly collinear parameters 1e-4 shortens
+# every step; where an evaluation is expensive a step that fails costs more than that.
+FAR_START, LEAST_START = 1e-4, 1e-8
 LEAST_DAMPING = 1e-6  # damping with which a minimum is confirmed: a large one must not pass for it
 
 
@@ -125,7 +128,8 @@ class _Descent:
         residual = finite_residual(problem, self.theta)
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")
-        self.residual, self.damping = residual, 1e-4
+        self.residual = residual
+        self.damping = FAR_START if problem.expensive else LEAST_START
 
     @property
     def chi2(self) -> float:

@@ -26,7 +26,7 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
-from specan.study.estimation.finite_differences import fine_stencil, usual_stencil
+from specan.study.estimation.finite_differences import chosen_stencil, usual_stencil
 from specan.study.estimation.known_ranges import KnownRanges
 from specan.study.observation import Array, Observation
 
@@ -251,16 +251,16 @@ class Problem:
         ]
         return np.concatenate([*parts, self._prior_residual(theta), self.pulls(theta)])
 
-    def jacobian(self, theta: Array, steps: Array | None = None) -> Array:
-        """Derivative of `residual`, one column for each element of theta."""
-        slopes = self.sensitivities(theta, steps)
+    def jacobian(self, theta: Array, steps: Array | None = None, order: int = 2) -> Array:
+        """Derivative of `residual`, one column for each element of theta; see `sensitivities`."""
+        slopes = self.sensitivities(theta, steps, order)
         white = [o.whiten(slope) for o, slope in zip(self.observations, slopes, strict=True)]
         return np.concatenate([*white, self._prior_jacobian, self._range_jacobian(theta)], axis=0)
 
-    def sensitivities(self, theta: Array, steps: Array | None = None) -> list[Array]:
+    def sensitivities(self, theta: Array, steps: Array | None = None, order: int = 2) -> list[Array]:
         """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences.
 
-        With `steps`, one for each element of theta, they are of fourth order.
+        With `steps`, one for each element of theta, they are of the given order, 2 or 4.
         """
         theta = np.asarray(theta, dtype=float)
         if not theta.size:
@@ -269,7 +269,7 @@ class Problem:
         if steps is None:
             points, weights = usual_stencil(theta, self.scale, low, high, self.expensive)
         else:
-            points, weights = fine_stencil(theta, steps, low, high)
+            points, weights = chosen_stencil(theta, steps, low, high, order)
         many = [self.values_at(p) for p in points]
         return [
             o.predict_many(self.assembly, [self.seen_by(o, v) for v in many]) @ weights
