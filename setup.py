@@ -13,7 +13,7 @@ HERE = Path(__file__).parent
 
 def samples() -> list[str]:
     """What ``specan demo`` writes: the list stands in cli/demo.py, which cannot be imported here."""
-    tree = ast.parse((HERE / "cli" / "demo.py").read_text(encoding="utf-8"))
+    tree = ast.parse((Path(__file__).parent / "cli" / "demo.py").read_text(encoding="utf-8"))
     found = next(n for n in tree.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "SAMPLES")
     return list(ast.literal_eval(found.value))
 

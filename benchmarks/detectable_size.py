@@ -2,7 +2,9 @@
 
     python benchmarks/detectable_size.py --cases 60 --seed 3000 --out sizes.jsonl
 
-Every case is a gear of the bench with nothing hidden. The study states the smallest visible size of every effect;
+Every case is a null: the model itself with noise, instrument errors and model discrepancy drawn as they are declared,
+or with ``--gears`` a gear of the independent simulator, which differs from the model by less than is declared, so that
+more than four of five are seen. The study states the smallest visible size of every effect;
 one of them, in turn, is planted at exactly that size with the equation of the catalogue, its shapes at their
 defaults, on the fit of the base. Counted is whether the
 verdict on the planted data has the effect among its alternatives.
@@ -13,7 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from hidden_effects.engine import _problem
+from calibrated_statements import drawn, opened
+
 from hidden_effects.judge import interval
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
@@ -29,9 +31,10 @@ from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import default_value
-from truth.worm_gear import simulate, write
+from truth.worm_gear import simulate
 
 DESIGNS = ("grid", "idle")
+NOISE = 0.5  # percent of the reading
 
 
 def planted(problem: Problem, candidate: Candidate, size: float) -> Problem:
@@ -49,11 +52,14 @@ def planted(problem: Problem, candidate: Candidate, size: float) -> Problem:
     return problem.over([replace(observation, measured=observation.measured + change)])
 
 
-def run_case(number: int, seed: int, only: tuple[str, ...]) -> dict[str, Any] | None:
+def run_case(number: int, seed: int, only: tuple[str, ...], gears: bool) -> dict[str, Any] | None:
     """One null, its statement, the planted effect and the verdict on it."""
-    with tempfile.TemporaryDirectory() as name:
-        write(simulate(seed, {}, DESIGNS[number % 2]), Path(name))
-        problem = _problem(Path(name))
+    case = simulate(seed, {}, DESIGNS[number % 2], NOISE)
+    problem = opened(case)
+    if not gears:
+        readings, _ = drawn(problem, seed, NOISE, None)
+        table = {name: values for name, values in case.table.items() if name != "efficiency"}
+        problem = opened(replace(case, table={**table, "input_torque_Nm": readings}))
     null = diagnose(problem)
     stated = {
         n: v["value"] for n, v in null.smallest_visible.items() if v is not None and (not only or n in only)
@@ -87,12 +93,13 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=60)
     parser.add_argument("--seed", type=int, default=3000, help="of the first gear")
     parser.add_argument("--effects", nargs="+", default=[], help="plant only these")
+    parser.add_argument("--gears", action="store_true", help="gears of the independent simulator")
     parser.add_argument("--out", type=Path, default=Path("detectable_size.jsonl"))
     arguments = parser.parse_args()
     records = []
     with arguments.out.open("a", encoding="utf-8") as file:
         for number in range(arguments.cases):
-            record = run_case(number, arguments.seed + number, tuple(arguments.effects))
+            record = run_case(number, arguments.seed + number, tuple(arguments.effects), arguments.gears)
             if record is None:
                 continue
             records.append(record)

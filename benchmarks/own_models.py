@@ -77,7 +77,9 @@ def gain(*, error=Parameter(0.02, min=-0.1, max=0.1)):
 
 
 @effect("valve", adds_to="pressure", neutral={"size": 0.0})
-def valve(flow, *, size=Parameter(0.2, min=0.01, max=3, lower=0, upper=10), onset=Parameter(3.0, min=1, max=5)):
+def valve(
+    flow, *, size=Parameter(0.2, min=0.01, max=3, lower=0, upper=10), onset=Parameter(3.0, min=1, max=5)
+):
     """Above some flow a check valve flutters."""
     return size * np.maximum(flow - onset, 0) ** 2
 
@@ -95,7 +97,9 @@ def swelling(flow, temperature, *, rate=Parameter(0.01, min=0.001, max=0.1, lowe
 
 
 @effect("air", adds_to="pressure", neutral={"share": 0.0})
-def air(flow, *, share=Parameter(0.2, min=0.02, max=2, lower=0, upper=5), limit=Parameter(1.0, min=0.3, max=3)):
+def air(
+    flow, *, share=Parameter(0.2, min=0.02, max=2, lower=0, upper=5), limit=Parameter(1.0, min=0.3, max=3)
+):
     """Air collects below some flow."""
     return share * np.exp(-((flow / limit) ** 2))
 
@@ -154,7 +158,9 @@ def iterations_for(milliseconds: float, conditions: dict[str, np.ndarray]) -> in
 
 def python_models() -> None:
     conditions = plan()
-    print(f"{'ms an evaluation':>18}{'hidden':>12}{'named':>14}{'CPU s':>8}{'evaluations':>13}{'theirs, CPU s':>15}")
+    print(
+        f"{'ms an evaluation':>18}{'hidden':>12}{'named':>14}{'CPU s':>8}{'evaluations':>13}{'theirs, CPU s':>15}"
+    )
     for milliseconds in (1.0, 5.0):
         iterations = iterations_for(milliseconds, conditions)
         for hidden in HIDDEN:

@@ -154,9 +154,18 @@ def _write_report(report: BatchReport, settings: BatchSettings, output: Path) ->
     return page
 
 
+_PIECE = 1 << 20
+
+
 def _rows(path: Path) -> int:
     with path.open(encoding="utf-8") as file:
-        return sum(not line.startswith("#") for line in file) - 1
+        while (line := file.readline()).startswith("#"):
+            pass
+        lines, rest = int(bool(line)), file.read(_PIECE)
+        while rest:
+            lines += rest.count("\n")
+            rest = file.read(_PIECE)
+    return lines - 1
 
 
 def progress_line() -> Callable[[int, int, float], None] | None:

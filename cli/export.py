@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -10,6 +11,9 @@ from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json
 from specan_cli.output_file import OutputFile, Verb, refuse_unsafe, say_written, to_standard_output
 from specan_cli.recording_input import opening_options, say_notes, section_options
+
+if TYPE_CHECKING:
+    from specan.data.recording import Recording
 
 SUFFIXES = {"csv": ".csv", "uff": ".uff", "wav": ".wav", "parquet": ".parquet"}
 
@@ -30,6 +34,8 @@ SUFFIXES = {"csv": ".csv", "uff": ".uff", "wav": ".wav", "parquet": ".parquet"}
     show_default=True,
     help="Decimal sign of CSV; with a comma, columns are separated by semicolons.",
 )
+@click.option("--reference", metavar="NAME", help="Write transfer functions over this channel instead of samples "
+              "(--to uff).")  # fmt: skip
 @section_options
 @opening_options
 @plot_option("what was written")
@@ -39,6 +45,7 @@ def command(
     form: str,
     output: Path | None,
     decimal: str,
+    reference: str | None,
     channels: tuple[str, ...],
     start_s: float,
     stop_s: float | None,
@@ -48,9 +55,9 @@ def command(
     plot: Path | None,
     as_json: bool,
 ) -> int:
-    """Write the samples of a recording, in SI units, for other programs.
+    """Write the samples of a recording, in SI units, for other programs; or its transfer functions.
 
-    Sensitivities of a calibration are applied; phases and delays are not, since they belong to spectra.
+    Sensitivities of a calibration are applied; phases and delays are to transfer functions, and not to samples.
 
     \b
     specan export sample_data/recordings/knock.tdms --to csv --channel "Mic 1" --decimal , -o knock.csv
@@ -62,11 +69,18 @@ def command(
 
     if decimal != "." and form != "csv":
         raise RequestError(f"--decimal is for CSV, not for {form}", remedy="leave it out")
+    if reference is not None and form != "uff":
+        raise RequestError(
+            f"--reference is for --to uff, not for {form}",
+            remedy=f"specan frf {file} --reference {reference} -o FILE writes transfer functions as text",
+        )
     target = output or Path(file.stem + SUFFIXES[form])
     refuse_unsafe(target)
     recording = open_recording(
         file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )
+    if reference is not None:
+        return _transfer(recording, reference, channels, (start_s, stop_s), target, plot, as_json)
     chosen, notes = of_one_rate(recording, channels)
     start, stop = section(recording, chosen, start_s, stop_s)
     excerpt = Excerpt(recording, chosen, start, stop)
@@ -98,5 +112,46 @@ def command(
         click.echo(
             f"{len(chosen)} channels, {excerpt.n} samples at {excerpt.rate:g} Hz, in {together(chosen)}."
         )
+        say_written(target)
+    return 0
+
+
+def _transfer(
+    recording: Recording,
+    reference: str,
+    channels: tuple[str, ...],
+    section: tuple[float, float | None],
+    target: Path,
+    plot: Path | None,
+    as_json: bool,
+) -> int:
+    """Write transfer functions as a universal file."""
+    from specan.analysis.transfer_function import TransferFunction
+    from specan.io.export_uff import write_uff_transfer
+
+    found = TransferFunction(reference=reference, channels=channels, start_s=section[0], stop_s=section[1])(
+        recording
+    )
+    write_uff_transfer(found, target)
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_spectra import figure_frequency_response
+
+        save_figure(figure_frequency_response(found), plot)
+    say_notes(found.notes, {"the file": recording.flags})
+    if as_json:
+        emit_json(
+            {
+                "output": str(target),
+                "format": "uff",
+                "lines": int(found.frequency_hz.size),
+                "reference": found.reference,
+                "channels": [
+                    {"name": n, "unit": u} for n, u in zip(found.channels, found.units, strict=True)
+                ],
+            }
+        )
+    elif not to_standard_output(target):
+        click.echo(f"{found.summary()}.")
         say_written(target)
     return 0

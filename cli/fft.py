@@ -12,6 +12,7 @@ import click
 
 from specan import __version__
 from specan_cli.figure_output import plot_option
+from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
 from specan_cli.output import emit_json, table
 from specan_cli.output_file import OutputFile, say_written, to_standard_output
 from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
@@ -20,6 +21,7 @@ from specan_cli.several_files import RecordingVerb, recording_argument
 PIECE = 1 << 15  # lines of a table at once
 
 if TYPE_CHECKING:
+    from specan.data.limits import Kept
     from specan.data.recording import Recording
     from specan.data.spectrum import Spectrogram, Spectrum
 
@@ -59,6 +61,7 @@ if TYPE_CHECKING:
 )
 @click.option("--spectrogram", is_flag=True, help="Spectra against time.")
 @click.option("--columns", type=int, help="Most columns of a spectrogram.  [default: 1000]")
+@limit_option()
 @plot_option()
 @click.option("-o", "--output", type=OutputFile(), help="Write all lines as text.")
 @click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
@@ -68,6 +71,7 @@ def command(
     peaks: int,
     spectrogram: bool,
     columns: int | None,
+    limit: Path | None,
     plot: Path | None,
     output: Path | None,
     as_json: bool,
@@ -85,26 +89,41 @@ def command(
     specan fft sample_data/recordings/noise/noise_24_microphones.tdms --channel "Mic 1" --lines 800
     specan fft sample_data/recordings/knock.tdms --spectrogram --lines 100 --plot knock.png
     """
+    from specan.errors import RequestError
     from specan.io.open import open_recording
 
     recording = open_recording(
         file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )
     single = options["whole"] or options["averaging"] == "none"
-    if single and not (spectrogram or as_json or plot is not None):
+    if limit is not None and spectrogram:
+        raise RequestError("a spectrogram has no limits", remedy="leave out --limit or --spectrogram")
+    if single and not (spectrogram or as_json or plot is not None or limit is not None):
         return _single(recording, options, peaks, output)
     found = _spectrogram(recording, columns, options) if spectrogram else _spectrum(recording, options)
+    kept = [] if limit is None else _held(found, limit)
     if plot is not None:
         _draw(found, plot)
     if output is not None:
         write_text(found, output)
     if as_json:
-        emit_json(content(found))
+        emit_json({**content(found), **({"limits": limit_content(kept)} if kept else {})})
     elif not to_standard_output(output):
         show(found, peaks)
+        show_limit("" if limit is None else limit.name, kept)
         say_written(plot, output)
     say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
-    return 0
+    return limit_code(kept)
+
+
+def _held(found: Spectrum | Spectrogram, limit: Path) -> list[Kept]:
+    from specan.io.limit_file import read_limits
+
+    curve = read_limits(limit)
+    return [
+        curve.of_lines(name, found.frequency_hz, found.level_dB[row])
+        for row, name in enumerate(found.channels)
+    ]
 
 
 def _single(recording: Recording, options: dict[str, Any], peaks: int, output: Path | None) -> int:
@@ -123,11 +142,16 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, output: P
 
     def texts(wanted: bool) -> Iterator[str]:
         for part, lines in parts:
-            sheet.extend(
-                _rows(part, peaks, lambda _, k, lines=lines: float(phase_of_lines(lines[k : k + 1])[0]))
-            )
+
+            def phase(_: Any, k: int, lines: Any = lines) -> float:
+                return float(phase_of_lines(lines[k : k + 1])[0])
+
+            sheet.extend(_rows(part, peaks, phase))
             # What is said about the spectrum in the end; not its lines, nor a view that would keep them.
-            short = {"density": part.density[:, :1].copy(), "frequency_hz": part.frequency_hz[:1].copy()}
+            short: dict[str, Any] = {
+                "density": part.density[:, :1].copy(),
+                "frequency_hz": part.frequency_hz[:1].copy(),
+            }
             about.append(replace(part, has_mirror=part.has_mirror[:1].copy(), **short))
             yield from _text(with_phase(part, lines)) if wanted else ()
             del part, lines

@@ -102,7 +102,7 @@ def _levels(recording: Recording) -> dict[int, tuple[float, Quality]]:
     together: dict[tuple[float, int], list[int]] = {}
     for place, channel in enumerate(recording.channels):
         together.setdefault((channel.sampling_rate, channel.n_samples), []).append(place)
-    found = {}
+    found: dict[int, Any] = {}
     for (_, n_samples), places in together.items():
         channels = [recording.channels[p] for p in places]
         quality, energy = QualityAccumulator(channels), np.zeros(len(channels))

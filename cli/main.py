@@ -31,6 +31,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
     "simulate": ("simulate", "What a model predicts, as a table, a look-up map or a figure."),
     "study": ("study", "Model against measurement: where it fails, what is missing, what to add."),
+    "conformance": ("conformance", "Clauses of IEC 61260-1, IEC 61672-1, IEEE 1057: expected, found."),
     "demo": ("demo", "The sample data of the examples, written to a directory."),
     "completion": ("completion", "Tab completion for bash, zsh, fish and PowerShell."),
 }

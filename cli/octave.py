@@ -9,6 +9,7 @@ import click
 
 from specan import __version__
 from specan_cli.figure_output import plot_option
+from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
 from specan_cli.output import emit_json, table
 from specan_cli.output_file import OutputFile, say_written, to_standard_output
 from specan_cli.recording_input import fed, given, opening_options, say_notes, section_options
@@ -16,6 +17,7 @@ from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.band_levels import BandLevels
+    from specan.data.limits import Kept
 
 _WIDE = 6  # channels that stand side by side in a table
 
@@ -72,6 +74,7 @@ class _Averaging(click.ParamType):
     type=click.Choice(["left-out", "counted"]),
     help="The cut at the ends of the section, in linear averages.  [default: left-out]",
 )
+@limit_option()
 @plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")
 @click.option("-o", "--output", type=OutputFile(), help="Write all levels as text.")
@@ -82,6 +85,7 @@ def command(
     fraction: str | None,
     weighting: str | None,
     background: Path | None,
+    limit: Path | None,
     plot: Path | None,
     history: bool,
     output: Path | None,
@@ -116,23 +120,44 @@ def command(
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
         )
-    known = {"channel_table": channel_table, "calibration": calibration, "sampling_rate": sampling_rate}
+    known: dict[str, Any] = {
+        "channel_table": channel_table,
+        "calibration": calibration,
+        "sampling_rate": sampling_rate,
+    }
     recording = open_recording(file, **known)
     found = joined_levels([fed(part, recording) for part in settings.groups(recording)])
     if background is not None:
         whole = settings.model_copy(update={"start_s": 0.0, "stop_s": None})
         found = without_background(found, whole(open_recording(background, **known)))
+    kept = [] if limit is None else _held(found, limit)
     if plot is not None:
         _draw(found, plot, history)
     if output is not None:
         write_text(found, output)
     if as_json:
-        emit_json(content(found))
+        emit_json({**content(found), **({"limits": limit_content(kept)} if kept else {})})
     elif not to_standard_output(output):
         show(found)
+        show_limit("" if limit is None else limit.name, kept)
         say_written(plot, output)
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
-    return 0
+    return limit_code(kept)
+
+
+def _held(found: BandLevels, limit: Path) -> list[Kept]:
+    from specan.io.limit_file import read_limits
+
+    curve = read_limits(limit)
+    return [
+        curve.of_bands(
+            name,
+            found.nominal_hz,
+            found.level_dB[row],
+            {w: float(v[row]) for w, v in found.overall_dB.items()},
+        )
+        for row, name in enumerate(found.channels)
+    ]
 
 
 def _draw(found: BandLevels, path: Path, history: bool) -> None:

@@ -49,12 +49,12 @@ class RecordingVerb(Verb):
                     f"--{name} writes one recording, and there are {len(files)}",
                     remedy="name one, or take --json or specan batch",
                 )
-        done, failures, faults = [], [], []
+        done, failures, faults, code = [], [], [], 0
         for path in files:
             ctx.params[PARAMETER] = path
             try:
                 with collecting(ctx) as content:
-                    super().invoke(ctx)
+                    code = max(code, super().invoke(ctx) or 0)
             except (InputError, RequestError) as fault:
                 faults.append(fault)
                 failures.append({"file": str(path), "reason": str(fault)})
@@ -65,7 +65,7 @@ class RecordingVerb(Verb):
             raise faults[0]
         if ctx.params.get("as_json"):
             emit_json({"files": done, "failures": failures})
-        return 1 if failures else 0
+        return 1 if failures else code
 
 
 def expand(paths: Sequence[Path]) -> list[Found]:

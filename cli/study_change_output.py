@@ -18,9 +18,9 @@ def show_change(change: Change, as_json: bool, plot: Path | None = None) -> None
     """Errors before and after, parameters, remarks; a figure where one was asked for."""
     if plot is not None:
         from specan.report.figure_style import save_figure
-        from specan.report.figures_study import figure_compare
+        from specan.report.figures_change import figure_change
 
-        save_figure(figure_compare(change.study), plot)
+        save_figure(figure_change(change), plot)
     before, after = change.before, change.after
     parameters = {name: dict(row) for name, row in after.parameters.items()}
     for name, (low, high) in change.intervals.items():

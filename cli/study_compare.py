@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output_file import Verb
 from specan_cli.study_output import study_options
+
+if TYPE_CHECKING:
+    from specan.study.localisation.frf_errors import FrfErrors
+    from specan.study.study import Comparison, Study
 
 
 @click.command("compare", cls=Verb)
@@ -53,12 +59,13 @@ def command(
         from specan.report.figures_room import figure_errors
         from specan.report.figures_study import figure_compare
 
-        save_figure(
-            figure_compare(study) if shown is None else figure_errors(study, recorded[0], shown), plot
-        )
+        if shown is None or study.model.receivers is None:
+            save_figure(figure_compare(study, channel), plot)
+        else:
+            save_figure(figure_errors(study, recorded[0], shown), plot)
 
 
-def _content(study, found) -> dict:  # type: ignore[no-untyped-def, type-arg]
+def _content(study: Study, found: Comparison) -> dict[str, Any]:
     known, best, where = study.data.known, found.fit, found.localisation
     return {
         "model_effects": list(study.model_effects),
@@ -80,7 +87,7 @@ def _content(study, found) -> dict:  # type: ignore[no-untyped-def, type-arg]
     }
 
 
-def _print(study, found) -> None:  # type: ignore[no-untyped-def]
+def _print(study: Study, found: Comparison) -> None:
     from specan.study.diagnose import LEAST_DOF
     from specan_cli.output import table
     from specan_cli.study_output import error_table, parameter_table, probability
@@ -126,18 +133,20 @@ def _print(study, found) -> None:  # type: ignore[no-untyped-def]
         click.echo(f"\nAsk what is missing: specan study diagnose {study.directory}")
 
 
-def _of_what(study) -> str:  # type: ignore[no-untyped-def]
+def _of_what(study: Study) -> str:
     return str(study.model.words.discrepancy_of)
 
 
-def _print_recordings(study, recorded) -> None:  # type: ignore[no-untyped-def]
+def _print_recordings(study: Study, recorded: Sequence[FrfErrors]) -> None:
     from specan.study.localisation.frf_errors import summary
     from specan_cli.output import table
 
+    receivers = study.model.receivers
+    names = receivers.plural if receivers else "channels"
     for one in recorded:
         click.echo("")
         table(
-            f"{one.recording}: model over measured, all {study.model.receivers.plural}",
+            f"{one.recording}: model over measured, all {names}",
             ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "the clearest, dB (95 %)"],
             summary([one]),
         )

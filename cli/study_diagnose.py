@@ -20,17 +20,6 @@ if TYPE_CHECKING:
 SHOWN = 10  # rows of the table of candidates
 DETAILED = 3  # of them with their parameters
 
-VERDICTS = {
-    "effect": "Missing: {names}.",
-    "group": "Missing: {names}; these data cannot tell which.",
-    "nothing-missing": "Nothing is missing, as far as these data can tell.",
-    "fits-only-if": "It fits, but only with values outside what is known.",
-    "unknown-effect": "Something is missing that is not on the list of effects.",
-    "cannot-tell": "These data cannot tell.",
-}
-# Nothing-missing where the data alone would rather take values that contradict what is known.
-WITHIN_WHAT_IS_KNOWN = "Nothing is missing if the values are as known; the data alone would take others."
-
 
 @click.command("diagnose", cls=Verb)
 @study_options
@@ -44,9 +33,11 @@ def command(
     \b
     specan study diagnose my_study --plot ranking.png
     """
+    from specan.study.kept_diagnoses import diagnose_and_keep
+
     study = open_study(directory, effects)
     progress = say if sys.stderr.isatty() else None
-    found = study.diagnose(bootstrap=bootstrap, progress=progress)
+    found = diagnose_and_keep(study, bootstrap=bootstrap, progress=progress)
     if as_json:
         emit_json(found.to_json())
     else:
@@ -59,8 +50,9 @@ def command(
 
 
 def _print(found: Diagnosis, directory: Path) -> None:
-    names = " or ".join(" with ".join(members) for members in found.alternatives)
-    click.echo(_headline(found).format(names=names))
+    from specan.report.verdict_words import headline
+
+    click.echo(headline(found))
     if found.reason:
         click.echo(f"{found.reason[:1].upper()}{found.reason[1:]}.")
     if found.error is not None:
@@ -79,12 +71,6 @@ def _print(found: Diagnosis, directory: Path) -> None:
     _print_power(found)
     for effect, why in found.not_testable.items():
         click.echo(f"Not testable: {effect} {why}")
-
-
-def _headline(found: Diagnosis) -> str:
-    if found.verdict == "nothing-missing" and found.unknown_possible:
-        return WITHIN_WHAT_IS_KNOWN
-    return VERDICTS[found.verdict]
 
 
 def _print_pulls(found: Diagnosis) -> None:

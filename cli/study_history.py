@@ -46,6 +46,6 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
             click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "no effects"))
     if plot is not None:
         from specan.report.figure_style import save_figure
-        from specan.report.figures_study import figure_history
+        from specan.report.figures_history import figure_history
 
         save_figure(figure_history(steps), plot)

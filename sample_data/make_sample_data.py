@@ -26,6 +26,7 @@ from truth.rig import (
     sine_take,
 )
 from truth.rig_files import write_tdms
+from truth.three_masses import ThreeMasses, as_text, simulate
 
 RATE = 8000.0
 FEW = ("Mic 1", "Mic 8", "Mic 15", "Mic 22", "Vibrometer", "Generator")
@@ -140,8 +141,16 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
         writer.writerows(rows)
 
 
+def write_two_mass(out: Path) -> None:
+    """Two recordings of two masses, with a small tuned mass on the second that their model does not know."""
+    for name, seed in (("run", 1), ("again", 2)):
+        text = as_text(simulate(ThreeMasses(), seed=seed))
+        (out / f"{name}.csv").write_text(text, encoding="utf-8", newline="\n")
+
+
 def main(out: Path) -> None:
     """Write everything below `out`."""
+    write_two_mass(out / "two_mass")
     rig = box_rig()
     write_recordings(out, rig)
     write_truth(out / "truth", rig)

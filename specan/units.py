@@ -99,10 +99,12 @@ def printed_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> [printed_unit(unit) for unit in ("degC", "N*m", "percent", "1", "Hz")]
-    ['°C', 'Nm', '%', '', 'Hz']
+    >>> [printed_unit(unit) for unit in ("degC", "N*m", "Pa*s/m", "percent", "1")]
+    ['°C', 'Nm', 'Pa s/m', '%', '']
     """
-    return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(unit, unit.replace("*", ""))
+    return {"degC": "°C", "degF": "°F", "percent": "%", "1": ""}.get(
+        unit, unit.replace("N*m", "Nm").replace("*", " ")
+    )
 
 
 def is_compatible(unit: str, target: str) -> bool:

@@ -15,7 +15,7 @@ from specan.dsp import bands
 from specan.dsp.band_energy import EnergySpectrum
 from specan.dsp.band_history import Histories
 from specan.dsp.record_ends import Fade
-from specan.dsp.weighting import WEIGHTINGS, Weighting, power_weighting
+from specan.dsp.weighting import WEIGHTINGS, Weighting
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
 
 Real = NDArray[np.float64]
@@ -123,11 +123,11 @@ def _levels_of(
 ) -> tuple[Real, dict[str, Real]]:
     """Levels of the bands and of the whole."""
     quantity = _as_quantity(channels, spectrum.frequencies)
-    weights = power_weighting(spectrum.frequencies, settings.weighting)
+    weights = None if settings.weighting == "Z" else spectrum.weights(settings.weighting)
+    if quantity is not None:
+        weights = quantity if weights is None else weights * quantity
     with np.errstate(invalid="ignore", over="ignore"):
-        mean_square = spectrum.band_mean_square(
-            index, settings.fraction, weights if quantity is None else weights * quantity
-        )
+        mean_square = spectrum.band_mean_square(index, settings.fraction, weights)
         overall = _overall(spectrum, channels, quantity, index, settings.fraction)
     zero = _zero(channels, settings)
     return level(mean_square, zero[:, None]), {name: level(values, zero) for name, values in overall.items()}
@@ -289,7 +289,6 @@ def _overall(
     overall = {"Z": whole}
     for name in WEIGHTINGS:
         if name != "Z":
-            weights = power_weighting(spectrum.frequencies, name)
-            weighted = np.add.reduce(spectrum.nodes * weights, axis=1)
+            weighted = np.add.reduce(spectrum.nodes * spectrum.weights(name), axis=1)
             overall[name] = np.where(pressure, weighted, np.nan)
     return overall

@@ -23,7 +23,7 @@ from specan.dsp.multirate import MultirateTransform
 from specan.dsp.statistics import exceeded
 from specan.dsp.time_weighting import FAST, SLOW
 from specan.dsp.weighted_peak import WeightedPeak
-from specan.dsp.weighting import WEIGHTINGS, Weighting, power_weighting
+from specan.dsp.weighting import WEIGHTINGS, Weighting
 from specan.schema import Settings
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
 
@@ -207,7 +207,7 @@ class LevelsAccumulator:
             return spectrum.alternating_mean_square
         shown = spectrum if self.settings.settling == "counted" else spectrum.between_ends()
         with np.errstate(invalid="ignore"):
-            weighted = shown.through(lambda f: power_weighting(f, weighting))
+            weighted = shown.through(lambda _: shown.weights(weighting))
         return np.where(self._pressure, weighted, np.nan)
 
     def _reference(self, channel: Channel) -> LevelReference:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from specan.data.recording import Channel, Recording
 from specan.dsp.leakage import leakage_bias
-from specan.dsp.transfer_function import delays_of, estimate
+from specan.dsp.transfer_function import arrivals, estimate
 from specan.dsp.welch import CrossSpectra, effective_averages, hop_of
 from specan.dsp.windows import WindowName, window_correlation
 
@@ -126,7 +126,7 @@ def look(
     weighted = np.where(np.isfinite(first.response), first.response, 0.0) * np.nan_to_num(weight)
     impulse = np.abs(np.fft.irfft(weighted, longest, axis=-1))
     distinct = impulse.max(axis=-1) > _DISTINCT_PEAK * np.sqrt(np.mean(impulse**2, axis=-1))
-    lags = np.rint(delays_of(weighted, longest, rate) * rate).astype(int) * distinct
+    lags = arrivals(impulse) * distinct
     count = len(channels)
     turn = np.exp(2j * np.pi * np.outer(lags[:count], seen.frequency_hz[1:]) / rate)
     response = first.response[:count, 1:] * turn

@@ -32,6 +32,7 @@ def plot(result: Any, path: str | Path | None = None, **options: Any) -> Figure:
     Parameters
     ----------
     result : Recording, or a result of specan
+        What to draw.
     path : str or Path, optional
         Also save it there: .png, .svg or .pdf.
     **options
@@ -40,6 +41,7 @@ def plot(result: Any, path: str | Path | None = None, **options: Any) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
+        Not shown; that is up to the caller.
 
     Raises
     ------

@@ -48,6 +48,7 @@ def read(
     Returns
     -------
     Recording
+        Channels and properties; no sample is read yet.
 
     Raises
     ------
@@ -74,6 +75,7 @@ def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     fraction : {1, 3, 6, 12, 24}
         1/N octave.
     **settings
@@ -83,6 +85,7 @@ def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:
     Returns
     -------
     BandLevels
+        Levels (channels, bands) and overall levels, dB; `to_dataframe` gives one row for each.
     """
     from specan.analysis.octave import Octave
 
@@ -95,14 +98,16 @@ def fft(recording: Source, **settings: Any) -> Spectrum:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     **settings
-        ``channels``, ``scaling``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``, ``fmax_hz``,
-        ``start_s``, ``stop_s``, ``whole``, ``averaging``, ``n_exponential``, ``reference``: see
+        ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``,
+        ``fmax_hz``, ``start_s``, ``stop_s``, ``whole``, ``averaging``, ``n_exponential``, ``reference``: see
         `specan.analysis.spectrum.FourierSpectrum`.
 
     Returns
     -------
     Spectrum
+        Complex lines or densities (channels, lines) over hertz.
     """
     from specan.analysis.spectrum import FourierSpectrum
 
@@ -115,13 +120,15 @@ def spectrogram(recording: Source, **settings: Any) -> Spectrogram:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     **settings
-        ``columns``, ``channels``, ``scaling``, ``lines``, ``window``, ``overlap``, ``detrend``, ``fmin_hz``,
-        ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
+        ``columns``, ``channels``, ``scaling``, ``weighting``, ``lines``, ``window``, ``overlap``, ``detrend``,
+        ``fmin_hz``, ``fmax_hz``, ``start_s``, ``stop_s``: see `specan.analysis.spectrogram.SpectrogramSettings`.
 
     Returns
     -------
     Spectrogram
+        Levels (channels, lines, columns) over hertz and seconds.
     """
     from specan.analysis.spectrogram import SpectrogramSettings
 
@@ -134,6 +141,7 @@ def frf(recording: Source, reference: str | None = None, **settings: Any) -> Fre
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     reference : str, optional
         Channel; the vibrometer by default.
     **settings
@@ -143,6 +151,7 @@ def frf(recording: Source, reference: str | None = None, **settings: Any) -> Fre
     Returns
     -------
     FrequencyResponse
+        Complex ratios (channels, lines) with coherence and standard uncertainty.
     """
     from specan.analysis.transfer_function import TransferFunction
 
@@ -155,6 +164,7 @@ def rms(recording: Source, **settings: Any) -> SignalLevels:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     **settings
         ``weighting``, ``averaging``, ``percentiles``, ``channels``, ``start_s``, ``stop_s``,
         ``velocity_reference``, ``settling``: see `specan.analysis.levels.Levels`.
@@ -162,6 +172,7 @@ def rms(recording: Source, **settings: Any) -> SignalLevels:
     Returns
     -------
     SignalLevels
+        One value a channel of each level, dB, and of peak and RMS in the unit of the channel.
     """
     from specan.analysis.levels import Levels
 
@@ -174,6 +185,7 @@ def tones(recording: Source, reference: str | None = None, **settings: Any) -> T
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     reference : str, optional
         Channel over which phases stand; the vibrometer by default.
     **settings
@@ -182,6 +194,7 @@ def tones(recording: Source, reference: str | None = None, **settings: Any) -> T
     Returns
     -------
     ToneTable
+        One row a channel: amplitude in its unit, phase in degrees, distortion.
     """
     from specan.analysis.tone import Tone
 
@@ -194,6 +207,7 @@ def orders(recording: Source, **settings: Any) -> OrderSpectrum:
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     **settings
         ``channels``, ``tacho``, ``pulses_per_turn``, ``ratio``, ``speed_hz``, ``max_order``, ``turns``,
         ``average_turns``, ``orders``, ``mesh``, ``harmonics``, ``sidebands``, ``quantity``, ``envelope_hz``,
@@ -202,6 +216,7 @@ def orders(recording: Source, **settings: Any) -> OrderSpectrum:
     Returns
     -------
     OrderSpectrum
+        Lines (channels, orders), and averages over a turn.
     """
     from specan.analysis.orders import Orders
 
@@ -214,6 +229,7 @@ def impulse(recording: Source, reference: str | None = None, **settings: Any) ->
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
     reference : str, optional
         Channel of the excitation; by default the generator, else the vibrometer.
     **settings
@@ -223,6 +239,7 @@ def impulse(recording: Source, reference: str | None = None, **settings: Any) ->
     Returns
     -------
     ImpulseResponses
+        Responses (channels, samples) over seconds.
     """
     from specan.analysis.impulse_response import ImpulseResponse
 
@@ -235,6 +252,7 @@ def decay(recording: Source, reference: str | None = None, **settings: Any) -> D
     Parameters
     ----------
     recording : Recording or path
+        Opened already, or a file to read.
         Impulse responses; of noise and sweeps, and where `reference` is named, they are found first.
     reference : str, optional
         Channel of the excitation.
@@ -244,6 +262,7 @@ def decay(recording: Source, reference: str | None = None, **settings: Any) -> D
     Returns
     -------
     DecayTimes
+        Times in seconds, ratios in dB, one row for each channel and band.
     """
     from dataclasses import replace
 
@@ -310,6 +329,7 @@ def batch(
     Parameters
     ----------
     directories : path or sequence of paths
+        Searched with everything below them.
     output : path
         Directory for the tables; results that an earlier batch left there are kept where nothing has changed.
     calibration, channel_table : path, optional

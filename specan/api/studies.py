@@ -60,6 +60,7 @@ class Study:
     Parameters
     ----------
     directory : str or Path
+        Of the study.
     effects : sequence of paths
         Files with effects of your own, to take in, or to trust where the study comes from elsewhere.
     accept_changes : bool
@@ -98,9 +99,12 @@ class Study:
             Made if it does not exist; must not hold a study yet.
         model : str or path
             Name of a model, or a Python file that holds one.
-        measurement, validation : path or sequence of paths
-            Data to fit, and data that are only ever predicted.
+        measurement : path or sequence of paths
+            Data to fit.
         rig : path, optional
+            Rig file; a model of its own file may need none.
+        validation : path or sequence of paths
+            Data that are only ever predicted.
         hold_out : str or sequence of str
             Rows or channels to put aside: ``"torque=50"``.
         calibration : path, optional
@@ -150,15 +154,38 @@ class Study:
         return tuple(self._opened.data.statements)
 
     def compare(self) -> Comparison:
-        """Fit the parameters that the model has, and find where it fails."""
+        """Fit the parameters that the model has, and find where it fails.
+
+        Returns
+        -------
+        Comparison
+            Fitted parameters with intervals, errors, and the blocks of conditions where the model fails.
+        """
         return self._opened.compare()
 
     def diagnose(
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
     ) -> Diagnosis:
-        """Find out which effect is missing; see `specan.diagnose`."""
+        """Find out which effect is missing; see `specan.diagnose`.
+
+        Parameters
+        ----------
+        bootstrap : bool
+            Family-wise probabilities by simulation (slower).
+        progress : callable, optional
+            Told in a few words what is being done.
+
+        Returns
+        -------
+        Diagnosis
+            The verdict; its data frame holds what was tried, the likeliest first.
+        """
+        from specan.study.kept_diagnoses import diagnose_and_keep
+
         if bootstrap not in self._diagnosis:
-            self._diagnosis[bootstrap] = self._opened.diagnose(bootstrap=bootstrap, progress=progress)
+            self._diagnosis[bootstrap] = diagnose_and_keep(
+                self._opened, bootstrap=bootstrap, progress=progress
+            )
         return self._diagnosis[bootstrap]
 
     def add(self, effect: str | Path, because: str = "") -> Change:
@@ -170,28 +197,68 @@ class Study:
             Name, with its place where it acts at one: ``wall-impedance@z1``.
         because : str
             Reason, for the history.
+
+        Returns
+        -------
+        Change
+            Errors before and after, intervals of the new parameters, remarks.
         """
         from specan.study.edit import add_effect
 
         return self._changed(add_effect(self._opened, str(effect), because))
 
     def drop(self, effect: str, because: str = "") -> Change:
-        """Take an effect out, refit and keep the step."""
+        """Take an effect out, refit and keep the step.
+
+        Parameters
+        ----------
+        effect : str
+            Name, with its place where it acts at one.
+        because : str
+            Reason, for the history.
+
+        Returns
+        -------
+        Change
+            Errors before and after, remarks.
+        """
         from specan.study.edit import drop_effect
 
         return self._changed(drop_effect(self._opened, effect, because))
 
     def history(self) -> History:
-        """The steps with their errors on fitted and on held-out data."""
+        """The steps with their errors on fitted and on held-out data.
+
+        Returns
+        -------
+        History
+            One row for each step.
+        """
         return self._opened.history
 
     def next(self) -> NextMeasurements:
-        """The measurements, within the rig's limits, that best separate what could be missing."""
+        """The measurements, within the rig's limits, that best separate what could be missing.
+
+        Returns
+        -------
+        NextMeasurements
+            The best first.
+        """
         self._opened.require_uncertainty("next")
         return NextMeasurements(tuple(self.diagnose().to_json()["next_measurement"]))
 
     def report(self, path: str | Path) -> Path:
         """Write everything on one self-contained HTML page.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write; its directory must exist.
+
+        Returns
+        -------
+        Path
+            The file.
 
         Raises
         ------
@@ -211,7 +278,20 @@ class Study:
         return path
 
     def plot(self, path: str | Path | None = None, *, channel: str | None = None) -> Figure:
-        """Measured and model, as ``specan study compare --plot`` draws them; of recordings, one channel."""
+        """Measured and model, as ``specan study compare --plot`` draws them; of recordings, one channel.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Also save it there: .png, .svg or .pdf.
+        channel : str, optional
+            Of recordings, the channel that is drawn.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Not shown; that is up to the caller.
+        """
         from specan.report.figures_study import figure_compare
 
         return saved(figure_compare(self._opened, channel), path)
@@ -236,6 +316,7 @@ def diagnose(study: Study | str | Path, *, bootstrap: bool = False) -> Diagnosis
     Parameters
     ----------
     study : Study or path
+        A study, or its directory.
     bootstrap : bool
         Family-wise probabilities by simulation (slower).
 

@@ -199,6 +199,12 @@ class Recording(Result):
     ----------
     label : str
         Path relative to the directory that was named, with forward slashes; goes into results.
+    channels : tuple of Channel
+        In the order of the file.
+    source : SampleSource
+        Reads samples in the unit of the file.
+    properties, group_properties : mapping
+        What the file says of itself, and of each of its groups.
     flags : tuple of str
         Words such as ``truncated`` that concern the whole file.
     notes : tuple of str
@@ -217,14 +223,26 @@ class Recording(Result):
     set_aside: Mapping[str, str] = field(default_factory=dict)
 
     def summary(self) -> str:
-        """What it is, on one line."""
+        """What it is, on one line.
+
+        Returns
+        -------
+        str
+            Label, channels, duration in seconds, rates in hertz.
+        """
         rates = sorted({c.sampling_rate for c in self.channels})
         longest = max((c.duration_s for c in self.channels), default=0.0)
         at = ", ".join(f"{rate:g} Hz" for rate in rates)
         return f"{self.label}, {counted(len(self.channels), 'channel')}, {longest:.4g} s at {at}"
 
     def overview(self) -> pd.DataFrame:
-        """One row for each channel."""
+        """One row for each channel.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Name, group, role, unit, sampling rate, samples, duration.
+        """
         import pandas as pd
 
         rows = [
@@ -245,6 +263,11 @@ class Recording(Result):
             Names or patterns; all by default. They must have one sampling rate.
         start_s, stop_s : float
             Time section.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Index ``time_s``, in seconds.
         """
         import pandas as pd
 
@@ -258,7 +281,18 @@ class Recording(Result):
         )
 
     def to_xarray(self) -> xr.Dataset:
-        """The samples over ``time_s``, one variable for each channel."""
+        """The samples over ``time_s``, one variable for each channel.
+
+        Returns
+        -------
+        xarray.Dataset
+            In the units of the channels.
+
+        Raises
+        ------
+        RequestError
+            xarray is not installed.
+        """
         try:
             return self.to_dataframe().to_xarray()
         except ImportError:
@@ -267,7 +301,25 @@ class Recording(Result):
             ) from None
 
     def channel(self, name: str) -> Channel:
-        """The channel of this name, or of this ``group/name``; any letters and the end of its name do as well."""
+        """The channel of this name, or of this ``group/name``; any letters and the end of its name do as well.
+
+        Parameters
+        ----------
+        name : str
+            As the file has it, in any letters, or its end.
+
+        Returns
+        -------
+        Channel
+            The only one that is meant.
+
+        Raises
+        ------
+        RequestError
+            None is called so, or several are.
+        InputError
+            It is no time signal.
+        """
         found = [c for c in self.channels if name in (c.name, f"{c.group}/{c.name}")]
         found = found or list(_meant(name, self.channels))
         if len(found) == 1:
@@ -285,11 +337,38 @@ class Recording(Result):
         )
 
     def by_role(self, role: str) -> tuple[Channel, ...]:
-        """Channels of one role, in the order of the file."""
+        """Channels of one role, in the order of the file.
+
+        Parameters
+        ----------
+        role : str
+            ``microphone``, ``vibrometer``, ``generator``, ``accelerometer``, ``tacho`` or ``other``.
+
+        Returns
+        -------
+        tuple of Channel
+            Empty where none has it.
+        """
         return tuple(c for c in self.channels if c.role == role)
 
     def select(self, patterns: Sequence[str]) -> tuple[Channel, ...]:
-        """Channels that match any of the shell-style patterns (``Mic *``); all for none."""
+        """Channels that match any of the shell-style patterns (``Mic *``); all for none.
+
+        Parameters
+        ----------
+        patterns : sequence of str
+            Names or patterns.
+
+        Returns
+        -------
+        tuple of Channel
+            In the order of the file.
+
+        Raises
+        ------
+        RequestError
+            Nothing matches.
+        """
         if not patterns:
             return self.channels
         names = set(patterns)  # a thousand channels may be named one by one
@@ -318,6 +397,18 @@ class Recording(Result):
         """Samples in the channels' units, shape (channels, samples); all of one rate.
 
         Delay and phase are not touched in the time domain; see `Channel.correction`.
+
+        Parameters
+        ----------
+        channels : sequence of Channel
+            Of this recording.
+        start, stop : int
+            First sample, and the one after the last; to the end by default.
+
+        Returns
+        -------
+        array, shape (channels, samples)
+            In the units of the channels.
 
         Raises
         ------
@@ -358,7 +449,22 @@ class Recording(Result):
     def blocks(
         self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None
     ) -> Iterator[NDArray[np.float64]]:
-        """The same in consecutive blocks of `size` samples; the last one may be shorter."""
+        """The same in consecutive blocks of `size` samples; the last one may be shorter.
+
+        Parameters
+        ----------
+        channels : sequence of Channel
+            Of this recording.
+        size : int
+            Samples of a block.
+        start, stop : int
+            First sample, and the one after the last; to the end by default.
+
+        Yields
+        ------
+        array, shape (channels, samples)
+            In the units of the channels.
+        """
         stop = min(c.n_samples for c in channels) if stop is None else stop
         for first in range(start, stop, size):
             yield self.read(channels, first, min(first + size, stop))

@@ -11,22 +11,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from specan.dsp import bands
-from specan.dsp.decimator import FACTOR
 from specan.dsp.frequency_nodes import (
     NODES_PER_OCTAVE,
     Spread,
     node_frequencies,
     node_of_band,
     node_range,
+    node_weights,
 )
 from specan.dsp.lag_spectrum import LagSpectrum, total_energy
 from specan.dsp.multirate import LENGTH, MultirateTransform, Stage
 from specan.dsp.record_ends import Fade, RecordEnds
-from specan.dsp.smooth_step import falling_step
-from specan.dsp.weighting import power_weighting
+from specan.dsp.short_record import LONGEST, add_energy, share_of_lines
+from specan.dsp.weighting import Weighting
 
-# What lies below these parts of the next stage's rate belongs to the next stage; a smooth cross-over between.
-_CROSS_OVER = (0.28, 0.38)
 # A response below this adds nothing: 200 dB.
 _NOTHING = 1e-20
 # Rounding of the lags leaves this part of the whole mean square in a band, more or less.
@@ -78,6 +76,10 @@ class EnergySpectrum:
     def frequencies(self) -> NDArray[np.float64]:
         """Frequencies of the nodes in Hz."""
         return node_frequencies(self.first, self.nodes.shape[1])
+
+    def weights(self, weighting: Weighting) -> NDArray[np.float64]:
+        """A frequency weighting of mean squares at the nodes."""
+        return node_weights(self.first, self.nodes.shape[1], weighting)
 
     @property
     def alternating_mean_square(self) -> NDArray[np.float64]:
@@ -176,23 +178,51 @@ class BandEnergy:
             place.add(nodes, lines)
             if inner is not None:
                 place.add(inner, spectrum.energy(faded=True))
-        n = max(self._count, 1)
-        found = EnergySpectrum(first, nodes / n, energy / n, self._sum / n, self._count, self.sampling_rate)
-        if inner is None or self._fade is None:
-            return found
-        inner *= (self._scale(nodes, inner, found.frequencies) / n)[:, None]
-        return replace(found, inner=inner, independent=self._fade.independent)
+        return _found(first, nodes, inner, energy, self._sum, self._count, self.sampling_rate, self._fade)
 
-    def _scale(
-        self, nodes: NDArray[np.float64], faded: NDArray[np.float64], frequencies: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Factors on the energy spectrum of the faded record; see `EnergySpectrum.between_ends`."""
-        assert self._fade is not None
-        most = self._fade.n_samples / self._fade.averaged
-        sound = power_weighting(frequencies, "A")
-        whole, inside = (np.add.reduce(each * sound, axis=1) for each in (nodes, faded))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(whole > 0.0, np.clip(whole / inside, 1.0, most), most)
+
+def energy_of_short(samples: NDArray[np.float64], sampling_rate: float, n_samples: int) -> EnergySpectrum:
+    """What `BandEnergy` finds in all samples of a record of `n_samples`, at once."""
+    first, count = node_range(sampling_rate)
+    fade = Fade.of(n_samples, sampling_rate)
+    rows, n = samples.shape
+    nodes = np.zeros((2 * rows, count))
+    both = np.concatenate([samples, samples * fade.weights(0, n)])
+    energy = add_energy(nodes, both, sampling_rate, first)[:rows]
+    total = np.add.reduce(samples, axis=1)
+    return _found(first, nodes[:rows], nodes[rows:], energy, total, n, sampling_rate, fade)
+
+
+def _found(
+    first: int,
+    nodes: NDArray[np.float64],
+    inner: NDArray[np.float64] | None,
+    energy: NDArray[np.float64],
+    total: NDArray[np.float64],
+    count: int,
+    sampling_rate: float,
+    fade: Fade | None,
+) -> EnergySpectrum:
+    """Sums over a record as means, the record between its ends scaled."""
+    n = max(count, 1)
+    found = EnergySpectrum(first, nodes / n, energy / n, total / n, count, sampling_rate)
+    if inner is None or fade is None:
+        return found
+    inner *= (_scale(nodes, inner, found.weights("A"), fade) / n)[:, None]
+    return replace(found, inner=inner, independent=fade.independent)
+
+
+def _scale(
+    nodes: NDArray[np.float64], faded: NDArray[np.float64], sound: NDArray[np.float64], fade: Fade
+) -> NDArray[np.float64]:
+    """Factors on the energy spectrum of the faded record; see `EnergySpectrum.between_ends`.
+
+    `sound` is the A weighting of the nodes.
+    """
+    most = fade.n_samples / fade.averaged
+    whole, inside = (np.add.reduce(each * sound, axis=1) for each in (nodes, faded))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(whole > 0.0, np.clip(whole / inside, 1.0, most), most)
 
 
 class BandEnergyAccumulator:
@@ -227,35 +257,36 @@ class BandEnergyAccumulator:
         n_samples: int | None = None,
         offset: NDArray[np.float64] | None = None,
     ) -> None:
+        self._rate, self._n_samples, self._offset = sampling_rate, n_samples, offset
+        self._short: list[NDArray[np.float64]] | None = None
+        if n_samples is not None and n_samples <= LONGEST:
+            self._short = []
+            return
         self._energy = BandEnergy(rows, sampling_rate, n_samples)
         self._transform = MultirateTransform(rows, sampling_rate, [self._energy], offset)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""
-        self._transform.add(samples)
+        if self._short is None:
+            self._transform.add(samples)
+        else:
+            self._short.append(samples.copy())
 
     def result(self) -> EnergySpectrum:
         """The energy spectrum; call it once, after the last samples."""
-        self._transform.finish()
-        return self._energy.result()
+        if self._short is None or self._n_samples is None:
+            self._transform.finish()
+            return self._energy.result()
+        samples = np.concatenate(self._short, axis=1)
+        self._short = []
+        if self._offset is not None:
+            samples -= self._offset[:, None]
+        return energy_of_short(samples, self._rate, self._n_samples)
 
 
 @lru_cache(maxsize=8)
 def _spread(stage: Stage, first: int) -> Spread:
-    return Spread(first, _share(stage), stage.rate / (2 * LENGTH))
-
-
-def _share(stage: Stage) -> NDArray[np.float64]:
-    """Factor on each line of a stage: what belongs to it, mirrored lines, its time step."""
-    over_rate = np.arange(LENGTH + 1) / (2.0 * LENGTH)
-    share = np.full(LENGTH + 1, 2.0)
-    share[[0, -1]] = 1.0
-    share *= float(FACTOR) ** stage.number / (2 * LENGTH)
-    if stage.number > 0:
-        share *= falling_step(over_rate, *_CROSS_OVER)
-    if not stage.last:
-        share *= 1.0 - falling_step(over_rate * FACTOR, *_CROSS_OVER)
-    return share
+    return Spread(first, share_of_lines(stage, 2 * LENGTH), stage.rate / (2 * LENGTH))
 
 
 @lru_cache(maxsize=8)

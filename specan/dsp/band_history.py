@@ -5,124 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.history_filters import SETTLINGS_IN_A_BLOCK, Filter
+from specan.dsp.filter_at_work import FilterAtWork, Way, stage_for
+from specan.dsp.history_filters import Filter
 from specan.dsp.multirate import LENGTH, ROWS, MultirateTransform, Stage, stages_of
-from specan.dsp.sections import Sections, Shape, shape_for
-from specan.dsp.smooth_step import falling_step
-from specan.dsp.time_weighting import TimeWeighting
+from specan.dsp.sections import Sections, Shape
 
-# What a filter attenuates by more than 100 dB is left out.
-_NOTHING = 1e-5
-# What a band filter makes of the cut at the record's beginning has fallen by 60 dB after 2 times 3 / B: 10 dB
-# in every 1 / B.
-_SETTLINGS_OF_A_CUT = 2.0
 # The decaying rest of what came before a maximum is looked for is followed down to this part of it.
 _FORGOTTEN = 1e-9
 # Samples of a block whose output waits for the next block: as many as a response that is cut off smoothly at half
 # a stage's rate rings ahead, to -100 dB of what is left of it there.
 _AHEAD = 1024
 _LONGEST_INTERVAL = 64
-_PER_TIME_CONSTANT = 64.0
-# Squares are averaged over intervals as long as this many of them still make a time constant.
-_INTERVALS = 256.0
-# From so many cycles in a time constant on, the ripple of a squared tone is less than 0.002 dB.
-_CYCLES_WITHOUT_RIPPLE = 200.0
-# A thinned output is faithful up to this part of half its rate.
-_FAITHFUL = 0.8
-
-# How a filter gets its spectra: from sections of a shape, from pairs of blocks, or it needs none.
-Way = Shape | None | Literal["none"]
-
-
-@dataclass
-class _Channelised:
-    """One filter at work on its stage.
-
-    Its output is sampled at every `thinning`-th sample of the stage, and squared; intervals of `together`
-    samples of the stage are averaged before the time weighting. It sees sections of the blocks, or pairs
-    of blocks where there is no `shape`. With `envelope` the output is the complex one of the lines that
-    matter, shifted to frequency zero: what is narrow needs few samples, and half the square of the modulus is the
-    square without its ripple at twice the frequency.
-    """
-
-    stage: Stage
-    shape: Shape | None
-    envelope: bool
-    thinning: int
-    together: int
-    low: int
-    values: NDArray[np.complex128]
-    weighting: TimeWeighting
-    peaks: TimeWeighting | None
-    silent: int
-    start: int
-    end: int
-    settled: int
-    place: NDArray[np.float64]
-    last: NDArray[np.float64]
-    position: int = 0
-    reading: int = 0
-    before_start: NDArray[np.float64] | None = None
-    last_interval: int = -1
-    last_samples: int = 1
-
-    @classmethod
-    def of(
-        cls,
-        one: Filter,
-        stage: Stage,
-        rows: int,
-        time_constant: float,
-        decay: float | None,
-        settled: float,
-        end: float,
-        times: NDArray[np.float64],
-    ) -> _Channelised:
-        """Put a filter to work; `settled`, `end` and `times` in s."""
-        together = _power_of_two(stage.rate * time_constant / _INTERVALS)
-        thinning = min(together, _power_of_two(stage.rate * _FAITHFUL / 2.0 / one.upper))
-        shape = shape_for(one.ringing * stage.rate)
-        starts = max(one.silent, 0.0 if one.sampled else _SETTLINGS_OF_A_CUT * one.settling)
-        size = LENGTH if shape is None else sum(shape) // 2
-        low, values = _lines(one, stage, size, thinning)
-        whole = _lines(one, stage, size, 1)
-        narrow = min(together, _power_of_two(2 * size / whole[1].size))
-        envelope = one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE and narrow > 2 * thinning
-        if envelope:
-            thinning, low, values = narrow, whole[0], whole[1] * (math.sqrt(2.0) / narrow)
-
-        def place(time: NDArray[np.float64]) -> NDArray[np.float64]:
-            # A sample stands for half a sampling interval on either side of it; an average is known at
-            # the end of its interval.
-            last = (stage.lead + end * stage.rate + 0.5) / together - 1.0
-            here = (stage.lead + time * stage.rate + 0.5 * thinning) / together - 1.0
-            return np.minimum(here, last)
-
-        samples = math.floor(stage.lead + end * stage.rate + 1e-6) + 1
-        return cls(
-            stage,
-            shape,
-            envelope,
-            thinning,
-            together,
-            low,
-            values,
-            TimeWeighting(rows, stage.rate / together, time_constant, decay),
-            TimeWeighting(rows, stage.rate / together, time_constant, decay) if decay and starts else None,
-            math.ceil((stage.lead + one.silent * stage.rate) / together) if one.silent else 0,
-            math.ceil((stage.lead + starts * stage.rate) / together),
-            math.floor(float(place(np.array(end))) + 1e-6) + 1,
-            math.ceil((stage.lead + settled * stage.rate) / together),
-            place(np.minimum(times, end)),
-            np.zeros((rows, 1)),
-            last_interval=samples // together,
-            last_samples=max(samples % together, 1),
-        )
 
 
 @dataclass(frozen=True)
@@ -193,13 +90,13 @@ class BandHistory:
         self._readings = np.full((*shape, len(times)), np.nan)
         self._maximum, self._minimum = np.full(shape, np.nan), np.full(shape, np.nan)
         stages = stages_of(sampling_rate)
-        self._working: dict[tuple[int, Way], list[tuple[int, _Channelised]]] = {}
+        self._working: dict[tuple[int, Way], list[tuple[int, FilterAtWork]]] = {}
         self._sections: dict[tuple[int, Way], Sections] = {}
         for number, one in enumerate(filters):
             if self._derivatives.any():  # these are taken on pairs of blocks
                 one = replace(one, ringing=math.inf, identity=False)
-            stage = _stage_for(one, stages, time_constant)
-            working = _Channelised.of(
+            stage = stage_for(one, stages, time_constant)
+            working = FilterAtWork.of(
                 one, stage, rows, time_constant, decay, self._settled[number], self._end, times
             )
             way: Way = "none" if one.identity else working.shape
@@ -248,7 +145,7 @@ class BandHistory:
 
     def _filter(
         self,
-        working: Sequence[tuple[int, _Channelised]],
+        working: Sequence[tuple[int, FilterAtWork]],
         spectrum: NDArray[np.complex128],
         places: Sequence[tuple[int, int]],
     ) -> None:
@@ -279,7 +176,7 @@ class BandHistory:
 
     def _filtered_square(
         self,
-        one: _Channelised,
+        one: FilterAtWork,
         spectrum: NDArray[np.complex128],
         places: Sequence[tuple[int, int]],
     ) -> NDArray[np.float64]:
@@ -309,7 +206,7 @@ class BandHistory:
         square /= per_interval
         return square
 
-    def _real(self, one: _Channelised, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
+    def _real(self, one: FilterAtWork, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
         """2 `size` samples of the filter's output."""
         product, lines = self._product[: part.shape[0], : size + 1], slice(one.low, one.low + one.values.size)
         product[:, : lines.start] = 0.0
@@ -317,7 +214,7 @@ class BandHistory:
         np.multiply(part[:, lines], one.values, out=product[:, lines])
         return np.fft.irfft(product, 2 * size, out=self._output[: part.shape[0], : 2 * size])
 
-    def _envelope(self, one: _Channelised, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
+    def _envelope(self, one: FilterAtWork, part: NDArray[np.complex128], size: int) -> NDArray[np.float64]:
         """2 `size` complex samples of the filter's output, each as two real numbers."""
         used = one.values.size
         product = self._product[: part.shape[0], : 2 * size]
@@ -326,7 +223,7 @@ class BandHistory:
         output = self._output.view(np.complex128)[: part.shape[0], : 2 * size]
         return np.fft.ifft(product, out=output).view(np.float64)
 
-    def _weigh(self, number: int, one: _Channelised, square: NDArray[np.float64]) -> None:
+    def _weigh(self, number: int, one: FilterAtWork, square: NDArray[np.float64]) -> None:
         """Weight the next mean squares in time, and read the result."""
         square[:, : max(one.silent - one.position, 0)] = 0.0
         weighted = one.weighting(square)
@@ -340,7 +237,7 @@ class BandHistory:
     def _extremes(
         self,
         number: int,
-        one: _Channelised,
+        one: FilterAtWork,
         weighted: NDArray[np.float64],
         peaks: NDArray[np.float64] | None,
     ) -> None:
@@ -354,11 +251,11 @@ class BandHistory:
         high = (weighted if peaks is None else peaks)[:, since:upto]
         if peaks is None:
             if one.before_start is None:
-                one.before_start = one.last if since == 0 else weighted[:, since - 1 : since]
+                one.before_start = one.last if since == 0 else weighted[:, since - 1 : since].copy()
             high = one.weighting.without(one.before_start, high, one.position + since - one.start, _FORGOTTEN)
         self._maximum[:, number] = np.fmax(self._maximum[:, number], np.fmax.reduce(high, axis=1))
 
-    def _read(self, number: int, one: _Channelised, weighted: NDArray[np.float64]) -> None:
+    def _read(self, number: int, one: FilterAtWork, weighted: NDArray[np.float64]) -> None:
         """Samples i and i + 1 around each reading, the last one of the block before included."""
         length = weighted.shape[1]
         # A place as computed may miss a sample by a rounding error.
@@ -421,19 +318,7 @@ class BandHistoryAccumulator:
         return self._history.result()
 
 
-def _stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> Stage:
-    """The lowest rate that is faithful to a filter's band and fine enough for the time weighting.
-
-    The ripple of a squared low tone is followed with `_PER_TIME_CONSTANT` samples, unless the filter
-    rings for longer than a block at such a rate.
-    """
-    possible = [stage for stage in stages if stage.number == 0 or stage.flat_to >= one.upper]
-    lasting = [stage for stage in possible if LENGTH / stage.rate >= SETTLINGS_IN_A_BLOCK * one.settling]
-    fine = [stage for stage in lasting if stage.rate * time_constant >= _PER_TIME_CONSTANT]
-    return fine[-1] if fine else (lasting or possible[-1:])[0]
-
-
-def _unfiltered_square(one: _Channelised, block: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unfiltered_square(one: FilterAtWork, block: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean square of the samples themselves over each of the block's intervals."""
     rows, length = block.shape
     count = -(-length // one.together)
@@ -444,25 +329,3 @@ def _unfiltered_square(one: _Channelised, block: NDArray[np.float64]) -> NDArray
     square = np.asarray(np.einsum("ijk,ijk->ij", intervals, intervals) / one.together)
     square[:, -1:] *= one.together / left
     return square
-
-
-def _lines(one: Filter, stage: Stage, size: int, thinning: int) -> tuple[int, NDArray[np.complex128]]:
-    """The response at the lines of a transform of 2 `size` samples as far as it matters, and the first of these lines.
-
-    For a thinned output it is cut off smoothly below half the output's rate, and scaled for the
-    shorter inverse transform.
-    """
-    top = stage.rate / 2.0 / thinning
-    frequency = np.linspace(0.0, top, size // thinning + 1)
-    if one.sampled is not None:
-        return 0, one.sampled(stage.rate, frequency.size)
-    values = one.response(frequency) / thinning
-    if thinning > 1:
-        values *= falling_step(frequency, _FAITHFUL * top, top)
-    used = np.flatnonzero(np.abs(values) > _NOTHING / thinning)
-    return int(used[0]), values[used[0] : used[-1] + 1]
-
-
-def _power_of_two(limit: float) -> int:
-    """The largest power of two up to `limit` that divides a block; 1 at least."""
-    return 1 << min(max(math.floor(math.log2(limit)), 0), 6) if limit > 0.0 else 1

@@ -14,8 +14,9 @@ PASS, STOP = 0.40, 0.50
 """Edges of the low-pass filter over the new sampling rate: response 1 to 1e-17 below PASS, 0 above STOP."""
 
 
-@lru_cache(maxsize=4)
-def _response(low: int) -> NDArray[np.float64]:
+@lru_cache(maxsize=16)
+def low_pass(low: int) -> NDArray[np.float64]:
+    """Response at `low` + 1 lines up to half the new rate, over the factor by which a transform becomes shorter."""
     response = falling_step(np.arange(low + 1) / (2.0 * low), PASS, STOP) / FACTOR
     response[-1] = 0.0
     response.flags.writeable = False
@@ -39,7 +40,7 @@ class Decimator:
 
     def __init__(self, rows: int, length: int) -> None:
         self._low = length // FACTOR
-        self._response = _response(self._low)
+        self._response = low_pass(self._low)
         self._pending = np.zeros((rows, self._low))
 
     def add(self, spectrum: NDArray[np.complex128], half: int) -> NDArray[np.float64]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from specan.dsp.bands import OCTAVE_RATIO, REFERENCE_FREQUENCY
+from specan.dsp.weighting import Weighting, power_weighting
 
 NODES_PER_OCTAVE = 1536
 """64 to a 1/24 octave: cubic interpolation of |H|^2 between them is good to 0.0005 dB on the steepest skirt."""
@@ -26,9 +28,20 @@ def node_range(sampling_rate: float) -> tuple[int, int]:
     return first, max(last - first + 1, 0)
 
 
+@lru_cache(maxsize=8)
 def node_frequencies(first: int, count: int) -> NDArray[np.float64]:
-    """Frequencies in Hz of `count` nodes from `first` on."""
-    return REFERENCE_FREQUENCY * OCTAVE_RATIO ** ((first + np.arange(count)) / NODES_PER_OCTAVE)
+    """Frequencies in Hz of `count` nodes from `first` on; kept for all who ask, not to be written to."""
+    found = REFERENCE_FREQUENCY * OCTAVE_RATIO ** ((first + np.arange(count)) / NODES_PER_OCTAVE)
+    found.flags.writeable = False
+    return np.asarray(found)
+
+
+@lru_cache(maxsize=16)
+def node_weights(first: int, count: int, weighting: Weighting) -> NDArray[np.float64]:
+    """A frequency weighting of mean squares at these nodes; likewise kept."""
+    found = power_weighting(node_frequencies(first, count), weighting)
+    found.flags.writeable = False
+    return found
 
 
 def node_of_band(index: NDArray[np.int64], fraction: int) -> NDArray[np.int64]:
@@ -58,29 +71,25 @@ class Spread:
         self._lines = slice(int(used[0]), int(used[-1]) + 1) if used.size else None
         if self._lines is None:
             return
-        self._starts, node, factors = _neighbours(self._lines.start, self._lines.stop, spacing)
+        node, factors = _neighbours(self._lines.start, self._lines.stop, spacing)
         self._factors = factors * share[self._lines]
-        self._nodes = node - first
-        # From here on no node is without lines.
-        apart = np.flatnonzero(np.diff(node) > 1)
-        self._dense = int(apart[-1]) + 1 if apart.size else 0
+        self._node, self._first = node - node[0], int(node[0]) - first
+        self._count = int(self._node[-1]) + 1
 
     def add(self, nodes: NDArray[np.float64], energy: NDArray[np.float64]) -> None:
         """Add lines, shape (channels, lines), to the nodes, shape (channels, nodes), in place."""
         if self._lines is None:
             return
-        sparse, first = self._nodes[: self._dense], int(self._nodes[self._dense])
-        count = self._nodes.size - self._dense
-        for tap, factor in enumerate(self._factors):
-            sums = np.add.reduceat(energy[:, self._lines] * factor, self._starts, axis=1)
-            nodes[:, sparse + (tap - 1)] += sums[:, : self._dense]
-            nodes[:, first + tap - 1 : first + tap - 1 + count] += sums[:, self._dense :]
+        # One row at a time, in memory that is used again: it stays in the cache.
+        shared = np.empty(self._node.size)
+        for row, lines in zip(nodes, energy[:, self._lines], strict=True):
+            for first, factor in enumerate(self._factors, self._first - 1):
+                np.multiply(lines, factor, out=shared)
+                row[first : first + self._count] += np.bincount(self._node, shared, self._count)
 
 
-def _neighbours(
-    low: int, high: int, spacing: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Where lines with the same neighbours begin, their second neighbour, and four factors for each line."""
+def _neighbours(low: int, high: int, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The second of the four neighbours of each line, and the factors of all four."""
     place = _place(np.arange(low, high) * spacing)
     node = np.floor(place).astype(np.int64)
     s = place - node
@@ -92,8 +101,7 @@ def _neighbours(
             (s + 1.0) * s * (s - 1.0) / 6.0,
         ]
     )
-    starts = np.flatnonzero(np.diff(node, prepend=node[0] - 1))
-    return starts, node[starts], factors
+    return node, factors
 
 
 def _place(frequency: ArrayLike) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.multirate import LENGTH, ROWS
+from specan.dsp.multirate import ROWS
 
 
 class Shape(NamedTuple):
@@ -49,7 +49,7 @@ class Sections:
     def __init__(self, rows: int, shape: Shape) -> None:
         self.shape = shape
         self._points = sum(shape)
-        self._known = np.zeros((rows, shape.before + LENGTH + self._points))
+        self._known = np.zeros((rows, self._points))
         self._filled = shape.before
         self._spectrum = np.empty((rows, self._points // 2 + 1), dtype=np.complex128)
 
@@ -58,24 +58,31 @@ class Sections:
 
         The new samples stand behind `before` others.
         """
-        known, start = self._known, 0
-        known[:, self._filled : self._filled + block.shape[1]] = block
-        self._filled += block.shape[1]
-        while start + self._points <= self._filled:
-            yield self.shape.hop, self._transform(start)
-            start += self.shape.hop
-        self._filled -= start
-        known[:, : self._filled] = known[:, start : start + self._filled].copy()
+        known, hop, taken = self._known, self.shape.hop, 0
+        while taken < block.shape[1]:
+            piece = block[:, taken : taken + self._points - self._filled]
+            known[:, self._filled : self._filled + piece.shape[1]] = piece
+            self._filled += piece.shape[1]
+            taken += piece.shape[1]
+            if self._filled == self._points:
+                yield hop, self._transform()
+                self._move_on()
 
     def rest(self) -> Iterator[tuple[int, NDArray[np.complex128]]]:
         """The same for the samples after the last complete section, with silence behind them."""
-        self._known[:, self._filled :] = 0.0
-        left = self._filled - self.shape.before
-        for start in range(0, left, self.shape.hop):
-            yield min(self.shape.hop, left - start), self._transform(start)
+        while self._filled > self.shape.before:
+            self._known[:, self._filled :] = 0.0
+            yield min(self.shape.hop, self._filled - self.shape.before), self._transform()
+            self._move_on()
 
-    def _transform(self, start: int) -> NDArray[np.complex128]:
+    def _move_on(self) -> None:
+        known, hop = self._known, self.shape.hop
+        for row in known:  # overlaps itself: numpy makes a copy of what it moves
+            row[:-hop] = row[hop:]
+        self._filled = max(self._filled - hop, 0)
+
+    def _transform(self) -> NDArray[np.complex128]:
         for top in range(0, self._known.shape[0], ROWS):
             rows = slice(top, top + ROWS)
-            np.fft.rfft(self._known[rows, start : start + self._points], out=self._spectrum[rows])
+            np.fft.rfft(self._known[rows], out=self._spectrum[rows])
         return self._spectrum

@@ -5,6 +5,7 @@ Decisions: docs/decisions/spectra.md.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -167,7 +168,11 @@ def _estimate(
         freedom = n_effective - 1
         noise = smoothed_noise(left, freedom)
         degrees = noise_freedom(left, noise, freedom, line_correlation)
-        relative = np.sqrt(noise * gain / (2 * freedom)) * student_factor(degrees)
+        own = noise == left
+        factor = np.where(
+            own, student_factor(2 * freedom), _factor_of_lines(left.shape[-1], freedom, line_correlation)
+        )
+        relative = np.sqrt(noise * gain / (2 * freedom)) * factor
     return Estimate(response, coherence, relative, degrees)
 
 
@@ -218,9 +223,21 @@ def noise_freedom(
     count lines, neighbours correlated by c, are count / (1 + 2 c (1 - 1/count)) independent ones. A line that kept its
     own value has 2 freedom.
     """
-    count = np.minimum(2 * _reach(noise.shape[-1], width) + 1, noise.shape[-1])
+    of_lines = _freedom_of_lines(noise.shape[-1], freedom, line_correlation, width)
+    return np.where(smoothed == noise, 2 * freedom, of_lines)
+
+
+def _freedom_of_lines(n: int, freedom: float, line_correlation: float, width: int = SMOOTHED_LINES) -> Real:
+    """Of lines that took the mean of their neighbourhood."""
+    count = np.minimum(2 * _reach(n, width) + 1, n)
     independent = count / (1 + 2 * line_correlation * (1 - 1 / count))
-    return np.where(smoothed == noise, 2 * freedom, 2 * independent / log_variance(freedom))
+    return np.asarray(2 * independent / log_variance(freedom))
+
+
+@lru_cache(maxsize=8)
+def _factor_of_lines(n: int, freedom: float, line_correlation: float) -> Real:
+    """Student's factor of these lines: many recordings have the same."""
+    return student_factor(_freedom_of_lines(n, freedom, line_correlation))
 
 
 def u_phase_deg(u_relative: Real) -> Real:
@@ -240,15 +257,7 @@ def phase_deg(response: Complex) -> Real:
     return np.where(phase <= -180.0, 180.0, phase + 0.0)  # no -0.0
 
 
-def delays_of(response: Complex, block: int, rate: float) -> Real:
-    """Delay in seconds of each response: the peak of its impulse response, to a sample.
-
-    Parameters
-    ----------
-    response : complex array (..., block // 2 + 1)
-        Transfer functions on all lines of the DFT; lines that are not finite count as zero.
-    """
-    clean = np.where(np.isfinite(response), response, 0.0)
-    impulse = np.abs(np.fft.irfft(clean, block, axis=-1))
-    peak = np.argmax(impulse, axis=-1)
-    return np.where(peak > block // 2, peak - block, peak) / rate
+def arrivals(impulse: Real) -> NDArray[np.int_]:
+    """Samples by which the strongest arrival of each impulse response (..., n) is late; below 0: early."""
+    n, peak = impulse.shape[-1], np.argmax(impulse, axis=-1)
+    return np.where(peak > n // 2, peak - n, peak)

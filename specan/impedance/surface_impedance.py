@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from specan.errors import RequestError, nearest
 from specan.impedance.absorption import diffuse_absorption, normal_absorption
 from specan.impedance.wall_admittance import WallFit, wall_fit
+from specan.models.parameter_name import ParameterName
 from specan.models.room.places import wall_areas
 from specan.study.build_problem import assemble
 from specan.study.observation import Array
@@ -177,7 +178,7 @@ def study_impedance(
     problem = assemble(study.model, study.content, study.data.fitted)
     walls = [u for u in problem.assembly.uses if "wall_admittance" in study.model.effects[u.name].changes]
     own = ("wall_admittance", *map(str, walls))
-    others = [n for n in problem.free if n not in problem.priors and n.rpartition(".")[0] not in own]
+    others = [n for n in problem.free if n not in problem.priors and ParameterName(n).owner not in own]
     fit = wall_fit(problem, study.best.values if others else None, progress)
     lines = np.concatenate([o.conditions["frequency"] for o in problem.observations])
     areas = wall_areas(study.model.settings["rig"]["room"]["dims_m"])

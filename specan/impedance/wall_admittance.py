@@ -235,7 +235,7 @@ class Space:
     @cached_property
     def _certified(self) -> dict[int, tuple[float, float]]:
         """Place in theta of everything with a certificate, with its mean and standard uncertainty."""
-        owners = [name.split("[")[0] for name in self.problem.names]
+        owners = [name.whole for name in self.problem.names]
         return {k: self.problem.priors[o] for k, o in enumerate(owners) if o in self.problem.priors}
 
     def slopes(self, observation: FrfObservation, state: Point) -> Array:

@@ -11,6 +11,7 @@ from specan.inspect.superseded import Superseded, Tell
 from specan.inspect.trial import Trial, as_it_is
 from specan.study.diagnose import diagnose
 from specan.study.history import NAME as HISTORY
+from specan.study.kept_diagnoses import keep
 from specan.study.study import Study
 from specan.study.study_file import NAME
 from specan.study.verdict import Diagnosis
@@ -96,6 +97,7 @@ class KeptStudy:
                 now = self.now()
                 found = diagnose(study.problem, base=now.fit, progress=progress)
                 found = replace(found, model_discrepancy_percent=study.data.discrepancy_percent)
+                keep(study, found)
                 with self._lock:
                     if study is not self._study:  # changed meanwhile
                         raise Superseded

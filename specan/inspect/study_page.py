@@ -22,7 +22,7 @@ from specan.inspect.superseded import Tell
 from specan.inspect.trial import Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Work
-from specan.report.study_report import verdict_line
+from specan.report.verdict_words import headline
 from specan.study.edit import Change, add_effect
 from specan.study.verdict import Diagnosis
 
@@ -152,7 +152,7 @@ class StudyPage:
         self.verdict.text = ""
         if found is not None:
             reason = f"{found.reason[:1].upper()}{found.reason[1:]}."
-            self.verdict.text = f"<b>{notice(verdict_line(found))}</b><p>{notice(reason)}</p>"
+            self.verdict.text = f"<b>{notice(headline(found))}</b><p>{notice(reason)}</p>"
 
     def _begin(self, done: str = "", tried: Uses = ()) -> None:
         """Fit the model as it is, try what was asked for, find out what is missing; `done` stays to be read."""

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.report.residual_map import ResidualMap, residual_map
 from specan.study.build_problem import parameter_table
 from specan.study.estimation.fit import Fit, fit
@@ -50,7 +52,7 @@ class Trial:
     def parameters(self) -> list[tuple[str, ...]]:
         """Those of the tried effects, or all, with their intervals."""
         table = parameter_table(self.problem, self.fit)
-        own = [(n, p) for n, p in table.items() if not self.uses or n.rpartition(".")[0] in self.uses]
+        own = [(n, p) for n, p in table.items() if not self.uses or ParameterName(n).owner in self.uses]
         return [
             (n, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", "" if p["unit"] == "1" else p["unit"],
              "at its bound" if p["at_bound"] else "" if p["plausible"] else "implausible")
@@ -61,7 +63,12 @@ class Trial:
 def as_it_is(study: Study) -> Trial:
     """The study's model, fitted; of many rows from where its last step left it, unless somebody changed it since."""
     last = study.history.last
-    if study.problem.expensive and last is not None and not study.edited and "best" not in vars(study):
+    if (
+        not study.problem.strategy.secondary_refits
+        and last is not None
+        and not study.edited
+        and "best" not in vars(study)
+    ):
         return _trial(
             (), study.problem, fit(study.problem, start=kept_values(study.problem, last.parameters))
         )
@@ -94,10 +101,10 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
     known = {str(c.use): c for c in found}
     for name in uses:
         if name not in known:
-            why = not_testable.get(name.partition("@")[0], "it is in the model or unknown")
+            why = not_testable.get(Use.parse(name).name, "it is in the model or unknown")
             raise RequestError(f"{name} cannot be tried: {why}")
     problem = study.problem.with_uses([known[name].use for name in uses])
-    if problem.state_dependent:  # as when the effect is accepted
+    if problem.strategy.linearised_covariance:  # as when the effect is accepted
         problem = linearised(
             problem, starting_values(problem, [known[name].use for name in uses], now.values)
         )

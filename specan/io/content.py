@@ -5,11 +5,10 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
-from typing import Literal, NoReturn
+from typing import NoReturn
 
 from specan.errors import InputError
-
-Format = Literal["tdms", "wav"]
+from specan.io.formats import BEGINNING, recognised
 
 _POINTER = b"version https://git-lfs.github.com/spec/"
 # First bytes, what they are called in a message, and what the user can do.
@@ -18,13 +17,12 @@ _FOREIGN = (
     (b"PK\x03\x04", "a zip archive", "unpack it and name the recording inside"),
     (b"\x1f\x8b", "a gzip archive", "unpack it and name the recording inside"),
     (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive", "unpack it and name the recording inside"),
-    (b"\x89HDF\r\n\x1a\n", "an HDF5 file", "export it as TDMS or WAV"),
     (b"TDSh", "a TDMS index file, which holds no samples", "name the .tdms file that it belongs to"),
 )
 
 
-def format_of(path: Path) -> Format:
-    """Format of a recording.
+def format_of(path: Path) -> str:
+    """Format of a recording: a name of `specan.io.formats`.
 
     Raises
     ------
@@ -35,19 +33,19 @@ def format_of(path: Path) -> Format:
         if not stat.S_ISREG(mode := os.stat(path).st_mode):
             _refuse(path, mode)
         with path.open("rb") as file:
-            start = file.read(512)
+            start = file.read(BEGINNING)
     except FileNotFoundError:
         raise InputError(f"the file {path} does not exist", remedy="check the path") from None
     except OSError as fault:
         raise InputError(f"{path} cannot be read ({fault.strerror or fault})") from None
     except ValueError as fault:  # a null character in the name
         raise InputError(f"{str(path)!r} is no name of a file ({fault})") from None
-    if start[:4] == b"TDSm":
-        return "tdms"
-    if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
-        return "wav"
+    if name := recognised(start):
+        return name
     what, remedy = _describe(start)
-    raise InputError(f"{path.name} is {what}", expected="a TDMS or WAV recording", remedy=remedy)
+    named = path.suffix.lower() in (".tdms", ".wav")
+    expected = "a TDMS or WAV recording" if named else "a recording: TDMS, WAV, UFF, MAT, HDF5 or CSV"
+    raise InputError(f"{path.name} is {what}", expected=expected, remedy=remedy)
 
 
 def _refuse(path: Path, mode: int) -> NoReturn:
@@ -75,7 +73,7 @@ def _describe(start: bytes) -> tuple[str, str]:
         return "filled with zeros", "copy it again: the copy was not completed"
     if _is_text(start):
         return "a text file", "name the recording itself"
-    return f"of an unknown format (it begins with {start[:4]!r})", "name a TDMS or WAV file"
+    return f"of an unknown format (it begins with {start[:4]!r})", "name a recording"
 
 
 def _is_text(start: bytes) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from specan.errors import InputError, RequestError, SpecanError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import ChannelTable, find_channel_table, read_channel_table
 from specan.io.content import format_of
+from specan.io.formats import format_named
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ, is_rate
 
 SUFFIXES = (".tdms", ".wav")
@@ -87,13 +88,10 @@ def open_recording(
     name = label or path.name
     if label is None and root is not None and path.is_relative_to(root):
         name = path.relative_to(root).as_posix()
-    opener: Callable[..., Recording]
-    if kind == "tdms":
-        from specan.io.tdms import open_tdms as opener
-    else:
-        from specan.io.wav import open_wav as opener
     try:
-        recording = opener(path, label=name, channel_table=table, sampling_rate=sampling_rate)
+        recording: Recording = format_named(kind).open_recording(
+            path, label=name, channel_table=table, sampling_rate=sampling_rate
+        )
     except (SpecanError, OSError):
         raise
     except Exception as fault:  # a damaged number can end in any error of Python

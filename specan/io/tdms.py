@@ -274,3 +274,11 @@ def _stray_index(path: Path) -> str:
     except OSError:
         return index.name
     return "" if same else index.name
+
+
+def recognises(start: bytes) -> bool:
+    """Whether a file that begins so is TDMS."""
+    return start[:4] == b"TDSm"
+
+
+open_recording = open_tdms  # as a format; see `specan.io.formats`

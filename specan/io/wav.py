@@ -203,3 +203,11 @@ def _scale(dtype: np.dtype[Any]) -> tuple[float, float, str, float | None]:
     bits = 8 * dtype.itemsize
     middle = 2.0 ** (bits - 1) if dtype.kind == "u" else 0.0
     return 2.0 ** (1 - bits), middle, f"{bits}-bit integers, full scale = 1", 1.0 - 2.0 ** (1 - bits)
+
+
+def recognises(start: bytes) -> bool:
+    """Whether a file that begins so is WAV."""
+    return start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE"
+
+
+open_recording = open_wav  # as a format; see `specan.io.formats`

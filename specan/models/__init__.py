@@ -7,6 +7,7 @@ scales or joins some of them. See `specan.models.effect.effect` for how to write
 from specan.models.check import check_effect, conditions_over_limits
 from specan.models.effect import Effect, Use, effect
 from specan.models.evaluation import Evaluation, varying
+from specan.models.frf import Frf
 from specan.models.model import Assembly, LawSpace, Model, Nuisance, Words
 from specan.models.observable import Observable
 from specan.models.parameter import Parameter
@@ -16,7 +17,7 @@ from specan.models.rig_statement import RigStatement, rig_statement
 from specan.models.table_rules import Completed, TableFault, TableRules
 
 __all__ = [
-    "Assembly", "Completed", "Condition", "Effect", "Evaluation", "LawSpace", "Model", "Nuisance", "Observable",
+    "Assembly", "Completed", "Condition", "Effect", "Evaluation", "Frf", "LawSpace", "Model", "Nuisance", "Observable",
     "Parameter", "Quantity", "Receivers", "RigStatement", "SettingError", "TableFault", "TableRules", "Use", "Words",
     "check_effect", "conditions_over_limits", "constant", "effect", "quantity", "rig_statement", "varying",
 ]  # fmt: skip

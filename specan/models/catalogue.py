@@ -43,6 +43,11 @@ def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
     rig : mapping
         The parsed rig file.
 
+    Returns
+    -------
+    Model
+        With its whole catalogue of effects.
+
     Raises
     ------
     RequestError

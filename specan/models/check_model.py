@@ -15,6 +15,7 @@ from specan.models.check import check_effect, conditions_over_limits
 from specan.models.effect import Use
 from specan.models.from_function import place_of
 from specan.models.model import Assembly, Model
+from specan.models.parameter_name import ParameterName
 from specan.models.trial import try_assembly, try_model
 from specan.models.unit_check import check_units
 
@@ -141,13 +142,15 @@ def _plan(model: Model) -> Conditions:
 
 
 def _predict(assembly: Assembly, conditions: Conditions, values: Mapping[str, float]) -> Array:
-    """All observables one behind the other, each divided by its largest value without effects."""
+    """All observables one behind the other, real and imaginary parts of complex ones."""
     nodes = [o.quantity for o in assembly.model.observables.values()]
     size = len(next(iter(conditions.values())))
     with np.errstate(all="ignore"):
         found = assembly.evaluate(conditions, values, wanted=nodes)
-    parts = [np.broadcast_to(np.asarray(found[n], dtype=float), (size,)) for n in nodes]
-    return np.concatenate(parts)
+    parts = [np.broadcast_to(np.asarray(found[n]), (size,)) for n in nodes]
+    return np.concatenate(
+        [p for part in parts for p in ([part.real, part.imag] if part.dtype.kind == "c" else [part])]
+    )
 
 
 def _jacobian(
@@ -207,7 +210,7 @@ def _check_identifiable(base: Assembly, names: Sequence[str], conditions: Condit
         }
         undetermined = members if turn == 0 else {n: m for n, m in undetermined.items() if n in members}
     for name, group in undetermined.items():
-        owner = name.split(".")[0].split("@")[0]
+        owner = Use.parse(ParameterName(name).owner).name
         node = base.model.quantities.get(owner) or base.model.effects[owner]
         others = ", ".join(n for n in group if n != name)
         why = (

@@ -99,6 +99,11 @@ def effect(
     instrument : bool
         True for what the instruments do wrong rather than the machine.
 
+    Returns
+    -------
+    callable
+        Decorator that returns an Effect.
+
     Examples
     --------
     >>> @effect("seal-drag", adds_to="power_loss", neutral={"torque": 0.0})

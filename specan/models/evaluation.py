@@ -12,6 +12,7 @@ from specan.models.effect import Effect, Use
 from specan.models.fixed_point import settle
 from specan.models.graph import components, cut
 from specan.models.parameter import Parameter
+from specan.models.parameter_name import ParameterName
 from specan.models.quantity import Condition, Quantity
 from specan.models.user_code import call
 from specan.units import convert
@@ -42,21 +43,21 @@ class Evaluator:
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """Every parameter by its full name (``churning.exponent``, ``wall-impedance@z1.mass``)."""
-        found = {
-            f"{node.name}.{name}": parameter
+        found: dict[str, Parameter] = {
+            ParameterName.of(node.name, name): parameter
             for node in self.model.quantities.values()
             for name, parameter in node.parameters.items()
         }
         for use in self.uses:
             effect = self.model.effects[use.name]
-            found |= {f"{use}.{name}": parameter for name, parameter in effect.parameters.items()}
+            found |= {ParameterName.of(use, name): parameter for name, parameter in effect.parameters.items()}
         return found
 
     @cached_property
     def neutral(self) -> dict[str, float]:
         """SI values at which every effect of the assembly vanishes."""
         return {
-            f"{use}.{name}": value
+            ParameterName.of(use, name): value
             for use in self.uses
             for name, value in self.model.effects[use.name].neutral_si.items()
         }
@@ -215,7 +216,7 @@ class Evaluator:
         if changed not in self._downstream_cache:
             touched: set[str] = set()
             for parameter in changed:
-                owner = parameter.rpartition(".")[0]
+                owner = ParameterName(parameter).owner
                 if owner in self.model.quantities:
                     touched.add(owner)
                 else:

@@ -10,6 +10,7 @@ from typing import Any
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect
+from specan.models.frf import KIND, Frf
 from specan.models.observable import Observable
 from specan.models.parameter import Parameter
 from specan.models.quantity import Condition, Quantity, SettingError
@@ -71,9 +72,7 @@ def fields_from_functions(
     rig = {
         "limits": {n: list(given[1:3]) for n, given in conditions.items() if _is_span(given)},
         "uncertainty": {
-            **{
-                n: given[1] for n, given in observables.items() if isinstance(given, tuple) and len(given) > 1
-            },
+            **_stated(observables),
             **uncertainty,
         },
     }
@@ -175,6 +174,18 @@ def _of_parameter(name: str, parameter: Parameter) -> Quantity:
     return Quantity(name, parameter.unit, parameter.doc or name, value, (), {"value": parameter})
 
 
+def _stated(observables: Mapping[str, Any]) -> dict[str, float]:
+    """Uncertainties that stand beside the observables' units, as a rig file would say them."""
+    found = {}
+    for name, given in observables.items():
+        if isinstance(given, tuple) and len(given) > 1:
+            found[name] = given[1]
+        elif isinstance(given, Frf):
+            said = {name: given.uncertainty, f"{name}_percent": given.uncertainty_percent}
+            found |= {key: value for key, value in said.items() if value is not None}
+    return found
+
+
 def _is_span(given: Any) -> bool:
     return isinstance(given, tuple) and len(given) == 3
 
@@ -196,11 +207,18 @@ def _condition(name: str, given: Any) -> Condition:
 def _observable(name: str, given: Any, function: Callable[..., Any]) -> Observable:
     if isinstance(given, Observable):
         return given
-    unit = given[0] if isinstance(given, tuple) else given
+    unit = given.unit if isinstance(given, Frf) else given[0] if isinstance(given, tuple) else given
     if not isinstance(unit, str):
-        raise RequestError(f"the observable {name!r} is {given!r}", expected="a unit, or (unit, uncertainty)")
+        raise RequestError(
+            f"the observable {name!r} is {given!r}", expected="a unit, (unit, uncertainty), or Frf(unit, ...)"
+        )
     _require_unit(unit, f"the observable {name!r}")
     doc = (inspect.getdoc(function) or name).split("\n")[0]
+    if isinstance(given, Frf):
+        return Observable(
+            name, name, unit, doc, column=name, column_unit=unit, kind=KIND,
+            response=given.response or name, reference=given.reference, averages=given.averages or 0.0,
+        )  # fmt: skip
     return Observable(name, name, unit, doc, column=name, column_unit=unit)
 
 

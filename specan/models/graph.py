@@ -24,29 +24,27 @@ def components(reads: Mapping[str, Sequence[str]]) -> list[list[str]]:
     low: dict[str, int] = {}
     stack: list[str] = []
     found: list[list[str]] = []
-
-    def visit(node: str) -> None:  # Tarjan 1972
-        index[node] = low[node] = len(index)
-        stack.append(node)
-        for other in reads[node]:
-            if other not in reads:
-                continue
-            if other not in index:
-                visit(other)
-                low[node] = min(low[node], low[other])
-            elif other in stack:
+    for root in sorted(reads):
+        path = [] if root in index else [root]  # from the root to where the search is (Tarjan 1972)
+        ahead = {root: iter(reads[root])}
+        while path:
+            node = path[-1]
+            if node not in index:
+                index[node] = low[node] = len(index)
+                stack.append(node)
+            other = next((r for r in ahead[node] if r in reads and (r not in index or r in stack)), None)
+            if other is None:
+                path.pop()
+                if path:
+                    low[path[-1]] = min(low[path[-1]], low[node])
+                if low[node] == index[node]:
+                    found.append(sorted(stack[stack.index(node) :]))
+                    del stack[stack.index(node) :]
+            elif other in index:
                 low[node] = min(low[node], index[other])
-        if low[node] == index[node]:
-            part = []
-            while True:
-                part.append(stack.pop())
-                if part[-1] == node:
-                    break
-            found.append(sorted(part))
-
-    for node in sorted(reads):
-        if node not in index:
-            visit(node)
+            else:
+                path.append(other)
+                ahead[other] = iter(reads[other])
     return found
 
 

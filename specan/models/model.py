@@ -9,6 +9,7 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
+from specan.models.frf import Frf
 from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
 from specan.models.graph import components
 from specan.models.observable import Observable
@@ -80,10 +81,17 @@ class Model:
 
     Attributes
     ----------
+    name, title : str
+        What users type, and what it is in a few words.
+    conditions, quantities, effects, observables : mapping
+        By name.
     axes : mapping
         Elements of each axis: ``{"wall": ("x0", "x1", ...), "microphone": ("Mic 1", ...)}``.
     base_effects : tuple of str
         Effects that a new study starts with.
+    other_forms : mapping
+        Other published forms of the same part as a base effect, by its name: taken in its place, never beside it,
+        and never called missing.
     nuisances : tuple of Nuisance
         Instrument errors with a certificate.
     rig : RigStatement
@@ -115,6 +123,7 @@ class Model:
     effects: Mapping[str, Effect]
     observables: Mapping[str, Observable]
     base_effects: tuple[str, ...] = ()
+    other_forms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     nuisances: tuple[Nuisance, ...] = ()
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rig: RigStatement = field(default_factory=RigStatement)
@@ -165,12 +174,34 @@ class Model:
         return tuple(dict.fromkeys(o.kind for o in self.observables.values()))
 
     def with_effect(self, *more: Effect) -> Model:
-        """The same model with further effects in its catalogue (a user's own)."""
+        """The same model with further effects in its catalogue (a user's own).
+
+        Parameters
+        ----------
+        *more : Effect
+            Effects; one of a known name takes its place.
+
+        Returns
+        -------
+        Model
+            A new one.
+        """
         own = [as_declared(e) for e in more] if self.declared_units else more
         return replace(self, effects={**self.effects, **{e.name: e for e in own}})
 
     def with_rig(self, rig: Mapping[str, Any]) -> Model:
-        """The same model with what a rig file says of limits and uncertainties, which comes first."""
+        """The same model with what a rig file says of limits and uncertainties, which comes first.
+
+        Parameters
+        ----------
+        rig : mapping
+            The parsed rig file.
+
+        Returns
+        -------
+        Model
+            A new one.
+        """
         said = rig_statement(rig, self.conditions.values(), self.observables.values())
         old = self.rig
         return replace(
@@ -180,6 +211,7 @@ class Model:
                 limits={**old.limits, **said.limits},
                 setting={**old.setting, **said.setting},
                 reading={**old.reading, **said.reading},
+                reading_percent={**old.reading_percent, **said.reading_percent},
                 discrepancy_percent=said.discrepancy_percent or old.discrepancy_percent,
             ),
         )
@@ -217,7 +249,8 @@ class Model:
             ``{name: unit}``, ``{name: (unit, lowest, highest)}`` or ``{name: Condition}``. A table holds a condition
             in the column of that name: ``flow``, or ``flow [l/s]`` in another unit.
         observables : mapping
-            ``{name: unit}`` or ``{name: (unit, standard uncertainty of a reading)}`` of functions that are measured.
+            ``{name: unit}`` or ``{name: (unit, standard uncertainty of a reading)}`` of functions that are measured;
+            ``{name: Frf(unit, response=, reference=)}`` of transfer functions over the condition ``frequency``.
         parameters : mapping, optional
             ``{name: value}``, ``(value, low, high)``, ``(value, low, high, unit)``, ``dict(value=, min=, max=, vary=,
             unit=)`` or a Parameter. An argument with a default in the signature need not be named.
@@ -233,6 +266,12 @@ class Model:
             Where a law is looked for when something unknown is missing; by default what the first observable lacks,
             over all conditions that have limits above zero.
         name, title : str, optional
+            What users type, and what it is in a few words; by default made of the function's name and docstring.
+
+        Returns
+        -------
+        Model
+            With the functions as quantities.
 
         Raises
         ------
@@ -264,7 +303,7 @@ class Model:
         first = next(iter(observables))
         name = name or name_of(function) or first
         title = title or title_of(function) or first
-        if law is None:
+        if law is None and not isinstance(observables[first], Frf):
             positive = [n for n, (low, _) in fields["rig"].limits.items() if low >= 0]
             law = LawSpace(first, {n: n for n in positive}) if positive else None
         return cls(
@@ -273,7 +312,23 @@ class Model:
         )  # fmt: skip
 
     def assemble(self, uses: Iterable[Use | str] = ()) -> Assembly:
-        """Switch effects on."""
+        """Switch effects on.
+
+        Parameters
+        ----------
+        uses : iterable of Use or str
+            Effects with their places: ``wall-impedance@z1``.
+
+        Returns
+        -------
+        Assembly
+            The model with exactly these effects.
+
+        Raises
+        ------
+        RequestError
+            An effect or a place that this model does not have.
+        """
         parsed = {Use.parse(u) if isinstance(u, str) else u for u in uses}
         for use in parsed:
             effect = self.effects.get(use.name)
@@ -295,15 +350,42 @@ class Model:
         return Assembly(self, tuple(sorted(parsed)))
 
     def candidates(self, assembly: Assembly) -> tuple[Use, ...]:
-        """Uses of effects that the assembly lacks, one for each element of the axis they act at."""
+        """Uses of effects that the assembly lacks, one for each element of the axis they act at.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            The model with the effects that it has.
+
+        Returns
+        -------
+        tuple of Use
+            In the order of their names.
+        """
         uses = []
+        there = {use.name for use in assembly.uses}
+        parts = [{name, *others} for name, others in self.other_forms.items()]
+        taken = set().union(*(part for part in parts if part & there))
         for effect in self.effects.values():
+            if effect.name in taken:
+                continue
             elements = self.axes[effect.at] if effect.at else ("",)
             uses += [Use(effect.name, element) for element in elements]
         return tuple(use for use in sorted(uses) if use not in assembly.uses)
 
     def not_testable(self, available: Iterable[str]) -> dict[str, str]:
-        """Effects whose conditions the data lack: ``{"running-in": "needs elapsed_time"}``."""
+        """Effects whose conditions the data lack: ``{"running-in": "needs elapsed_time"}``.
+
+        Parameters
+        ----------
+        available : iterable of str
+            Conditions that the data hold.
+
+        Returns
+        -------
+        dict
+            Reason by name of the effect.
+        """
         readable = set(available) | {n for n, c in self.conditions.items() if c.default is not None}
         known = set(available) | {n for n in readable if n in self.conditions and self.conditions[n].known}
         missing = {}

@@ -20,7 +20,12 @@ class Observable:
     column, column_unit : str
         Header of a table's column and the unit of its values; by default made of name and unit.
     kind : str
-        Kind of measurement that holds it: ``table``, ``frf``, ``orders``, or one that an entry point brings.
+        Kind of measurement that holds it: ``table``, ``frf``, ``orders``, ``transfer``, or one that an entry point
+        brings.
+    response, reference : str
+        Of a transfer function, the channels whose quotient it is; empty where the measurement leaves no choice.
+    averages : float
+        Number of averages behind its lines, where files do not say it; 0 where it is not known.
     reading_of : str
         Another observable from whose reading it is worked out: it has the same relative uncertainty where
         the rig states none of its own.
@@ -39,6 +44,9 @@ class Observable:
     column_unit: str = ""
     kind: str = "table"
     reading_of: str = ""
+    response: str = ""
+    reference: str = ""
+    averages: float = 0.0
 
     @property
     def header(self) -> str:

@@ -83,7 +83,18 @@ class Parameter:
         return SiRange(*(self.to_si(value) for value in (self.default, self.min, self.max, low, high)))
 
     def to_si(self, value: float) -> float:
-        """A value in `unit` as the function receives it."""
+        """A value in `unit` as the function receives it.
+
+        Parameters
+        ----------
+        value : float
+            In `unit`.
+
+        Returns
+        -------
+        float
+            In SI, unless the parameter is `as_declared`.
+        """
         return (
             value
             if self._plain or math.isinf(value)
@@ -91,7 +102,18 @@ class Parameter:
         )
 
     def from_si(self, value: float) -> float:
-        """A value as the function receives it in `unit`."""
+        """A value as the function receives it in `unit`.
+
+        Parameters
+        ----------
+        value : float
+            As the function receives it.
+
+        Returns
+        -------
+        float
+            In `unit`.
+        """
         return (
             value
             if self._plain or math.isinf(value)

@@ -38,12 +38,16 @@ class Condition:
 
     Attributes
     ----------
+    name, unit, doc : str
+        Its name, its SI unit, and what it is in a sentence.
     column, column_unit : str
         How a table names it and in which unit; inside, values are SI.
     default : float or None
         Used where the data have no such column, in `column_unit`; None makes the column necessary
         for whatever reads it. NaN says that it is not known then: what reads it does without, and what
         `needs` it cannot be tested.
+    varies : bool
+        False: never an axis along which a failure is looked for.
     usual_setting : SettingError
         Usual uncertainty of setting it; tells levels apart where the rig states none. An absolute one says that
         its scale has no zero that a percentage could be taken of (a temperature).
@@ -64,7 +68,7 @@ class Condition:
     column: str = ""
     column_unit: str = ""
     default: float | None = None
-    varies: bool = True  # False: never an axis along which a failure is looked for
+    varies: bool = True
     usual_setting: SettingError = SettingError(relative=0.02)
     label: str = ""
     idles: bool = False
@@ -143,6 +147,24 @@ def quantity(
 ) -> Callable[[Callable[..., Any]], Quantity]:
     """Make a function a Quantity of its own name; its docstring's first line says what it is.
 
+    Parameters
+    ----------
+    unit : str
+        SI unit of what it returns.
+    axes : tuple of str
+        Model axes of a vector or matrix.
+    reference : str
+        Standard and clause, or paper.
+    collection : bool
+        It returns a tuple that effects append to (`joins`).
+    opaque : bool
+        Its value is no number or array: units and finiteness are not checked.
+
+    Returns
+    -------
+    callable
+        Decorator that returns a Quantity.
+
     Examples
     --------
     >>> @quantity(unit="m/s")
@@ -165,5 +187,24 @@ def quantity(
 
 
 def constant(name: str, value: Any, unit: str, doc: str, axes: tuple[str, ...] = ()) -> Quantity:
-    """A Quantity that a rig file fixes; an effect may still add to it or scale it."""
+    """A Quantity that a rig file fixes; an effect may still add to it or scale it.
+
+    Parameters
+    ----------
+    name : str
+        By which functions read it.
+    value : float or array
+        In `unit`.
+    unit : str
+        SI unit.
+    doc : str
+        What it is, in a sentence.
+    axes : tuple of str
+        Model axes of a vector.
+
+    Returns
+    -------
+    Quantity
+        Without parameters.
+    """
     return Quantity(name, unit, doc, lambda: value, (), {}, axes)

@@ -102,6 +102,7 @@ def _within(evaluate: Callable[[], Evaluation], limit_s: float) -> Evaluation:
 
 def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> None:
     size = next((v.size for v in conditions.values()), 1)
+    tabled = {o.quantity for o in model.observables.values() if o.kind == "table"}
     for name, node in model.quantities.items():
         if node.collection or node.opaque or node.axes or name not in found.values:
             continue
@@ -116,6 +117,12 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
             raise RequestError(
                 f"{place_of(node.function)}: {name!r} gives the shape {numbers.shape} for {size} rows",
                 expected=f"one value a row, the shape ({size},)",
+            )
+        if name in tabled and np.iscomplexobj(values):
+            raise RequestError(
+                f"{place_of(node.function)}: {name!r} gives complex numbers, and is declared as a column of a table",
+                expected="real numbers",
+                remedy=f'a transfer function is declared as observables={{"{name}": Frf(unit, response=, reference=)}}',
             )
         wrong = ~np.isfinite(numbers)
         if np.any(wrong):

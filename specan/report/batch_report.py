@@ -11,10 +11,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from specan import __version__
+from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import BatchReport
 from specan.analysis.batch.settings import BatchSettings
 from specan.io.text_cell import cells, plain
-from specan.report.figure_style import line_styles, octave_axis
+from specan.report.channel_lines import FEW, chosen, draw_range, draw_thin, styles_of
+from specan.report.figure_style import (
+    heading,
+    legend_above,
+    level_label,
+    new_figure,
+    octave_axis,
+    styled,
+    with_gaps,
+)
+from specan.report.figures_bands import draw_bands
 from specan.report.html_page import bullets, page, picture, table
 
 if TYPE_CHECKING:
@@ -24,6 +35,9 @@ MOST_FIGURES = 24  # of files of noise; the tables hold the others
 MOST_ROWS = 200  # of a table on the page
 SINES = ("file", "channel", "frequency_hz", "rms", "unit", "level_dB", "phase_deg", "flags")
 OTHERS = ("file", "channel", "band_hz", "rms", "unit", "level_dB", "flags")
+HEADERS = {
+    "frequency_hz": "frequency / Hz", "level_dB": "level / dB", "phase_deg": "phase / degrees", "band_hz": "band / Hz",
+}  # fmt: skip
 Row = Mapping[str, str]
 
 
@@ -38,23 +52,24 @@ def batch_report(report: BatchReport, settings: BatchSettings) -> str:
         Those of the batch.
     """
     tables = {path.name: path for path in report.tables}
+    where = tables["bands.txt"].absolute().parent.name
     counts = {kind: len(report.of_kind(kind)) for kind in ("done", "aside", "failed")}
     parts = [
-        "<h1>Batch</h1>",
+        f"<h1>Batch: {escape(where)}</h1>",
         f'<p class="verdict">{counts["done"]} analysed, {counts["aside"]} put aside, '
         f"{counts['failed']} failed.</p>",
+        *(_noise(tables["noise.txt"], report) if "noise.txt" in tables else []),
+        *(_bands(tables["bands.txt"], report) if "bands.txt" in tables else []),
         *(_listing(tables["sine.txt"], "Sines", SINES) if "sine.txt" in tables else []),
-        *(_noise(tables["noise.txt"]) if "noise.txt" in tables else []),
-        *(_bands(tables["bands.txt"]) if "bands.txt" in tables else []),
         *(_listing(tables["other.txt"], "Neither sine nor noise", OTHERS) if "other.txt" in tables else []),
         *_skipped(report),
-        "<h2>To have these numbers again</h2>",
+        "<h2>To reproduce these numbers</h2>",
         f"<p>specan {escape(__version__)}, settings {escape(settings.fingerprint)}:</p>",
         table(["setting", "value"], _flat(settings.model_dump(mode="json"))),
         "<p>The full tables:</p>",
         bullets(path.name for path in report.tables),
     ]
-    return page("Batch", parts)
+    return page(f"Batch: {where}", parts)
 
 
 def _rows(path: Path) -> Iterator[Row]:
@@ -70,27 +85,39 @@ def _listing(path: Path, title: str, columns: Sequence[str]) -> list[str]:
     shown = [[row[c] for c in columns] for row in islice(_rows(path), MOST_ROWS + 1)]
     if not shown:
         return []
-    parts = [f"<h2>{title}</h2>", table([c.replace("_", " ") for c in columns], shown[:MOST_ROWS])]
-    return [*parts, f"<p>More rows stand in {path.name}.</p>"] if len(shown) > MOST_ROWS else parts
+    more = f"<p>More rows are in {path.name}.</p>" if len(shown) > MOST_ROWS else ""
+    rows = table([HEADERS.get(c, c) for c in columns], shown[:MOST_ROWS])
+    return [f"<h2>{title}</h2>", f"<details><summary>Table</summary>{rows}{more}</details>"]
 
 
-def _noise(path: Path) -> list[str]:
+def _noise(path: Path, report: BatchReport) -> list[str]:
     parts: list[str] = []
-    for name, channels in islice(
-        _by_file(path, ("frequency_hz", "magnitude", "phase_deg", "coherence")), MOST_FIGURES
-    ):
-        parts += [
-            f"<h3>{escape(name)}</h3>",
-            picture(_transfer_figure(channels), f"transfer functions of {name}"),
-        ]
+    columns = ("frequency_hz", "magnitude", "phase_deg", "coherence")
+    for name, channels in islice(_by_file(path, columns), MOST_FIGURES):
+        result = next((r for r in report.results if r.label == name), None)
+        figure = transfer_figure(name, channels, *_units_and_facts(result, path.name))
+        parts.append(picture(figure, f"transfer functions of {name}"))
     return ["<h2>Transfer functions</h2>", *parts] if parts else []
 
 
-def _bands(path: Path) -> list[str]:
+def _bands(path: Path, report: BatchReport) -> list[str]:
     parts: list[str] = []
     for name, channels in islice(_by_file(path, ("band_hz", "level_dB")), MOST_FIGURES):
-        parts += [f"<h3>{escape(name)}</h3>", picture(_band_figure(channels), f"band levels of {name}")]
+        result = next((r for r in report.results if r.label == name), None)
+        figure = band_figure(name, channels, *_units_and_facts(result, path.name))
+        parts.append(picture(figure, f"band levels of {name}"))
     return ["<h2>Band levels</h2>", *parts] if parts else []
+
+
+def _units_and_facts(result: FileResult | None, table: str) -> tuple[Mapping[str, str], Sequence[str]]:
+    """Units of the channels, and what the headings of the tables say of the file: its excitation and description."""
+    if result is None:
+        return {}, ()
+    told = ("Description: ", "excitation ") if table == "bands.txt" else ("Description: ",)
+    facts = [line.removeprefix("Description: ") for line in result.about if line.startswith(told)]
+    if table == "noise.txt":
+        facts += [line for line in result.about if " over " in line and " blocks, " in line]
+    return result.units.get(table, {}), facts
 
 
 def _by_file(path: Path, columns: Sequence[str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
@@ -115,49 +142,84 @@ def _number(text: str) -> float:
         return float("nan")
 
 
-def _transfer_figure(channels: Mapping[str, np.ndarray]) -> Figure:
-    figure, axes = _sheet(3, [3, 2, 1])
-    for values, style in zip(channels.values(), line_styles()):
+@styled
+def transfer_figure(
+    name: str, channels: Mapping[str, np.ndarray], units: Mapping[str, str], facts: Sequence[str]
+) -> Figure:
+    """Magnitudes with one pair of axes a unit, phases, and the coherence; from rows of ``noise.txt``."""
+    groups = _grouped(channels, units)
+    figure = new_figure(3.0 + 1.9 * len(groups))
+    axes = figure.subplots(len(groups) + 2, 1, sharex=True, height_ratios=[*[3] * len(groups), 2, 1])
+    drawn: dict[str, dict[str, Any]] = {}
+    for panel, (unit, names) in zip(axes, groups.items(), strict=False):
+        x = channels[names[0]][0]
         with np.errstate(divide="ignore", invalid="ignore"):
-            level = 20 * np.log10(values[1])
-        jumps = np.abs(np.diff(values[2], prepend=values[2][0])) > 180
-        for one, shown in zip(axes, (level, np.where(jumps, np.nan, values[2]), values[3])):
-            one.plot(values[0], shown, linewidth=0.9, **style)
-    axes[0].set_ylabel("Magnitude / dB")
-    axes[1].set(ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90))
-    axes[2].set(ylabel="Coherence", ylim=(0, 1.05))
-    return _finished(figure, axes, channels)
+            level = np.array([20 * np.log10(channels[n][1]) for n in names])
+        if len(names) > FEW:
+            draw_range(panel, x, level)
+        styles = styles_of(chosen(level), len(names) > FEW)
+        for row, style in styles.items():
+            panel.plot(x, level[row], label=names[row], linewidth=0.9, **style)
+        drawn |= {names[row]: style for row, style in styles.items()}
+        panel.set_ylabel(f"Magnitude / dB re 1 {unit}" if unit else "Magnitude / dB")
+        legend_above(panel)
+    if len(drawn) < len(channels):
+        for values in channels.values():
+            draw_thin(axes[-2], values[0], with_gaps(values[2])[None])
+    for channel, style in drawn.items():
+        values = channels[channel]
+        axes[-2].plot(values[0], with_gaps(values[2]), linewidth=0.9, **style)
+        axes[-1].plot(values[0], values[3], linewidth=0.9, **style)
+    axes[-2].set(ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90))
+    axes[-1].set(ylabel="Coherence", ylim=(0, 1.05))
+    x = np.concatenate([values[0] for values in channels.values()])
+    return _finished(figure, list(axes), x, name, facts)
 
 
-def _band_figure(channels: Mapping[str, np.ndarray]) -> Figure:
-    figure, axes = _sheet(1, [1])
-    for values, style in zip(channels.values(), line_styles()):
-        axes[0].plot(
-            values[0], np.where(np.isfinite(values[1]), values[1], np.nan), drawstyle="steps-mid", **style
-        )
-    axes[0].set_ylabel("Level / dB")
-    return _finished(figure, axes, channels)
+@styled
+def band_figure(
+    name: str, channels: Mapping[str, np.ndarray], units: Mapping[str, str], facts: Sequence[str]
+) -> Figure:
+    """Band levels with one pair of axes a level reference; from rows of ``bands.txt``."""
+    groups = _grouped(channels, units)
+    figure = new_figure(1.5 + 2.1 * len(groups))
+    axes = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, (reference, names) in zip(axes, groups.items(), strict=True):
+        x, level = channels[names[0]][0], np.array([channels[n][1] for n in names])
+        draw_bands(panel, _edges(x), level, names)
+        known = level[np.isfinite(level)]
+        if known.size:
+            panel.set_ylim(max(float(known.min()), float(known.max()) - 90.0) - 3.0, float(known.max()) + 4.0)
+        panel.set_ylabel(level_label(reference) if reference else "Level / dB")
+        legend_above(panel)
+    edges = np.concatenate([_edges(values[0]) for values in channels.values()])
+    return _finished(figure, list(axes), edges, name, facts)
 
 
-def _sheet(count: int, heights: Sequence[float]) -> tuple[Figure, list[Any]]:
-    from matplotlib.figure import Figure  # not pyplot: no window, no global state
+def _grouped(channels: Mapping[str, np.ndarray], units: Mapping[str, str]) -> dict[str, list[str]]:
+    """Channels of each unit."""
+    groups: dict[str, list[str]] = {}
+    for channel in channels:
+        groups.setdefault(units.get(channel, ""), []).append(channel)
+    return groups
 
-    figure = Figure(figsize=(8.5, 2.2 + 1.6 * count), layout="constrained")
-    axes = figure.subplots(count, 1, sharex=True, squeeze=False, height_ratios=list(heights))[:, 0]
-    return figure, list(axes)
+
+def _edges(mid_hz: np.ndarray) -> np.ndarray:
+    """Where steps change: between neighbouring bands on a logarithmic axis."""
+    inner = np.sqrt(mid_hz[1:] * mid_hz[:-1])
+    if not inner.size:
+        return np.array([mid_hz[0] / 1.2, mid_hz[0] * 1.2])
+    return np.concatenate([[mid_hz[0] ** 2 / inner[0]], inner, [mid_hz[-1] ** 2 / inner[-1]]])
 
 
-def _finished(figure: Figure, axes: Sequence[Any], channels: Mapping[str, np.ndarray]) -> Figure:
-    frequencies = np.concatenate([values[0] for values in channels.values()])
+def _finished(
+    figure: Figure, axes: Sequence[Any], frequencies: np.ndarray, name: str, facts: Sequence[str]
+) -> Figure:
     positive = frequencies[frequencies > 0]
     octave_axis(axes[-1], float(positive.min()), max(float(positive.max()), 1.01 * float(positive.min())))
     axes[-1].set_xlabel("Frequency / Hz")
-    for one in axes:
-        one.grid(True, color="0.9")
-    names = [name.replace("$", r"\$") for name in channels]
-    figure.legend(
-        axes[0].get_lines(), names, loc="outside right upper", fontsize="x-small", ncols=1 + len(names) // 40
-    )
+    figure.align_ylabels(axes)
+    heading(figure, name, *facts)
     return figure
 
 

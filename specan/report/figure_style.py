@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import functools
+import textwrap
+from collections.abc import Callable, Iterator
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -21,6 +23,143 @@ if TYPE_CHECKING:
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 _DASHES = ("-", "--", ":", "-.")
 FORMATS = ("png", "svg", "pdf")
+GREY = "0.45"  # of secondary text and of lines that give context
+WIDTH = 8.4  # inches; on paper three quarters of it
+
+# Every figure has these settings, whatever the user's own are.
+STYLE: dict[str, Any] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
+    "font.size": 9.0,
+    "text.parse_math": False,  # a `$` in the name of a channel is a `$`
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.labelcolor": "0.15",
+    "axes.edgecolor": "0.4",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.formatter.use_mathtext": False,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.7,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "xtick.color": "0.3",
+    "ytick.color": "0.3",
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "legend.title_fontsize": 8.0,
+    "lines.linewidth": 1.1,
+    "figure.facecolor": "white",
+    "figure.constrained_layout.h_pad": 0.05,
+    "svg.fonttype": "none",  # text stays text: it can be searched and edited
+    "svg.hashsalt": "specan",
+    "pdf.fonttype": 42,
+}
+
+
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Decorator: draw a figure in specan's style. The user's own matplotlib settings stay as they are."""
+
+    @functools.wraps(draw)
+    def drawn(*args: Any, **kwargs: Any) -> Figure:
+        import matplotlib as mpl
+        from cycler import cycler
+
+        style: Any = {"axes.prop_cycle": cycler(color=COLOURS), **STYLE}
+        with mpl.rc_context(style):
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    """An empty figure of some inches, without a window and without pyplot's global state."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def heading(figure: Any, title: str, *facts: str) -> None:
+    """Title at the top left in bold; settings and result below it in grey, folded to the figure's width."""
+    from matplotlib.text import Annotation
+
+    width = float(figure.get_size_inches()[0])
+    bold = textwrap.wrap(title, int(12.5 * width)) or [""]
+    plain = [line for fact in facts if fact for line in textwrap.wrap(fact, int(15.5 * width))]
+    # The blank lines keep the room for the grey ones, which hang from the title's box.
+    whole = "\n".join([*bold, *("" for _ in plain)]) + (" " if plain else "")
+    top = figure.suptitle(whole, x=0.012, ha="left", fontsize=10, fontweight="bold", linespacing=1.25)
+    if plain:
+        figure.add_artist(
+            Annotation(
+                "\n".join(plain), (0, 0), xycoords=top, ha="left", va="bottom", fontsize=8, color=GREY,
+                linespacing=1.4, annotation_clip=False,
+            )
+        )  # fmt: skip
+
+
+def heading_text(figure: Figure) -> str:
+    """Everything that the heading says."""
+    from matplotlib.text import Annotation
+
+    below = [a.get_text() for a in figure.artists if isinstance(a, Annotation)]
+    return " ".join([figure.get_suptitle(), *below]).replace("\n", " ")
+
+
+def legend_below(figure: Figure, axes: Axes, most_columns: int = 6) -> None:
+    """Legend of some axes under the figure, where it covers nothing; in columns that fit the width."""
+    handles, labels = axes.get_legend_handles_labels()
+    known = dict(zip(labels, handles, strict=True))
+    if known:
+        ncols = _columns(list(known), float(figure.get_size_inches()[0]), most_columns)
+        figure.legend(list(known.values()), list(known), loc="outside lower center", ncols=ncols)
+
+
+def legend_above(axes: Axes, most_columns: int = 7) -> None:
+    """Legend between the top of some axes and their title, where it covers no line."""
+    labels = axes.get_legend_handles_labels()[1]
+    if labels:
+        width = axes.get_position().width * float(axes.figure.get_size_inches()[0])  # type: ignore[union-attr]
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=_columns(labels, width, most_columns),
+            borderaxespad=0.1, columnspacing=1.2,
+        )  # fmt: skip
+
+
+def _columns(labels: list[str], inches: float, most: int) -> int:
+    """Columns of a legend: all in one row if they fit; a character takes 1/15 inch, a handle seven characters."""
+    room = 15 * inches
+    if sum(len(label) + 7 for label in labels) <= room:
+        return len(labels)
+    return max(min(int(room / (max(map(len, labels)) + 7)), most), 1)
+
+
+def level_label(reference: str) -> str:
+    """Label of a level axis with what 0 dB is.
+
+    Examples
+    --------
+    >>> level_label("20 uPa")
+    'Level / dB re 20 µPa'
+    """
+    return f"Level / dB re {micro(reference)}"
+
+
+def micro(reference: str) -> str:
+    """A level reference with the Greek letter, as a figure shows it.
+
+    Examples
+    --------
+    >>> micro("dB re (1 um/s^2)^2/Hz"), micro("20 uPa")
+    ('dB re (1 µm/s²)²/Hz', '20 µPa')
+    """
+    for plain in ("uPa", "um", "uN"):
+        reference = reference.replace(f" {plain}", f" µ{plain[1:]}")
+    return reference.replace("^2", "²")
+
 
 _OCTAVES = 1000.0 * 2.0 ** np.arange(-10, 8)
 _NOMINAL = (
@@ -109,7 +248,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     RequestError
         The suffix is unknown, or the file cannot be written.
     """
-    import matplotlib
+    import matplotlib as mpl
     from matplotlib.text import Text
 
     from specan import __version__
@@ -124,5 +263,5 @@ def save_figure(figure: Figure, path: Path) -> None:
     }
     for text in figure.findobj(Text):
         text.set_text(text.get_text().encode("utf-8", "backslashreplace").decode("utf-8"))
-    with whole_file(path) as half, matplotlib.rc_context({"svg.hashsalt": "specan"}):
+    with whole_file(path) as half, mpl.rc_context(STYLE):  # type: ignore[arg-type]
         figure.savefig(half, format=kind, dpi=150, metadata=about[kind])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from specan.data.calibration import Calibration, ChannelCalibration
-from specan.report.figure_style import COLOURS
+from specan.report.figure_style import COLOURS, heading, legend_below, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,29 +16,26 @@ if TYPE_CHECKING:
 _MARKS = {"good": ("o", COLOURS[0]), "doubtful": ("s", COLOURS[5]), "failed": ("x", COLOURS[1])}
 
 
+@styled
 def figure_calibration(found: Calibration) -> Figure:
     """Sensitivities, and phases over the first channel of each group; the bars are 95 %."""
-    from matplotlib.figure import Figure  # not pyplot: no window, no global state
-
     with_phase = any(c.phase is not None for c in found.channels)
-    figure = Figure(
-        figsize=(8.0 if with_phase else 5.0, 1.4 + 0.26 * len(found.channels)), layout="constrained"
-    )
+    figure = new_figure(1.7 + 0.2 * len(found.channels), 8.4 if with_phase else 5.6)
     sheet = figure.subplots(1, 2 if with_phase else 1, sharey=True, squeeze=False)[0]
     units = ", ".join(dict.fromkeys(c.unit for c in found.channels))
     _sensitivities(sheet[0], found)
     sheet[0].set_xlabel(f"Sensitivity / ({units})" if units else "Sensitivity")
     if with_phase:
         _phases(sheet[1], found)
-    sheet[0].set_yticks(range(len(found.channels)), [c.channel.replace("$", r"\$") for c in found.channels])
+    sheet[0].set_yticks(range(len(found.channels)), [c.channel for c in found.channels])
     sheet[0].set_ylim(len(found.channels) - 0.4, -0.6)
     for axes in sheet:
-        axes.grid(True, axis="x", color="0.9")
-        axes.set_axisbelow(True)
-    handles = dict(zip(*sheet[0].get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, fontsize="small")
+        axes.grid(False, axis="y")
     tone = f" at {found.calibrator_frequency_hz:.2f} Hz" if found.calibrator_frequency_hz else ""
-    figure.suptitle(f"Calibration{tone}", fontsize="medium")
+    counts = [f"{len(_of(found, verdict))} {verdict}" for verdict in _MARKS if _of(found, verdict)]
+    if len(counts) > 1:
+        legend_below(figure, sheet[0])
+    heading(figure, f"Calibration{tone}", ", ".join(counts) + "; bars: 95 % intervals")
     return figure
 
 

@@ -5,63 +5,80 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from specan.errors import RequestError
-from specan.report.figure_style import COLOURS
-from specan.report.study_report import verdict_line
+from specan.report.figure_style import COLOURS, heading, new_figure, styled
+from specan.report.verdict_words import headline
 from specan.study.verdict import Diagnosis, Ranked
+from specan.units import printed_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_ROWS = 20
-_LINEAR = 10.0  # fall in BIC up to which the axis is linear
+MOST_ROWS = 16
 
 
+@styled
 def figure_diagnosis(found: Diagnosis) -> Figure:
-    """Fall in BIC of every refitted candidate; those that the verdict names are dark, implausible ones hatched.
+    """RMS error that each refitted candidate leaves, beside that of the model as it is.
+
+    Those that the verdict names are dark, the others pale; those with implausible values are hatched.
 
     Raises
     ------
     RequestError
         Nothing was refitted.
     """
-    from matplotlib.figure import Figure  # not pyplot: no window, no global state
-
     ranked = found.ranking[:MOST_ROWS]
     if not ranked:
         raise RequestError("no candidate was refitted: there is nothing to draw", remedy="leave out --plot")
-    figure = Figure(figsize=(8.0, 1.6 + 0.3 * len(ranked)), layout="constrained")
+    now = found.error.before if found.error is not None else None
+    first = 0 if now is None else 1
+    figure = new_figure(2.1 + 0.24 * (len(ranked) + first))
     axes = figure.subplots()
-    places, gains = np.arange(len(ranked)), np.array([r.delta_bic for r in ranked])
-    named = np.arange(len(ranked)) < len(found.alternatives)
-    for place, row, gain, asked in zip(places, ranked, gains, named, strict=True):
+    named = len(found.alternatives) if found.verdict in ("effect", "group", "fits-only-if") else 0
+    if now is not None:
+        axes.barh(0, now.rms, color="0.6", height=0.72)
+        axes.annotate(f" {now.rms:.3g}", (now.rms, 0), va="center", fontsize=8, color="0.3")
+    for place, row in enumerate(ranked, first):
         axes.barh(
-            place, gain, color=COLOURS[0] if asked else COLOURS[4], alpha=1.0 if row.plausible else 0.35,
-            hatch="" if row.plausible else "///",
+            place, row.error_after, height=0.72, edgecolor="white" if row.plausible else "0.35", linewidth=0.0,
+            color=COLOURS[0] if place - first < named else "#bcd6e6", hatch="" if row.plausible else "////",
         )  # fmt: skip
-        text = f" p {row.p_value:.1g}" + ("" if row.plausible else ", implausible")
-        axes.annotate(text, (max(gain, 0.0), place), va="center", fontsize="x-small")
-    axes.set_xscale("symlog", linthresh=_LINEAR)
-    low, high = axes.get_xlim()
-    axes.set_xlim(min(low, -1.0), max(high, 1.0) * 8)
-    axes.axvline(0, color="0.4", linewidth=0.8)
-    axes.set_yticks(places, [_name(row) for row in ranked])
-    axes.set_ylim(len(ranked) - 0.4, -0.6)
-    axes.set_xlabel("Fall in BIC; dark: named by the verdict")
-    axes.grid(True, axis="x", color="0.9")
-    axes.set_axisbelow(True)
-    axes.set_title(verdict_line(found), fontsize="medium", loc="left", wrap=True)
+        axes.annotate(f" {_beside(row)}", (row.error_after, place), va="center", fontsize=8, color="0.3")
+    axes.set_yticks(
+        range(len(ranked) + first), [*(["model as it is"] if first else []), *(_name(row) for row in ranked)]
+    )
+    axes.set_ylim(len(ranked) + first - 0.4, -0.6)
+    axes.set_xlim(0, 1.28 * max([row.error_after for row in ranked] + [now.rms if now else 0.0]))
+    what = f"RMS error of {now.observable.replace('_', ' ')}" if now else "RMS error"
+    unit = printed_unit(now.unit) if now else ""
+    axes.set_xlabel(f"{what} that is left" + (f" / {unit}" if unit else ""))
+    axes.grid(False, axis="y")
+    fit = (
+        "" if found.lack_of_fit is None else f"Model as it is: chi²/n {found.lack_of_fit.reduced_chi2:.3g}. "
+    )
+    heading(
+        figure, headline(found),
+        fit + "Dark: named by the verdict. Hatched: with values that are not plausible. Beside each bar: error left, "
+        "probability of such a fall by chance, fall in BIC.",
+    )  # fmt: skip
     return figure
+
+
+def _beside(row: Ranked) -> str:
+    chance = "p < 1e-12" if row.p_value < 1e-12 else f"p {row.p_value:.1g}"
+    return f"{row.error_after:.3g}   {chance}   {row.delta_bic:+.0f}" + (
+        "" if row.plausible else "   implausible"
+    )
 
 
 def _name(row: Ranked) -> str:
     places = {name: list(found) for name, found in row.at.items()}
     parts = [f"{n}@{places[n].pop(0)}" if places.get(n) else n for n in row.effects]
-    return " + ".join(parts).replace("$", r"\$")
+    return " + ".join(parts)
 
 
+@styled
 def figure_next(rows: Sequence[dict[str, Any]]) -> Figure:
     """What the rivals expect of each proposed reading; the bars are two standard uncertainties of a reading.
 
@@ -70,24 +87,27 @@ def figure_next(rows: Sequence[dict[str, Any]]) -> Figure:
     RequestError
         No condition is proposed.
     """
-    from matplotlib.figure import Figure
-
     shown = [row for row in rows if row["predictions"]]
     if not shown:
         raise RequestError("no condition is proposed: there is nothing to draw", remedy="leave out --plot")
     most = max(len(row["predictions"]) for row in shown)
-    figure = Figure(figsize=(8.0, len(shown) * (1.1 + 0.3 * most)), layout="constrained")
+    figure = new_figure(1.3 + len(shown) * (0.65 + 0.2 * most))
     for axes, row in zip(figure.subplots(len(shown), 1, squeeze=False)[:, 0], shown, strict=True):
         values = list(row["predictions"].values())
         reach = None if row["sigma"] is None else 2 * row["sigma"]
         for place, value in enumerate(values):
             axes.errorbar(value, place, xerr=reach, fmt="o", color=COLOURS[place % len(COLOURS)], capsize=3)
-        axes.set_yticks(range(len(values)), [name.replace("$", r"\$") for name in row["predictions"]])
+        axes.set_yticks(range(len(values)), list(row["predictions"]))
         axes.set_ylim(len(values) - 0.4, -0.6)
-        unit = "" if row["unit"] in ("", "1") else f" / {row['unit']}"
-        axes.set_xlabel(f"expected reading{unit}; bars: two standard uncertainties of it")
-        axes.grid(True, axis="x", color="0.9")
+        axes.grid(False, axis="y")
         where = ", ".join(f"{name} = {value:.4g}" for name, value in row["conditions"].items())
         apart = "" if row["separation_sigma"] is None else f": {row['separation_sigma']:.1f} sigma apart"
-        axes.set_title(f"{where}{apart}".replace("$", r"\$"), fontsize="medium", loc="left")
+        axes.set_title(f"{where}{apart}")
+    unit = "" if printed_unit(shown[-1]["unit"]) == "" else f" / {printed_unit(shown[-1]['unit'])}"
+    axes.set_xlabel(f"Expected reading{unit}")
+    heading(
+        figure,
+        "The next measurement",
+        "What each candidate expects of a reading; bars: two standard uncertainties of it",
+    )
     return figure

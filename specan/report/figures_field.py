@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from specan.models.room.field_map import FieldMap
+from specan.report.figure_style import heading, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,17 +19,16 @@ _FINER = 6  # points of the picture for one of the map, along each axis
 _DEPTH_DB = 50.0  # below the loudest point the colours end
 
 
+@styled
 def field_figure(found: FieldMap) -> Figure:
     """Two maps side by side.
 
     Colours run from dark to light with the level (cividis, the same for every kind of colour vision) and round a circle
     of lightness and hue with the phase (twilight).
     """
-    from matplotlib.figure import Figure
-
     first, second = found.first_m[-1], found.second_m[-1]
-    height = float(np.clip(4.6 * second / first, 2.2, 7.0)) + 1.2
-    sheet = Figure(figsize=(12.4, height), layout="constrained")
+    height = float(np.clip(4.0 * second / first, 2.0, 5.6)) + 1.2
+    sheet = new_figure(height, 10.6)
     axes = sheet.subplots(1, 2, sharey=True)
     found = _finer(found)
     level, phase = found.level_dB(), found.phase_deg
@@ -39,9 +39,9 @@ def field_figure(found: FieldMap) -> Figure:
             "cividis",
             max(top - _DEPTH_DB, float(np.min(level))),
             top,
-            "level at 1 mm/s RMS, dB re 20 µPa",
+            "Level at 1 mm/s RMS / dB re 20 µPa",
         ),
-        (phase, "twilight", -180.0, 180.0, "phase against the velocity, degrees"),
+        (phase, "twilight", -180.0, 180.0, "Phase over the velocity / degrees"),
     )
     for place, (values, colours, low, high, text) in zip(axes, maps, strict=True):
         drawn = place.pcolormesh(
@@ -57,14 +57,14 @@ def field_figure(found: FieldMap) -> Figure:
         bar = sheet.colorbar(drawn, ax=place, label=text)
         if colours == "twilight":
             bar.set_ticks([-180, -90, 0, 90, 180])
+        place.grid(False)
         _microphones(place, found)
-        place.set(xlabel=f"{found.along[0]}, m", aspect="equal", xlim=(0.0, first), ylim=(0.0, second))
-    axes[0].set_ylabel(f"{found.along[1]}, m")
-    sheet.suptitle(
-        f"Sound pressure over the diaphragm's velocity at {found.frequency_hz:g} Hz, {found.axis} = {found.at_m:g} m\n"
-        f"filled circles: microphones within {100 * NEAR_M:g} cm of the plane",
-        fontsize=11,
-    )
+        place.set(xlabel=f"{found.along[0]} / m", aspect="equal", xlim=(0.0, first), ylim=(0.0, second))
+    axes[0].set_ylabel(f"{found.along[1]} / m")
+    heading(
+        sheet, f"Sound pressure over the diaphragm's velocity at {found.frequency_hz:g} Hz",
+        f"Plane {found.axis} = {found.at_m:g} m. White: microphones within {100 * NEAR_M:g} cm of it.",
+    )  # fmt: skip
     return sheet
 
 

@@ -7,50 +7,59 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from specan.data.orders import OrderSpectrum
-from specan.report.figure_style import line_styles
+from specan.report.channel_lines import FEW, chosen, draw_range, styles_of
+from specan.report.figure_style import heading, legend_above, legend_below, level_label, new_figure, styled
 from specan.units import level_reference
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _DYNAMICS_DB = 90.0
 _MANY = 8  # panels of a map at most
 
 
+@styled
 def figure_orders(found: OrderSpectrum) -> Figure:
-    """Levels against order, with the given lines and twice their uncertainty on top."""
-    from matplotlib.figure import Figure
+    """Levels against order, with the given lines as dots; one pair of axes a level reference."""
+    texts = list(dict.fromkeys(level_reference(unit).text for unit in found.units))
+    figure = new_figure(2.2 + 2.6 * len(texts))
+    sheet = figure.subplots(len(texts), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, text in zip(sheet, texts, strict=True):
+        rows = [r for r, unit in enumerate(found.units) if level_reference(unit).text == text]
+        _draw_orders(axes, found, rows)
+        axes.set_ylabel(level_label(text))
+        if len(texts) > 1:
+            legend_above(axes)
+    sheet[-1].set_xlim(0.0, float(found.order[-1]))
+    sheet[-1].set_xlabel("Order of the shaft")
+    if len(texts) == 1:
+        legend_below(figure, sheet[0])
+    heading(figure, found.label, _facts(found), "Dots: the lines that were given" if found.lines else "")
+    return figure
 
-    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
-    axes = figure.add_subplot()
-    axes.grid(True, color="0.9")
-    level = found.level_dB
-    for row, (name, style) in enumerate(zip(found.channels, line_styles())):
-        axes.plot(found.order, level[row], label=name, linewidth=0.8, **style)
+
+def _draw_orders(axes: Axes, found: OrderSpectrum, rows: list[int]) -> None:
+    level = found.level_dB[rows]
+    if len(rows) > FEW:
+        draw_range(axes, found.order, level)
+    for k, style in styles_of(chosen(level), len(rows) > FEW).items():
+        axes.plot(found.order, level[k], label=found.channels[rows[k]], linewidth=0.8, **style)
         if found.lines is not None:
-            reference = level_reference(found.units[row]).value
+            reference = level_reference(found.units[rows[k]]).value
             with np.errstate(divide="ignore", invalid="ignore"):
-                size = np.abs(found.lines.amplitude[row])
-                line = 20 * np.log10(size / np.sqrt(2) / reference)
+                line = 20 * np.log10(np.abs(found.lines.amplitude[rows[k]]) / np.sqrt(2) / reference)
             axes.plot(found.lines.order, line, linestyle="", marker="o", markersize=3, color=style["color"])
     finite = level[:, found.order > 0][np.isfinite(level[:, found.order > 0])]
     top = float(finite.max()) if finite.size else 0.0
     axes.set_ylim(max(top - _DYNAMICS_DB, float(finite.min()) - 3 if finite.size else -10), top + 5)
-    axes.set_xlim(0.0, float(found.order[-1]))
-    axes.set_xlabel("Order of the shaft")
-    axes.set_ylabel("Level / dB re " + ", ".join(sorted({level_reference(u).text for u in found.units})))
-    axes.set_title(_title(found), fontsize="medium")
-    if len(found.channels) > 1:
-        axes.legend(fontsize="small", ncols=1 + len(found.channels) // 12)
-    return figure
 
 
+@styled
 def figure_order_map(found: OrderSpectrum) -> Figure:
     """Levels against order and speed, one panel a channel; columns in the order of speed."""
-    from matplotlib.figure import Figure
-
     count = min(len(found.channels), _MANY)
-    figure = Figure(figsize=(9.0, 1.0 + 3.0 * count), layout="constrained")
+    figure = new_figure(1.2 + 2.6 * count)
     axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     place = np.argsort(found.speed_hz, kind="stable")
     speed = found.speed_hz[place]
@@ -69,16 +78,15 @@ def figure_order_map(found: OrderSpectrum) -> Figure:
             rasterized=True,
         )
         one.set_ylabel(f"{found.channels[row]}\nSpeed / Hz")
-        figure.colorbar(mesh, ax=one, label=f"Level / dB re {level_reference(found.units[row]).text}")
+        one.grid(False)
+        figure.colorbar(mesh, ax=one, label=level_label(level_reference(found.units[row]).text))
     left_out = len(found.channels) - count
-    axes[0].set_title(
-        _title(found) + (f"; {left_out} more channels are not drawn" if left_out else ""), fontsize="medium"
-    )
+    heading(figure, found.label, _facts(found), f"{left_out} more channels are not drawn" if left_out else "")
     axes[-1].set_xlabel("Order of the shaft")
     return figure
 
 
-def _title(found: OrderSpectrum) -> str:
+def _facts(found: OrderSpectrum) -> str:
     low, mean, high = found.tacho.speed_hz
     speed = f"{mean:.4g} Hz" if high - low < 0.01 * mean else f"{low:.4g} to {high:.4g} Hz"
-    return f"{found.label}: orders of a shaft at {speed}, blocks of {found.block_turns} turns"
+    return f"Orders of a shaft at {speed}, blocks of {found.block_turns} turns"

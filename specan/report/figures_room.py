@@ -7,9 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from specan.impedance.surface_impedance import ALL, Impedance, WallBand
-from specan.report.figure_style import COLOURS, octave_axis, with_gaps
+from specan.report.figure_style import (
+    COLOURS,
+    heading,
+    legend_above,
+    new_figure,
+    octave_axis,
+    styled,
+    with_gaps,
+)
 from specan.report.measured_transfer import level_dB, measured_transfer, phase_deg
+from specan.report.study_words import state_of
 from specan.study.localisation.frf_errors import FrfErrors
+from specan.units import printed_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,30 +30,30 @@ if TYPE_CHECKING:
 _LEAST_SCALE_DB = 1.0
 
 
+@styled
 def figure_impedance(found: Impedance) -> Figure:
     """Absorption coefficient, and real and imaginary part of Z/(rho c), of every wall with 95 % intervals.
 
     What the positions do not determine is drawn pale: as an upper limit of the absorption, and not at all
     as an impedance.
     """
-    from matplotlib.figure import Figure
-
     walls = found.walls
-    figure = Figure(figsize=(max(6.0, 1.2 + 2.3 * len(walls)), 7.0), layout="constrained")
+    figure = new_figure(6.2, max(5.6, 1.0 + 1.7 * len(walls)))
     grid = figure.subplots(3, len(walls), squeeze=False, sharex="col", sharey="row")
     for column, wall in enumerate(walls):
         rows = found.of(wall)
         _absorption(grid[0, column], rows)
         for line, name in ((1, "resistance"), (2, "reactance")):
             _part(grid[line, column], rows, name)
-        grid[0, column].set_title(f"wall {wall}", fontsize="medium")
-        grid[2, column].set_xlabel("frequency / Hz")
+        grid[0, column].set_title(f"Wall {wall}")
+        grid[2, column].set_xlabel("Frequency / Hz")
         octave_axis(grid[2, column], rows[0].mid_hz / 1.15, rows[-1].mid_hz * 1.15)
-        for axes in grid[:, column]:
-            axes.grid(alpha=0.3)
-    grid[0, 0].set(ylabel="absorption, normal", ylim=(0, 1))
+    grid[0, 0].set(ylabel="Absorption coefficient,\nnormal incidence", ylim=(0, 1))
     grid[1, 0].set(ylabel="Re Z / (rho c)", yscale="log")
     grid[2, 0].set(ylabel="Im Z / (rho c)", yscale="symlog")
+    for axes in (grid[1, 0], grid[2, 0]):
+        axes.yaxis.set_major_formatter("{x:g}")
+    figure.align_ylabels(grid[:, 0])
     mean = found.of(ALL)
     if mean:
         for axes in grid[0]:
@@ -51,7 +61,13 @@ def figure_impedance(found: Impedance) -> Figure:
             axes.plot(
                 at, [r.absorption_normal.value for r in mean], ":", color="0.4", lw=1, label="all walls"
             )
-        grid[0, 0].legend(fontsize="small")
+    known = sum(row.determined for wall in walls for row in found.of(wall))
+    total = sum(len(found.of(wall)) for wall in walls)
+    heading(
+        figure, "Surface impedance of the walls",
+        f"{known} of {total} bands are determined. Bars: 95 % intervals; pale: upper limit only, not determined. "
+        "Dotted: all walls together.",
+    )  # fmt: skip
     return figure
 
 
@@ -75,6 +91,7 @@ def _part(axes: Axes, rows: list[WallBand], name: str) -> None:
             axes.plot(row.mid_hz, interval.value, "o", ms=4, color=COLOURS[1])
 
 
+@styled
 def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     """Level error by third octave and microphone, on a plan of the microphones, and one microphone's curves.
 
@@ -86,15 +103,13 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     shown : int
         Number of the microphone whose magnitude and phase are drawn.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 8.0), layout="constrained")
+    figure = new_figure(7.0, 10.6)
     panels = figure.subplot_mosaic([["map", "plan", "side"], ["level", "level", "level"], ["phase", "phase", "phase"]],
                                    width_ratios=[1.6, 1, 1], height_ratios=[2, 1.2, 1])  # fmt: skip
     clear = np.abs(errors.level_dB) > 2 * errors.u_level_dB
     reach = max(_LEAST_SCALE_DB, float(np.nanquantile(np.abs(errors.level_dB), 0.98)))
     image = _error_map(panels["map"], errors, clear, reach)
-    figure.colorbar(image, ax=panels["map"], label="model over measured / dB")
+    figure.colorbar(image, ax=panels["map"], label="Model - measured / dB")
     band = int(np.nanargmax(np.nanmean((errors.level_dB / errors.u_level_dB) ** 2, axis=0)))
     receivers = study.model.receivers
     assert receivers is not None
@@ -103,6 +118,12 @@ def figure_errors(study: Study, errors: FrfErrors, shown: int) -> Figure:
     for name, axes in (("plan", (0, 1)), ("side", (0, 2))):
         _on_a_plan(panels[name], errors, places, band, reach, axes, dims, shown)
     _curves(panels["level"], panels["phase"], study, errors, shown)
+    figure.align_ylabels([panels["level"], panels["phase"]])
+    heading(
+        figure, f"{study.directory.resolve().name}, {errors.recording}: where the model fails", *state_of(study),
+        f"Dots: more than two standard uncertainties. Plans: third octave of {errors.bands[band]:g} Hz, with the "
+        f"largest error; square: {errors.channels[shown]}, whose curves are below.",
+    )  # fmt: skip
     return figure
 
 
@@ -110,9 +131,10 @@ def _error_map(axes: Axes, errors: FrfErrors, clear: np.ndarray, reach: float) -
     image = axes.imshow(errors.level_dB, cmap="PuOr_r", vmin=-reach, vmax=reach, aspect="auto")
     mic, band = np.nonzero(clear)
     axes.plot(band, mic, ".", color="k", ms=3)
-    axes.set_yticks(range(len(errors.channels)), errors.channels, fontsize="small")
-    axes.set_xticks(range(len(errors.bands)), [f"{b:g}" for b in errors.bands], rotation=60, fontsize="small")
-    axes.set(xlabel="third octave / Hz")
+    axes.grid(False)
+    axes.set_yticks(range(len(errors.channels)), errors.channels)
+    axes.set_xticks(range(len(errors.bands)), [f"{b:g}" for b in errors.bands], rotation=60)
+    axes.set(xlabel="Third octave / Hz")
     return image
 
 
@@ -134,7 +156,6 @@ def _on_a_plan(
     axes.plot(place[shown, a], place[shown, b], "s", ms=13, mfc="none", color="k")
     axes.set(xlim=(0, dims[a]), ylim=(0, dims[b]), aspect="equal")
     axes.set(xlabel=f"{'xyz'[a]} / m", ylabel=f"{'xyz'[b]} / m")
-    axes.set_title(f"{errors.bands[band]:g} Hz", fontsize="medium")
 
 
 def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: int) -> None:
@@ -152,12 +173,11 @@ def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: in
         level.plot(f, level_dB(response[shown]), color=colour, linestyle=dash, lw=1, label=text)
         phase.plot(f, with_gaps(phase_deg(response[shown])), color=colour, linestyle=dash, lw=1)
     unit = study.model.observables["frf"].unit
-    level.set_ylabel(f"|H| / dB re 1 {unit}")
-    level.set_title(errors.channels[shown], fontsize="medium")
-    level.legend(fontsize="small")
+    level.set_ylabel(f"|H| / dB re 1 {printed_unit(unit)}")
+    legend_above(level)
     phase.set(
         ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90), xlabel="Frequency / Hz"
     )
     for axes in (level, phase):
         octave_axis(axes, float(f.min()), float(f.max()))
-        axes.grid(alpha=0.3)
+    level.tick_params(labelbottom=False)

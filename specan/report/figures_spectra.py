@@ -3,33 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.spectrum import Spectrogram, Spectrum
-from specan.report.figure_style import band_about, line_styles, octave_axis, with_gaps
+from specan.report.channel_lines import FEW, chosen, draw_range, draw_thin, styles_of
+from specan.report.figure_style import (
+    band_about,
+    heading,
+    legend_above,
+    legend_below,
+    micro,
+    new_figure,
+    octave_axis,
+    styled,
+    with_gaps,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MANY = 8  # lines from which on the legend stands beside the axes
 _DYNAMICS_DB = 100.0  # that a figure shows at most
 _PHASE_DB = 40.0  # below its highest line a spectrum's phase is not drawn
 _KNOWN = 0.5  # relative uncertainty of a magnitude up to which it sets the limits of the axis
 
 
-def _figure(rows: Sequence[float], width: float = 8.0, height: float = 6.0) -> tuple[Figure, list[Axes]]:
-    from matplotlib.figure import Figure  # not pyplot: no window, no global state
-
-    figure = Figure(figsize=(width, height), layout="constrained")
+def _sheet(rows: Sequence[float], height: float) -> tuple[Figure, list[Axes]]:
+    figure = new_figure(height)
     axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=list(rows))[:, 0]
-    for one in axes:
-        one.grid(True, color="0.9")
-        one.set_axisbelow(True)
     return figure, list(axes)
 
 
@@ -39,15 +44,16 @@ def _frequency_axis(axes: Sequence[Axes], frequency_hz: NDArray[np.float64]) -> 
     axes[-1].set_xlabel("Frequency / Hz")
 
 
-def _legend(figure: Figure, axes: Axes, names: Sequence[str]) -> None:
-    if len(names) > _MANY:
-        figure.legend(loc="outside right upper", fontsize="x-small", ncols=1 + len(names) // 40)
-    else:
-        axes.legend(fontsize="small")
+def _phase_axis(axes: Axes, text: str = "Phase / degrees") -> None:
+    axes.set(ylabel=text, ylim=(-190, 190), yticks=range(-180, 181, 90))
 
 
+@styled
 def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = False) -> Figure:
     """Magnitude with its 95 % band, phase, and a coherence strip under them.
+
+    Each unit has its own axis of magnitude. Of more than eight channels the range is drawn, the median, and the
+    channels that are furthest from it.
 
     Parameters
     ----------
@@ -60,40 +66,89 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     The band is twice the standard uncertainty, random and common parts in quadrature.
     """
     with_coherence = bool(np.isfinite(found.coherence).any())
-    figure, axes = _figure([3, 2, 1] if with_coherence else [3, 2], height=7.5)
-    f = found.frequency_hz
-    level = found.level_dB
-    phase = found.unwrapped_phase_deg if unwrapped else found.phase_deg
+    units = list(dict.fromkeys(found.units))
+    figure, axes = _sheet([*[3] * len(units), 2, *([1] if with_coherence else [])], 4.7 + 1.7 * len(units))
+    f, level = found.frequency_hz, found.level_dB
     relative = 2 * np.hypot(found.u_magnitude_percent, found.u_common_percent) / 100
-    turn = 2 * np.hypot(found.u_phase_deg, found.u_common_phase_deg)
-    marker = "." if len(f) < 60 else ""
-    low, high = band_about(level, relative)
-    for row, (name, style) in enumerate(zip(found.channels, line_styles())):
-        line = {**style, "linewidth": 1.0, "marker": marker}
-        axes[0].plot(f, level[row], label=name, **line)
-        # A wrapped phase gets a gap where it jumps, not a vertical line.
-        shown = phase[row] if unwrapped else with_gaps(phase[row])
-        axes[1].plot(f, shown, **line)
-        band = {"color": style["color"], "alpha": 0.2 if len(level) <= _MANY else 0.05, "linewidth": 0}
-        axes[0].fill_between(f, low[row], high[row], **band)
-        axes[1].fill_between(f, shown - turn[row], shown + turn[row], **band)
-        if with_coherence:
-            axes[2].plot(f, found.coherence[row], **{**line, "linewidth": 0.8})
-    units = sorted(set(found.units))
-    axes[0].set_ylabel("Magnitude / dB re 1 " + ", ".join(units))
-    known = np.where(relative <= _KNOWN, level, np.nan)
-    axes[0].set_ylim(*_limits(known if np.isfinite(known).any() else level))
-    axes[1].set_ylabel("Phase / degrees")
-    if not unwrapped:
-        axes[1].set_ylim(-190, 190)
-        axes[1].set_yticks(range(-180, 181, 90))
+    styles: dict[int, dict[str, Any]] = {}
+    for panel, unit in zip(axes, units, strict=False):
+        rows = [r for r, u in enumerate(found.units) if u == unit]
+        many = len(rows) > FEW
+        if many:
+            draw_range(panel, f, level[rows])
+        outer = [rows[k] for k in chosen(level[rows])]
+        styles |= styles_of([*styles, *outer], many)
+        _magnitudes(panel, found, outer, relative, styles)
+        panel.set_ylabel(f"Magnitude / dB re 1 {unit}")
+        known = np.where(relative[rows] <= _KNOWN, level[rows], np.nan)
+        panel.set_ylim(*_limits(known if np.isfinite(known).any() else level[rows]))
+        if len(units) > 1:
+            legend_above(panel)
+    _phases(axes[len(units)], found, styles, unwrapped)
     if with_coherence:
-        axes[2].set_ylabel("Coherence")
-        axes[2].set_ylim(0, 1.05)
-    axes[0].set_title(f"{found.label}: {found.estimator} over {found.reference}", fontsize="medium")
-    _legend(figure, axes[0], found.channels)
+        if len(level) > FEW:
+            draw_range(axes[-1], f, found.coherence)
+        for row, style in styles.items():
+            axes[-1].plot(f, found.coherence[row], **style, linewidth=0.8)
+        axes[-1].set(ylabel="Coherence", ylim=(0, 1.05))
+    heading(
+        figure,
+        found.label or "Transfer functions",
+        f"{found.estimator} over {found.reference}",
+        _worth(found, relative),
+    )
+    if len(units) == 1:
+        legend_below(figure, axes[0])
     _frequency_axis(axes, f)
+    figure.align_ylabels(axes)
     return figure
+
+
+def _magnitudes(
+    axes: Axes,
+    found: FrequencyResponse,
+    rows: Sequence[int],
+    relative: NDArray[np.float64],
+    styles: dict[int, dict[str, Any]],
+) -> None:
+    f, level = found.frequency_hz, found.level_dB
+    low, high = band_about(level, relative)
+    marker = "." if len(f) < 60 else ""
+    for row in rows:
+        axes.fill_between(f, low[row], high[row], color=styles[row]["color"], alpha=0.2, linewidth=0)
+        axes.plot(f, level[row], label=found.channels[row], linewidth=1.0, marker=marker, **styles[row])
+
+
+def _phases(axes: Axes, found: FrequencyResponse, styles: dict[int, dict[str, Any]], unwrapped: bool) -> None:
+    f = found.frequency_hz
+    # A wrapped phase gets a gap where it jumps, not a vertical line.
+    phases = found.unwrapped_phase_deg if unwrapped else np.array([with_gaps(row) for row in found.phase_deg])
+    turn = 2 * np.hypot(found.u_phase_deg, found.u_common_phase_deg)
+    if len(phases) > len(styles):
+        draw_thin(axes, f, phases)
+    for row, style in styles.items():
+        axes.fill_between(
+            f, phases[row] - turn[row], phases[row] + turn[row], color=style["color"], alpha=0.2, linewidth=0
+        )
+        axes.plot(f, phases[row], linewidth=1.0, marker="." if len(f) < 60 else "", **style)
+    if unwrapped:
+        axes.set_ylabel("Phase / degrees")
+    else:
+        _phase_axis(axes)
+
+
+def _worth(found: FrequencyResponse, relative: NDArray[np.float64]) -> str:
+    """How well the result is known: median of the 95 % band, and of the coherence."""
+    known = relative[np.isfinite(relative)]
+    texts = []
+    if known.size:
+        texts.append(f"95 % band ±{20 * np.log10(1 + float(np.median(known))):.2g} dB (median)")
+    coherence = found.coherence[np.isfinite(found.coherence)]
+    if coherence.size:
+        texts.append(f"coherence {float(np.median(coherence)):.3g} (median)")
+    if found.n_blocks > 1:
+        texts.append(f"{found.n_blocks} blocks")
+    return ", ".join(texts)
 
 
 def _limits(level: NDArray[np.float64]) -> tuple[float, float]:
@@ -105,37 +160,69 @@ def _limits(level: NDArray[np.float64]) -> tuple[float, float]:
     return max(float(finite.min()), top - _DYNAMICS_DB) - 3, top + 3
 
 
+@styled
 def figure_spectrum(found: Spectrum) -> Figure:
-    """Levels of every channel, and the phase where there is one."""
-    figure, axes = _figure([1] if found.phase_deg is None else [3, 2])
-    level = found.level_dB
-    for row, (name, style) in enumerate(zip(found.channels, line_styles())):
-        axes[0].plot(found.frequency_hz, level[row], label=name, linewidth=1.0, **style)
-        if found.phase_deg is not None:
+    """Levels of every channel, one pair of axes a level reference, and the phase where there is one."""
+    references = list(dict.fromkeys(found.scale.level_text(u) for u in found.units))
+    with_phase = found.phase_deg is not None
+    figure, axes = _sheet(
+        [*[3] * len(references), *([2] if with_phase else [])], 2.2 + 2.2 * (len(references) + with_phase)
+    )
+    level, f = found.level_dB, found.frequency_hz
+    styles: dict[int, dict[str, Any]] = {}
+    for panel, text in zip(axes, references, strict=False):
+        rows = [r for r, unit in enumerate(found.units) if found.scale.level_text(unit) == text]
+        many = len(rows) > FEW
+        if many:
+            draw_range(panel, f, level[rows])
+        outer = [rows[k] for k in chosen(level[rows])]
+        styles |= styles_of([*styles, *outer], many)
+        for row in outer:
+            panel.plot(f, level[row], label=found.channels[row], linewidth=1.0, **styles[row])
+        panel.set_ylim(*_limits(level[rows]))
+        panel.set_ylabel(f"Level / {micro(text)}")
+        if len(references) > 1:
+            legend_above(panel)
+    if found.phase_deg is not None:
+        for row, style in styles.items():
             strong = level[row] > np.nanmax(level[row], initial=-np.inf) - _PHASE_DB
             phase = np.where(strong, found.phase_deg[row], np.nan)
-            axes[1].plot(found.frequency_hz, phase, ".", color=style["color"], markersize=3)
-    axes[0].set_ylim(*_limits(level))
-    axes[0].set_ylabel("Level / " + "; ".join(sorted({found.scale.level_text(u) for u in found.units})))
-    if found.phase_deg is not None:
+            axes[-1].plot(f, phase, ".", color=style["color"], markersize=3)
         over = f" over {found.phase_reference}" if found.phase_reference else ""
-        axes[1].set_ylabel(f"Phase{over} / degrees\nwithin {_PHASE_DB:.0f} dB of the peak")
-        axes[1].set_ylim(-190, 190)
-        axes[1].set_yticks(range(-180, 181, 90))
+        _phase_axis(axes[-1], f"Phase{over} / degrees\nwithin {_PHASE_DB:.0f} dB of the peak")
     scale = found.scale
-    axes[0].set_title(
-        f"{found.label}: {scale.scaling}, {scale.window}, line spacing {scale.line_spacing_hz:.4g} Hz, "
-        f"noise bandwidth {scale.enbw_hz:.4g} Hz",
-        fontsize="medium",
-    )
-    _legend(figure, axes[0], found.channels)
-    _frequency_axis(axes, found.frequency_hz)
+    heading(
+        figure, found.label or "Spectrum",
+        f"{scale.scaling}, {scale.window}, {found.averaging} averaging of {found.n_blocks} blocks, line spacing "
+        f"{scale.line_spacing_hz:.4g} Hz, noise bandwidth {scale.enbw_hz:.4g} Hz",
+        _strongest(found),
+    )  # fmt: skip
+    if len(references) == 1:
+        legend_below(figure, axes[0])
+    _frequency_axis(axes, f)
+    figure.align_ylabels(axes)
     return figure
 
 
+def _strongest(found: Spectrum) -> str:
+    """Highest line of each level reference."""
+    level = np.where((found.frequency_hz > 0) & np.isfinite(found.level_dB), found.level_dB, -np.inf)
+    texts = []
+    for text in dict.fromkeys(found.scale.level_text(u) for u in found.units):
+        rows = [r for r, unit in enumerate(found.units) if found.scale.level_text(unit) == text]
+        row, line = np.unravel_index(int(np.argmax(level[rows])), level[rows].shape)
+        if np.isfinite(level[rows][row, line]):
+            name, hertz = found.channels[rows[int(row)]], found.frequency_hz[line]
+            texts.append(f"{name} {level[rows][row, line]:.1f} {micro(text)} at {hertz:.5g} Hz")
+    return "Highest line: " + "; ".join(texts) if texts else ""
+
+
+@styled
 def figure_spectrogram(found: Spectrogram) -> Figure:
     """Level against time and frequency, one panel a channel."""
-    figure, axes = _figure([1] * len(found.channels), height=1.5 + 2.5 * len(found.channels))
+    figure, axes = _sheet(
+        [1] * len(found.channels), 1.4 + max(2.4, 4.2 / len(found.channels)) * len(found.channels)
+    )
     level = found.level_dB
     positive = found.frequency_hz > 0
     f = found.frequency_hz[positive]
@@ -148,9 +235,12 @@ def figure_spectrogram(found: Spectrogram) -> Figure:
         octave_axis(one, float(f[0]), float(f[-1]), "y")
         one.set_ylabel(f"{name}\nFrequency / Hz")
         one.grid(False)
-        figure.colorbar(mesh, ax=one, label=f"Level / {found.scale.level_text(unit)}")
-    axes[0].set_title(
-        f"{found.label}: blocks averaged in a column: {found.blocks_per_column}", fontsize="medium"
-    )
+        figure.colorbar(mesh, ax=one, label=f"Level / {micro(found.scale.level_text(unit))}")
+    scale = found.scale
+    heading(
+        figure, found.label or "Spectrogram",
+        f"{scale.scaling}, {scale.window}, line spacing {scale.line_spacing_hz:.4g} Hz, noise bandwidth "
+        f"{scale.enbw_hz:.4g} Hz, blocks averaged in a column: {found.blocks_per_column}",
+    )  # fmt: skip
     axes[-1].set_xlabel("Time / s")
     return figure

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.report.figure_style import COLOURS
+from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
-from specan.study.history import Step
+from specan.report.study_words import state_of
 from specan.study.observation.table import TableObservation
 from specan.study.observation.variable import variable_named
-from specan.units import convert
+from specan.units import convert, printed_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,6 +41,7 @@ class _Panel:
     title: str
 
 
+@styled
 def figure_compare(study: Study, channel: str | None = None) -> Figure:
     """Measured values with two standard uncertainties beside the fitted model, and what is between them.
 
@@ -54,8 +55,6 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
     RequestError
         A `channel` that there is not, or one of a table.
     """
-    from matplotlib.figure import Figure
-
     observation = study.problem.observations[0]
     if observation.kind in FIGURES:
         return FIGURES[observation.kind](study, channel)
@@ -64,18 +63,51 @@ def figure_compare(study: Study, channel: str | None = None) -> Figure:
         raise RequestError("a table has no channels", remedy="leave out --channel")
     predicted = study.problem.predictions(study.shown.theta)[0]
     panels = _panels(observation)
-    figure = Figure(figsize=(1.0 + 3.8 * len(panels), 5.6), layout="constrained")
-    grid = figure.subplots(2, len(panels), squeeze=False, height_ratios=[2, 1])
-    explained = set()
+    figure = new_figure(6.2, max(1.4 + 2.75 * len(panels), 5.6))
+    grid = figure.subplots(2, len(panels), squeeze=False, sharex="col", height_ratios=[2, 1])
     for panel, (top, bottom) in zip(panels, grid.T, strict=True):
         _draw(study, observation, predicted, panel, top, bottom)
-        if panel.line and panel.observable not in explained:
-            top.legend(
-                title=axis_text(panel.line, observation.variables), fontsize="small", title_fontsize="small"
-            )
-            explained.add(panel.observable)
-    grid[1, 0].set_ylabel("(model - measured) / sigma" if study.data.known else "relative to 1 %")
+    for name in dict.fromkeys(panel.observable for panel in panels):
+        same = [pair for panel, pair in zip(panels, grid.T, strict=True) if panel.observable == name]
+        for row, axes in enumerate(zip(*same, strict=True)):
+            _share_limits(axes, symmetric=row == 1)
+        _legend(figure, panels, grid[0], name, observation)
+    figure.align_ylabels(grid[:, 0])
+    grid[1, 0].set_ylabel("(Model - measured) / sigma" if study.data.known else "Relative to 1 %")
+    heading(
+        figure, f"{study.directory.resolve().name}: measured and model", *state_of(study), _explained(study)
+    )
     return figure
+
+
+def _explained(study: Study) -> str:
+    bars = " with two standard uncertainties" if study.data.known else ""
+    band = " Grey band: two standard uncertainties." if study.data.known else ""
+    return f"Points: measured{bars}. Lines: model.{band}"
+
+
+def _share_limits(axes: Sequence[Axes], symmetric: bool) -> None:
+    low, high = (f(end) for f, end in zip((min, max), zip(*(one.get_ylim() for one in axes), strict=True)))
+    if symmetric:
+        high = max(-low, high, 3.0)
+        low = -high
+    for k, one in enumerate(axes):
+        one.set_ylim(low, high)
+        if k:
+            one.tick_params(labelleft=False)
+            one.set_ylabel("")
+
+
+def _legend(
+    figure: Figure, panels: Sequence[_Panel], tops: Sequence[Axes], name: str, observation: TableObservation
+) -> None:
+    """One for the lines of an observable, above its first panel."""
+    panel, axes = next((p, a) for p, a in zip(panels, tops, strict=True) if p.observable == name)
+    if panel.line:
+        figure.legend(
+            *axes.get_legend_handles_labels(), title=axis_text(panel.line, observation.variables),
+            loc="outside lower center", ncols=MOST_LINES,
+        )  # fmt: skip
 
 
 def _order(labels: Mapping[str, NDArray[Any]], rows: NDArray[np.bool_]) -> list[str]:
@@ -116,17 +148,15 @@ def _draw(
     at_level = _predict(study, observation, _at_levels(study, observation, panel.x))
     shown = observation.measured - predicted + at_level
     z = (predicted - observation.measured) / observation.sigma
-    bottom.axhspan(-2, 2, color="0.9")
+    bottom.axhspan(-2, 2, color="0.92", lw=0)
     bottom.axhline(0, color="0.5", lw=0.8)
     for text, colour, mine in _lines(observation, panel):
         sigma = 2 * observation.sigma[mine] if study.data.known else None
         top.errorbar(x[mine], shown[mine], yerr=sigma, fmt="o", ms=3, color=colour, capsize=2, lw=0.8)
         top.plot(*_curve(study, observation, panel, mine), color=colour, lw=1.2, label=text)
         bottom.plot(x[mine], z[mine], "o", ms=3, color=colour)
-    for axes in (top, bottom):
-        axes.grid(alpha=0.3)
     top.set_ylabel(_quantity(study, panel.observable))
-    top.set_title(panel.title, fontsize="medium")
+    top.set_title(panel.title)
     bottom.set_xlabel(axis_text(panel.x, observation.variables))
 
 
@@ -187,6 +217,7 @@ def _curve(
     return along, line.predict(study.problem.assembly, study.problem.values_at(study.shown.theta))
 
 
+@styled
 def figure_map(study: Study) -> Figure:
     """Mean error of every pair of levels in standard uncertainties; significant blocks are framed.
 
@@ -195,55 +226,37 @@ def figure_map(study: Study) -> Figure:
     RequestError
         No operating variable varies.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
     found = residual_map(study.problem, study.shown)
     if found is None:
         raise RequestError("a map needs an operating variable that varies")
-    size = (3.4 + 0.25 * max(len(found.columns), 12), 1.6 + 0.22 * max(len(found.rows), 8))
-    figure = Figure(figsize=size, layout="constrained")
+    figure = new_figure(
+        1.9 + 0.24 * max(len(found.rows), 8), min(3.4 + 0.25 * max(len(found.columns), 12), 9.0)
+    )
     axes = figure.subplots()
+    axes.grid(False)
     for i, j in np.argwhere(found.significant):
         axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, lw=1.2))
     image = axes.imshow(
         found.z, origin="lower", cmap="PuOr_r", vmin=-found.end, vmax=found.end, aspect="auto"
     )
     axes.set_xticks(range(len(found.columns)), list(found.columns), rotation=45)
-    axes.set_yticks(range(len(found.rows)), [text.replace("$", r"\$") for text in found.rows])
+    axes.set_yticks(range(len(found.rows)), list(found.rows))
     axes.set(
         xlabel=axis_text(found.across, found.variables),
         ylabel=axis_text(found.up, found.variables) if found.up else "",
     )
-    figure.colorbar(image, label="z: model low (-) or high (+)", extend="both")
-    return figure
-
-
-def figure_history(steps: Sequence[Step]) -> Figure:
-    """The error of every step on fitted and on held-out data."""
-    from matplotlib.figure import Figure
-
-    if not steps:
-        raise RequestError("the history is empty", remedy="begin with specan study new")
-    figure = Figure(figsize=(max(5.0, 1.6 + 1.1 * len(steps)), 4.0), layout="constrained")
-    axes = figure.subplots()
-    numbers = np.arange(len(steps))
-    kinds = (("fit_error", "fitted", COLOURS[0], "-"), ("held_out_error", "held out", COLOURS[1], "--"))
-    for attribute, text, colour, dash in kinds:
-        errors = [getattr(s, attribute) for s in steps]
-        values = [np.nan if e is None else e["value"] for e in errors]
-        if not np.all(np.isnan(values)):
-            axes.step(numbers, values, where="mid", color=colour, linestyle=dash, label=text)
-            axes.plot(numbers, values, "o", color=colour)
-    axes.set_xticks(numbers, [f"{s.action}\n{s.effect}".strip() for s in steps], rotation=30, ha="right")
-    metric, unit = steps[-1].fit_error["metric"], steps[-1].fit_error["unit"]
-    axes.set_ylabel(metric.replace("_", " ") + ("" if unit == "1" else f" / {unit}"))
-    axes.set_ylim(bottom=0)
-    axes.grid(alpha=0.3)
-    axes.legend()
+    beyond = np.nanmax(np.abs(found.z)) > found.end
+    figure.colorbar(image, label="Mean of (model - measured) / sigma", extend="both" if beyond else "neither")
+    heading(
+        figure, f"{study.directory.resolve().name}: where the model fails",
+        f"{int(found.significant.sum())} of {int((found.count > 0).sum())} blocks are significant (framed). "
+        "Violet: model too low, orange: too high.",
+    )  # fmt: skip
     return figure
 
 
 def _quantity(study: Study, name: str) -> str:
     unit = study.model.observables[name].unit
-    return name.replace("_", " ") + ("" if unit == "1" else f" / {unit}")
+    return name.replace("_", " ").capitalize() + (f" / {printed_unit(unit)}" if printed_unit(unit) else "")

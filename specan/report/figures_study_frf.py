@@ -7,9 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from specan.errors import RequestError, nearest
-from specan.report.figure_style import COLOURS, octave_axis, with_gaps
+from specan.report.figure_style import (
+    COLOURS,
+    heading,
+    legend_below,
+    new_figure,
+    octave_axis,
+    styled,
+    with_gaps,
+)
 from specan.report.measured_transfer import MeasuredTransfer, level_dB, measured_transfer, phase_deg
+from specan.report.study_words import state_of
 from specan.study.observation.frf import FrfObservation
+from specan.units import printed_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,20 +30,19 @@ MOST_CHANNELS = 3  # columns of the figure: those that the model misses most
 _DYNAMICS_DB = 70.0
 
 
+@styled
 def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
     """Magnitude and phase of one channel, or of those that the model misses most, and the difference of the levels.
 
     The grey band is two standard uncertainties of the measurement to either side; what is common to all lines of a
     channel (its place, its calibration) and the declared discrepancy of the model are in it.
     """
-    from matplotlib.figure import Figure
-
     observation = study.problem.observations[0]
     assert isinstance(observation, FrfObservation)
     found = measured_transfer(observation, study.problem.predictions(study.shown.theta)[0])
     chosen = found.by_misfit()[:MOST_CHANNELS] if channel is None else [_number(found, channel)]
-    unit = study.model.observables[observation.observable].unit
-    figure = Figure(figsize=(1.0 + 4.2 * len(chosen), 7.0), layout="constrained")
+    unit = study.model.observables[str(observation.observable[0])].unit
+    figure = new_figure(6.4, max(1.2 + 3.0 * len(chosen), 5.6))
     grid = figure.subplots(
         3, len(chosen), sharex=True, sharey="row", squeeze=False, height_ratios=[3, 2, 1.5]
     )
@@ -44,18 +53,25 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
     levels = level_dB(found.measured[chosen])
     top = float(np.nanmax(levels))
     grid[0, 0].set_ylim(max(float(np.nanmin(levels)), top - _DYNAMICS_DB) - 3, top + 3)
-    grid[0, 0].set_ylabel(f"Magnitude / dB re 1 {unit}")
+    grid[0, 0].set_ylabel(f"Magnitude / dB re 1 {printed_unit(unit)}")
     grid[1, 0].set(ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90))
-    grid[2, 0].set_ylabel("model less\nmeasured / dB")
+    grid[2, 0].set_ylabel("Model -\nmeasured / dB")
     error = np.abs(found.error_dB[chosen])
     reach = float(np.clip(np.nanquantile(error, 0.98), 1.0, 20.0))
     grid[2, 0].set_ylim(-reach, reach)
-    grid[0, 0].legend(fontsize="small")
+    legend_below(figure, grid[0, 0])
+    figure.align_ylabels(grid[:, 0])
     plural = study.model.receivers.plural if study.model.receivers else "channels"
-    figure.suptitle(
-        f"{found.name}: {len(chosen)} of {len(found.channels)} {plural}"
-        + ("" if channel else ", the worst first"),
-        fontsize="medium",
+    which = (
+        f"{len(chosen)} of {len(found.channels)} {plural}, the largest errors first"
+        if channel is None
+        else channel
+    )
+    heading(
+        figure,
+        f"{study.directory.resolve().name}: measured and model",
+        *state_of(study),
+        f"{found.name}: {which}",
     )
     return figure
 
@@ -80,8 +96,5 @@ def _draw(found: MeasuredTransfer, row: int, axes: Any) -> None:
     level = level_dB(found.measured[row])
     axes[2].fill_between(f, low[row] - level, high[row] - level, **band)
     axes[2].plot(f, found.error_dB[row], color=COLOURS[1], linewidth=0.9)
-    axes[0].set_title(found.channels[row].replace("$", r"\$"), fontsize="medium")
+    axes[0].set_title(found.channels[row])
     axes[2].set_xlabel("Frequency / Hz")
-    for one in axes:
-        one.grid(True, color="0.9")
-        one.set_axisbelow(True)

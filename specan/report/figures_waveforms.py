@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from specan.data.recording import Channel, Recording
 from specan.dsp.extremes import low_and_high
-from specan.report.figure_style import COLOURS
+from specan.report.figure_style import COLOURS, heading, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,6 +20,7 @@ _COLUMNS = 1500  # of the picture
 _BLOCK = 1 << 16
 
 
+@styled
 def figure_waveforms(
     recording: Recording, channels: Sequence[Channel] = (), start_s: float = 0.0, stop_s: float | None = None
 ) -> Figure:
@@ -33,28 +34,55 @@ def figure_waveforms(
     start_s, stop_s : float
         Time section.
     """
-    from matplotlib.figure import Figure  # not pyplot: no window, no global state
-
     usable = [c for c in channels or recording.channels if c.sampling_rate > 0 and c.n_samples > 0]
     shown = usable[:MOST_CHANNELS]
     rows = max(len(shown), 1)
-    figure = Figure(figsize=(9.0, 1.2 + max(0.45 * rows, 2.0)), layout="constrained")
+    figure = new_figure(1.1 + max((0.8 if rows <= 6 else 0.21) * rows, 1.6))
     sheet = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    for axes, channel in zip(sheet, shown, strict=False):
-        times, low, high = _envelope(recording, channel, start_s, stop_s)
+    drawn = [_envelope(recording, channel, start_s, stop_s) for channel in shown]
+    reach = _common_reach(shown, drawn) if rows > 6 else {}
+    for axes, channel, (times, low, high) in zip(sheet, shown, drawn, strict=False):
         axes.fill_between(times, low, high, color=COLOURS[0], linewidth=0.6)
-        axes.set_ylabel(
-            f"{channel.name} / {channel.unit}".replace("$", r"\$"), rotation=0, ha="right", va="center",
-            fontsize="small",
-        )  # fmt: skip
-        axes.tick_params(labelsize="x-small")
-        axes.grid(True, axis="x", color="0.9")
-        axes.set_axisbelow(True)
         axes.margins(x=0)
+        axes.grid(rows <= 6)
+        if (
+            channel.unit in reach
+        ):  # a page full of strips: channels of a unit share one scale, stated in the margin
+            end = reach[channel.unit]
+            axes.set_ylim(-end, end)
+            axes.set_yticks([])
+            axes.spines["left"].set_visible(False)
+            axes.set_ylabel(channel.name, rotation=0, ha="right", va="center", fontsize=7)
+        else:
+            axes.set_ylabel(
+                f"{channel.name} / {channel.unit}", rotation=0, ha="right", va="center", fontsize=8
+            )
+        if axes is not sheet[-1]:
+            axes.spines["bottom"].set_visible(False)
+            axes.tick_params(axis="x", length=0)
+    if rows > 6:
+        figure.get_layout_engine().set(h_pad=0.0, hspace=0.0)  # type: ignore[union-attr, call-arg]
+    else:
+        figure.align_ylabels(sheet)
     sheet[-1].set_xlabel("Time / s")
-    left_out = f"; {len(shown)} of {len(usable)} channels" if len(shown) < len(usable) else ""
-    figure.suptitle(f"{recording.label}{left_out}".replace("$", r"\$"), fontsize="medium")
+    left_out = f"{len(shown)} of {len(usable)} channels. " if len(shown) < len(usable) else ""
+    scales = ", ".join(f"±{end:.3g} {unit}" for unit, end in reach.items())
+    about = f"Full height of a strip: {scales}. " if scales else ""
+    long = any(low is not high for _, low, high in drawn)
+    extremes = "Filled from the lowest to the highest sample of each column." if long else ""
+    heading(figure, recording.label or "Waveforms", left_out + about + extremes)
     return figure
+
+
+def _common_reach(
+    shown: Sequence[Channel], drawn: Sequence[tuple[NDArray[np.float64], ...]]
+) -> dict[str, float]:
+    """Largest magnitude among the channels of each unit."""
+    reach: dict[str, float] = {}
+    for channel, (_, low, high) in zip(shown, drawn, strict=True):
+        end = float(np.nanmax(np.abs([low, high]), initial=0.0))
+        reach[channel.unit] = max(reach.get(channel.unit, 0.0), end if np.isfinite(end) else 0.0) or 1.0
+    return reach
 
 
 def _envelope(

@@ -12,6 +12,7 @@ from specan.errors import RequestError
 from specan.models.chosen_model import ChosenModel
 from specan.models.prediction import grid
 from specan.models.worm_gear.simulated_table import simulated_table
+from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.units import convert
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ SPEEDS = (1200.0, 1500.0, 2000.0, 2400.0, 2800.0)  # the article's table 6
 SIZE = (6.4, 4.2)
 
 
+@styled
 def figure(number: int, chosen: ChosenModel, measured: Columns | None = None) -> Figure:
     """Draw one of the article's figures for a model.
 
@@ -42,9 +44,7 @@ def figure(number: int, chosen: ChosenModel, measured: Columns | None = None) ->
     if number not in FIGURES:
         known = ", ".join(map(str, FIGURES))
         raise RequestError(f"there is no figure {number} of the worm gear", expected=f"one of {known}")
-    from matplotlib.figure import Figure
-
-    sheet = Figure(figsize=SIZE, layout="constrained")
+    sheet = new_figure(SIZE[1], SIZE[0])
     FIGURES[number](sheet.subplots(), chosen, measured or {})
     return sheet
 
@@ -70,18 +70,17 @@ def _curves_over_torque(
     torques = np.linspace(max(low, 0.01 * high), high, 120)
     for i, speed in enumerate(speeds):
         rows = _predicted(chosen, speed_rpm=[speed], output_torque_Nm=torques)
-        axes.plot(torques, 100 * rows["efficiency"], color=f"C{i}", label=f"{speed:g} r/min")
+        axes.plot(torques, 100 * rows["efficiency"], color=COLOURS[i], label=f"{speed:g} r/min")
         at = _rows_at(measured, speed)
         if at is not None and "efficiency" in measured:
             axes.plot(
                 measured["output_torque_Nm"][at],
                 100 * measured["efficiency"][at],
                 "o",
-                color=f"C{i}",
+                color=COLOURS[i],
                 mfc="none",
             )
-    axes.set(xlabel="output torque [N m]", ylabel="efficiency [%]", xlim=(0, high))
-    axes.grid(alpha=0.3)
+    axes.set(xlabel="Output torque / Nm", ylabel="Efficiency / %", xlim=(0, high))
     axes.legend(title="points: measured" if measured else None)
 
 
@@ -94,13 +93,13 @@ def _rows_at(measured: Columns, speed: float) -> NDArray[np.bool_] | None:
 
 def _efficiency_at_all_speeds(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
     _curves_over_torque(axes, chosen, measured, SPEEDS)
-    axes.set_title("Efficiency over output torque")
+    heading(axes.figure, "Efficiency over output torque")
 
 
 def _efficiency_at_two_speeds(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
     _curves_over_torque(axes, chosen, measured, (1500.0, 2000.0))
     temperature = chosen.assembly.model.conditions["indicated_oil_temperature"].default
-    axes.set_title(f"Efficiency over output torque, oil at {temperature:g} °C")
+    heading(axes.figure, "Efficiency over output torque", f"Oil at {temperature:g} °C")
 
 
 def _idle_torque(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
@@ -113,9 +112,9 @@ def _idle_torque(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
         axes.plot(
             measured["speed_rpm"][idle], measured["input_torque_Nm"][idle], "ko", mfc="none", label="measured"
         )
-    axes.set(xlabel="input speed [r/min]", ylabel="input torque [N m]", title="Input torque without load")
+    axes.set(xlabel="Input speed / r/min", ylabel="Input torque / Nm")
+    heading(axes.figure, "Input torque without load")
     axes.set_ylim(bottom=0)
-    axes.grid(alpha=0.3)
     axes.legend()
 
 
@@ -124,8 +123,10 @@ def _viscosity(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
     conditions = {"indicated_oil_temperature": temperatures + 273.15, "worm_speed": 1e-6}
     known = chosen.assembly.evaluate(conditions, chosen.values, wanted=["kinematic_viscosity"])
     axes.semilogy(temperatures, 1e6 * known["kinematic_viscosity"])
-    axes.set(xlabel="temperature [°C]", ylabel="kinematic viscosity [mm²/s]", title="Viscosity of the oil")
-    axes.grid(alpha=0.3, which="both")
+    axes.set(xlabel="Temperature / °C", ylabel="Kinematic viscosity / mm²/s")
+    heading(axes.figure, "Viscosity of the oil")
+    axes.grid(True, which="both")
+    axes.yaxis.set_major_formatter("{x:g}")
 
 
 def _efficiency_map(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
@@ -139,10 +140,11 @@ def _efficiency_map(axes: Axes, chosen: ChosenModel, measured: Columns) -> None:
     lines = axes.contour(x, y, 100 * z, levels=[50, 60, 70, 80, 85, 90, 95], colors="k", linewidths=0.6)
     axes.clabel(lines, fmt="%g %%")
     bar = axes.figure.colorbar(filled, ax=axes)
-    bar.set_label("efficiency [%]")
+    bar.set_label("Efficiency / %")
     if "speed_rpm" in measured and "output_torque_Nm" in measured:
         axes.plot(measured["speed_rpm"], measured["output_torque_Nm"], "w.", ms=4)
-    axes.set(xlabel="input speed [r/min]", ylabel="output torque [N m]", title="Efficiency of the worm gear")
+    axes.set(xlabel="Input speed / r/min", ylabel="Output torque / Nm")
+    heading(axes.figure, "Efficiency of the worm gear")
 
 
 FIGURES: dict[int, Callable[[Any, ChosenModel, Columns], None]] = {

@@ -14,11 +14,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STYLE = """
-body { font: 15px/1.5 sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222; }
-table { border-collapse: collapse; margin: 0.8em 0; } td, th { padding: 0.2em 0.8em; text-align: left;
-border-bottom: 1px solid #ddd; } td.n { text-align: right; font-variant-numeric: tabular-nums; }
-img { max-width: 100%; } .verdict { font-size: 1.25em; border-left: 0.3em solid #0072B2; padding-left: 0.6em; }
-pre { background: #f5f5f5; padding: 0.8em; overflow-x: auto; } tr.grey { color: #888; }
+:root { --ink: #1d2530; --soft: #5b6675; --line: #dfe4ea; --accent: #0072B2; --paper: #fff; --panel: #f6f8fa; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e4e8ee; --soft: #a3adba; --line: #3a4350; --accent: #56B4E9;
+--paper: #161b22; --panel: #1f2630; } }
+body { font: 15px/1.55 system-ui, "Segoe UI", sans-serif; max-width: 62em; margin: 1.4em auto; padding: 0 1em;
+color: var(--ink); background: var(--paper); }
+h1 { font-size: 1.6em; margin: 0 0 0.2em; } h2 { font-size: 1.25em; margin: 1.6em 0 0.4em;
+border-bottom: 1px solid var(--line); padding-bottom: 0.2em; } h3 { font-size: 1.05em; margin: 1.2em 0 0.3em; }
+table { border-collapse: collapse; margin: 0.8em 0; font-size: 0.92em; }
+td, th { padding: 0.2em 0.8em; text-align: left; border-bottom: 1px solid var(--line); }
+th { color: var(--soft); font-weight: 600; } td.n { text-align: right; font-variant-numeric: tabular-nums; }
+img { max-width: 100%; background: #fff; border-radius: 4px; }
+.verdict { font-size: 1.15em; border-left: 0.3em solid var(--accent); margin: 0.5em 0; padding: 0.1em 0 0.1em 0.7em; }
+pre { background: var(--panel); padding: 0.8em; overflow-x: auto; font-size: 0.85em; } tr.grey { color: var(--soft); }
+@media print { body { max-width: none; margin: 0; font-size: 10pt; } h2, h3 { break-after: avoid; }
+img, table { break-inside: avoid; } }
 """
 
 
@@ -56,6 +66,7 @@ def bullets(items: Iterable[str]) -> str:
 def picture(figure: Figure, text: str) -> str:
     """A figure inside the page."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=110)
+    figure.savefig(stream, format="png", dpi=130)
+    width = round(96 * float(figure.get_size_inches()[0]))  # on the screen as large as on paper
     data = base64.b64encode(stream.getvalue()).decode()
-    return f'<p><img alt="{escape(text)}" src="data:image/png;base64,{data}"></p>'
+    return f'<p><img alt="{escape(text)}" width="{width}" src="data:image/png;base64,{data}"></p>'

@@ -50,11 +50,12 @@ class MeasuredTransfer:
         return np.asarray(level_dB(self.model) - level_dB(self.measured))
 
     def by_misfit(self) -> list[int]:
-        """Numbers of the channels, that with the largest error in units of the uncertainty first."""
+        """Numbers of the channels in use, that with the largest error in units of the uncertainty first."""
         with np.errstate(invalid="ignore", divide="ignore"):
             off = np.abs(self.model - self.measured) / (np.abs(self.measured) * self.u_relative)
         share = [float(np.nanmean(row**2)) if np.isfinite(row).any() else 0.0 for row in off]
-        return [int(k) for k in np.argsort(share, kind="stable")[::-1]]
+        used = np.asarray(np.isfinite(self.measured).any(axis=1), dtype=bool)
+        return [int(k) for k in np.argsort(share, kind="stable")[::-1] if used[k]]
 
 
 def measured_transfer(observation: FrfObservation, predicted: Array) -> MeasuredTransfer:

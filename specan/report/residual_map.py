@@ -116,8 +116,9 @@ def map_axes(labels: Mapping[str, NDArray[Any]]) -> list[str]:
 
 
 def axis_text(column: str, variables: Mapping[str, Variable]) -> str:
-    """Label of an axis over a variable: ``output force / kN``."""
-    return variable_named(column, variables).axis if column else ""
+    """Label of an axis over a variable: ``Output force / kN``."""
+    text = variable_named(column, variables).axis if column else ""
+    return text[:1].upper() + text[1:]
 
 
 def _shared_labels(problem: Problem) -> dict[str, NDArray[Any]]:

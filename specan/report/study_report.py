@@ -1,20 +1,36 @@
-"""A study on one page that a colleague can read: self-contained, no outside address."""
+"""A study on one page that a colleague can read: self-contained, no outside address.
+
+The page begins with the story: what was missing, and what that did to the error. Parameters, candidates that were
+rejected and what is needed to repeat the numbers come last.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
-from specan.report.figures_study import figure_compare, figure_history, figure_map
+from specan.report.figures_diagnosis import figure_diagnosis
+from specan.report.figures_history import figure_history
+from specan.report.figures_study import figure_compare, figure_map
 from specan.report.html_page import bullets, page, picture, table
 from specan.report.residual_map import map_axes
+from specan.report.study_words import fall_text
+from specan.report.verdict_words import headline, headline_of, reason
+from specan.study.history import Step
+from specan.study.kept_diagnoses import diagnosis_of
 from specan.study.study_file import NAME
+from specan.units import printed_unit
 
 if TYPE_CHECKING:
-    from specan.study.study import Study
+    from specan.study.study import Comparison, Study
     from specan.study.verdict import Diagnosis
+
+MOST_RIVALS = 5  # candidates that a step names beside the one that was added
+MOST_REJECTED = 30
+CHANGES = {"add": "was missing. With it", "drop": "was taken out. Without it"}
 
 
 def study_report(study: Study) -> str:
@@ -23,31 +39,118 @@ def study_report(study: Study) -> str:
     Every name and text of the study is shown as text, never as markup.
     """
     diagnosis = study.diagnose() if study.data.known else None
+    comparison = study.compare()
+    name = study.directory.resolve().name
     parts = [
-        f"<h1>{escape(study.directory.resolve().name)}</h1>",
+        f"<h1>{escape(name)}</h1>",
         f"<p>{escape(study.model.title)}. Effects of the model: "
         f"{escape(', '.join(study.model_effects) or f'none, {study.model.words.ideal}')}.</p>",
-        *_comparison(study),
-        *(_diagnosis(diagnosis) if diagnosis else []),
-        *_history(study),
+        *_story(study.history.steps, diagnosis),
+        *_steps(study),
+        *_comparison(study, comparison),
+        *_what_is_missing(diagnosis),
         *_assumptions(study),
+        *_parameters(comparison),
+        *_rejected(diagnosis),
+        *_history(study.history.steps),
         *_reproduce(study),
     ]
-    return page(study.directory.resolve().name, parts)
+    return page(name, parts)
 
 
-def _comparison(study: Study) -> list[str]:
-    found = study.compare()
+def _story(steps: Sequence[Step], diagnosis: Diagnosis | None) -> list[str]:
+    """What was missing, what that did to the errors, and the staircase."""
+    parts = [f'<p class="verdict">{escape(line)}</p>' for line in _story_lines(steps, diagnosis)]
+    if steps:
+        parts.append(picture(figure_history(steps), "error after each step"))
+    return parts
+
+
+def _story_lines(steps: Sequence[Step], diagnosis: Diagnosis | None) -> list[str]:
+    lines = []
+    for before, after in pairwise(steps):
+        if after.action in CHANGES:
+            text = f"{after.effect} {CHANGES[after.action]} the error {_falls(before, after)}."
+            lines.append(text[:1].upper() + text[1:])
+    if diagnosis is not None:
+        lines.append(("Now: " if lines else "") + headline(diagnosis))
+    return lines
+
+
+def _falls(before: Step, after: Step) -> str:
+    pairs = [
+        ("fitted", before.fit_error, after.fit_error),
+        ("held-out", before.held_out_error, after.held_out_error),
+    ]
+    return ", and ".join(
+        f"on {kind} data went from {fall_text(a, b)}"
+        if a != b
+        else f"on {kind} data stayed at {fall_text(a, b)}"
+        for kind, a, b in pairs
+        if a is not None and b is not None
+    )
+
+
+def _steps(study: Study) -> list[str]:
+    """Each change of the model with the diagnosis that led to it."""
+    steps, parts = study.history.steps, []
+    for before, after in pairwise(steps):
+        if after.action not in CHANGES:
+            continue
+        parts.append(f"<h3>Step {after.step}: {escape(f'{after.action} {after.effect}')}</h3>")
+        if after.because:
+            parts.append(f"<p>Reason given: {escape(after.because)}</p>")
+        parts += _led_to(diagnosis_of(study.directory, before.hashes), before)
+    return ["<h2>How each step came about</h2>", *parts] if parts else []
+
+
+def _led_to(content: Mapping[str, Any] | None, before: Step) -> list[str]:
+    if content is None:
+        return ["<p>No diagnosis was made of the model as it was before this step.</p>"]
+    parts = [f"<p><b>{escape(headline_of(content))}</b> {escape(reason(content))}</p>"]
+    rows = [_candidate(row) for row in content["ranking"][:MOST_RIVALS]]
+    if rows:
+        now = f"{before.fit_error['value']:.3g}"
+        grey = [False, *(not row["plausible"] for row in content["ranking"][:MOST_RIVALS])]
+        parts.append(table(_header(before), [["model as it was", now, "", "", ""], *rows], grey))
+    return parts
+
+
+def _header(step: Step) -> list[str]:
+    unit = printed_unit(step.fit_error["unit"])
+    return [
+        "candidate",
+        "error left" + (f" / {unit}" if unit else ""),
+        "fall in BIC",
+        "p",
+        "gain on left-out conditions",
+    ]
+
+
+def _candidate(row: Mapping[str, Any]) -> list[Any]:
+    """One row of a ranking, as ``study diagnose --json`` prints it."""
+    numbers = [
+        (row["error_after"], ".3g"),
+        (row["delta_bic"], ".1f"),
+        (row["p_value"], ".1g"),
+        (row["held_out_gain"], ".1f"),
+    ]
+    places = [f"{name}@{place}" for name in row["effects"] for place in row["at"].get(name, ())]
+    names = [*places, *(name for name in row["effects"] if name not in row["at"])]
+    return [" + ".join(names), *("" if value is None else format(value, form) for value, form in numbers)]
+
+
+def _comparison(study: Study, found: Comparison) -> list[str]:
     best, where = found.fit, found.localisation
-    parts = ["<h2>Measured and model</h2>"]
+    parts = ["<h2>Measured and model</h2>", picture(figure_compare(study), "measured values and model")]
     rows = [("fitted", e) for e in found.errors]
     rows += [("held out", e) for e in (study.held_out.errors if study.held_out else ())]
     parts.append(
         table(
             ["data", "observable", "values", "RMS error", "bias", "unit", "relative RMS", "largest"],
             [
-                [what, e.observable, e.n, f"{e.rms:.4g}", f"{e.bias:+.2g}", e.unit, f"{e.relative_rms:.2f} %",
-                 f"{e.relative_max:.2f} %"]
+                [what, e.observable, e.n, f"{e.rms:.4g}", f"{e.bias:+.2g}", printed_unit(e.unit),
+                 f"{e.relative_rms:.2f} %", f"{e.relative_max:.2f} %"]
                 for what, e in rows
             ],
         )
@@ -60,85 +163,29 @@ def _comparison(study: Study) -> list[str]:
             f"{study.data.discrepancy_percent:g} % is allowed for.</p>"
         )
         parts.append(bullets(where.sentences()))
-    parts.append(picture(figure_compare(study), "measured values and model"))
-    if where is not None and map_axes(study.problem.observations[0].labels):
-        parts.append(picture(figure_map(study), "where the model fails"))
-    rows_ = [
-        [name, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", _unit(p), _remark(p)]
-        for name, p in found.parameters.items()
-    ]
-    parts += ["<h3>Parameters</h3>", table(["parameter", "value", "95 %", "unit", ""], rows_)]
+        if map_axes(study.problem.observations[0].labels):
+            parts.append(picture(figure_map(study), "where the model fails"))
     return parts
 
 
-def _unit(p: Mapping[str, Any]) -> str:
-    return "" if p["unit"] == "1" else str(p["unit"])
-
-
-def _remark(p: Mapping[str, Any]) -> str:
-    if p["at_bound"]:
-        return "at the end of its domain"
-    if not p["plausible"]:
-        return "not plausible"
-    return "instrument, held by its certificate" if p["nuisance"] else ""
-
-
-def _diagnosis(found: Diagnosis) -> list[str]:
+def _what_is_missing(found: Diagnosis | None) -> list[str]:
+    if found is None:
+        return []
     parts = [
-        "<h2>What is missing</h2>",
-        f'<p class="verdict">{escape(verdict_line(found))}</p>',
-        f"<p>{escape(found.reason[:1].upper() + found.reason[1:])}.</p>",
+        "<h2>What is missing now</h2>",
+        f"<p><b>{escape(headline(found))}</b> {escape(reason(found.to_json()))}</p>",
     ]
     if found.residual_law is not None:
-        parts.append(f"<p>What is left goes like {escape(found.residual_law.text.lstrip('~ '))}.</p>")
-    rows = [
-        [
-            " + ".join(r.effects), f"{r.delta_bic:.1f}", f"{r.p_value:.1g}", f"{r.held_out_gain:.1f}",
-            f"{r.error_after:.3g}", "; ".join(_value(n, p) for n, p in r.parameters.items()),
-        ]
-        for r in found.ranking[:12]
-    ]  # fmt: skip
-    if rows:
-        grey = [not r.plausible for r in found.ranking[:12]]
-        header = ["effects", "delta BIC", "p", "gain in cross-validation", "error after", "parameters"]
-        parts.append(table(header, rows, grey))
-    visible = [
-        [n, "invisible at any plausible size" if v is None else f"{v['value']:.2g} {v['unit']}"]
-        for n, v in found.smallest_visible.items()
-    ]
-    visible += [[n, f"not testable: {why}"] for n, why in found.not_testable.items()]
-    if visible:
-        parts += ["<h3>Smallest effect that these data would show</h3>", table(["effect", "size"], visible)]
+        parts.append(f"<p>The remaining error follows {escape(found.residual_law.text.lstrip('~ '))}.</p>")
+    parts += [f"<p>{escape(remark[:1].upper() + remark[1:])}.</p>" for remark in found.remarks]
+    if found.ranking:
+        parts.append(picture(figure_diagnosis(found), "error that each candidate leaves"))
     if found.next_measurement:
-        parts += ["<h3>What would decide</h3>", bullets(str(row["text"]) for row in found.next_measurement)]
-    return parts
-
-
-def verdict_line(found: Diagnosis) -> str:
-    """Verdict and what it names: ``group: windage or seal-drag``."""
-    names = " or ".join(" with ".join(members) for members in found.alternatives)
-    return found.verdict + (f": {names}" if names else "")
-
-
-def _value(name: str, p: Mapping[str, Any]) -> str:
-    return f"{name} = {p['value']:.3g} ({p['low']:.3g} to {p['high']:.3g}) {_unit(p)}".rstrip()
-
-
-def _history(study: Study) -> list[str]:
-    steps = study.history.steps
-    if not steps:
-        return []
-    rows = [
-        [
-            s.step, f"{s.action} {s.effect}".strip(), s.because, f"{s.fit_error['value']:.4g}",
-            "" if s.held_out_error is None else f"{s.held_out_error['value']:.4g}", s.fit_error["unit"],
-            "" if s.reduced_chi2 is None else f"{s.reduced_chi2:.2f}",
-            "" if s.held_out_reduced_chi2 is None else f"{s.held_out_reduced_chi2:.2f}",
+        parts += [
+            "<h3>The next measurement</h3>",
+            bullets(str(row["text"]) for row in found.next_measurement),
         ]
-        for s in steps
-    ]  # fmt: skip
-    header = ["step", "what", "because", "fitted", "held out", "unit", "chi2/n fitted", "chi2/n held out"]
-    return ["<h2>History</h2>", table(header, rows), picture(figure_history(steps), "errors of the steps")]
+    return parts
 
 
 def _assumptions(study: Study) -> list[str]:
@@ -149,13 +196,73 @@ def _assumptions(study: Study) -> list[str]:
     return parts
 
 
+def _parameters(found: Comparison) -> list[str]:
+    rows = [
+        [name, f"{p['value']:.4g}", f"{p['low']:.4g} to {p['high']:.4g}", printed_unit(p["unit"]), _remark(p)]
+        for name, p in found.parameters.items()
+    ]
+    return ["<h2>Parameters</h2>", table(["parameter", "value", "95 %", "unit", ""], rows)]
+
+
+def _remark(p: Mapping[str, Any]) -> str:
+    if p["at_bound"]:
+        return "at the end of its domain"
+    if not p["plausible"]:
+        return "not plausible"
+    return "instrument, held by its certificate" if p["nuisance"] else ""
+
+
+def _rejected(found: Diagnosis | None) -> list[str]:
+    """Everything that was tried of the model as it is, and what these data could not have shown."""
+    if found is None:
+        return []
+    parts, rows = [], found.to_json()["ranking"][:MOST_REJECTED]
+    if rows:
+        header = ["candidate", "error left", "fall in BIC", "p", "gain on left-out conditions", "parameters"]
+        cells = [
+            [*_candidate(row), "; ".join(_value(n, p) for n, p in row["parameters"].items())] for row in rows
+        ]
+        parts += [
+            "<h2>Candidates that were tried</h2>",
+            table(header, cells, [not row["plausible"] for row in rows]),
+        ]
+    visible = [
+        [n, "invisible at any plausible size" if v is None else f"{v['value']:.2g} {printed_unit(v['unit'])}"]
+        for n, v in found.smallest_visible.items()
+    ]
+    visible += [[n, f"not testable: {why}"] for n, why in found.not_testable.items()]
+    if visible:
+        parts += ["<h2>Smallest effect that these data would show</h2>", table(["effect", "size"], visible)]
+    return parts
+
+
+def _value(name: str, p: Mapping[str, Any]) -> str:
+    return f"{name} = {p['value']:.3g} ({p['low']:.3g} to {p['high']:.3g}) {printed_unit(p['unit'])}".rstrip()
+
+
+def _history(steps: Sequence[Step]) -> list[str]:
+    if not steps:
+        return []
+    rows = [
+        [
+            s.step, f"{s.action} {s.effect}".strip(), s.because, f"{s.fit_error['value']:.4g}",
+            "" if s.held_out_error is None else f"{s.held_out_error['value']:.4g}", printed_unit(s.fit_error["unit"]),
+            "" if s.reduced_chi2 is None else f"{s.reduced_chi2:.2f}",
+            "" if s.held_out_reduced_chi2 is None else f"{s.held_out_reduced_chi2:.2f}",
+        ]
+        for s in steps
+    ]  # fmt: skip
+    header = ["step", "what", "because", "fitted", "held out", "unit", "chi2/n fitted", "chi2/n held out"]
+    return ["<h2>History</h2>", table(header, rows)]
+
+
 def _reproduce(study: Study) -> list[str]:
     hashes = study.hashes
     rows = [[name, sha] for name, sha in {**hashes["files"], **hashes["effect_files"]}.items()]
     rows += [[study.content.rig, hashes["rig"]]]
     text = (study.directory / NAME).read_text(encoding="utf-8")
     return [
-        "<h2>To have these numbers again</h2>",
+        "<h2>To reproduce these numbers</h2>",
         f"<p>specan {escape(__version__)}; the files below by their SHA-256, and this {NAME}:</p>",
         table(["file", "sha256"], rows),
         f"<pre>{escape(text)}</pre>",

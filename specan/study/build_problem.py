@@ -10,6 +10,7 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Model, Parameter, Use, varying
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
@@ -45,14 +46,14 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
     values, domains, links = _said(said, known)
     for use in nuisances:
         for name, value in model.effects[use.name].neutral_si.items():
-            values.setdefault(f"{use}.{name}", value)
+            values.setdefault(ParameterName.of(use, name), value)
     determined = assembly.free(varying(o.conditions for o in observations))
     instruments = {str(use) for use in nuisances}
     free = []
     for name in known:
         if name in links:
             continue
-        if name.rpartition(".")[0] in instruments:
+        if ParameterName(name).owner in instruments:
             chosen = name in priors
         elif name in said and said[name].fixed is not None:
             chosen = not said[name].fixed
@@ -68,7 +69,7 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
 def _entries(content: StudyFile) -> dict[str, ParameterEntry]:
     said = dict(content.parameters)
     for effect in content.effect:
-        said |= {f"{effect.use}.{name}": entry for name, entry in effect.parameters.items()}
+        said |= {ParameterName.of(effect.use, name): entry for name, entry in effect.parameters.items()}
     return said
 
 
@@ -90,7 +91,7 @@ def _with_axes(model: Model, content: StudyFile) -> Model:
 
 
 def _priors(model: Model, nuisances: Mapping[Use, EffectEntry]) -> dict[str, tuple[float, float]]:
-    priors = {}
+    priors: dict[str, tuple[float, float]] = {}
     for use, entry in nuisances.items():
         effect = model.effects[use.name]
         given = {n: p.prior_sd for n, p in entry.parameters.items() if p.prior_sd is not None}
@@ -116,7 +117,10 @@ def _priors(model: Model, nuisances: Mapping[Use, EffectEntry]) -> dict[str, tup
             unit = entry.parameters[name].unit if name in entry.parameters else None
             width = sd * scale_to(unit or parameter.unit, parameter.unit)
             mean = effect.neutral_si[name]
-            priors[f"{use}.{name}"] = (mean, abs(parameter.to_si(effect.neutral[name] + width) - mean))
+            priors[ParameterName.of(use, name)] = (
+                mean,
+                abs(parameter.to_si(effect.neutral[name] + width) - mean),
+            )
     return priors
 
 
@@ -174,7 +178,7 @@ def calibration_priors(problem: Problem) -> dict[str, tuple[float, str]]:
     return found
 
 
-def undetermined(problem: Problem, theta: Array) -> list[str]:
+def undetermined(problem: Problem, theta: Array) -> list[ParameterName]:
     """Parameters that these data do not determine beside the others; holding them takes nothing away.
 
     Of the parameters that only act together a dimensionless one (an exponent) is named first, since it
@@ -183,7 +187,7 @@ def undetermined(problem: Problem, theta: Array) -> list[str]:
     names, found = list(problem.names), []
     told = problem.n_data + problem.n_priors  # a known range determines nothing
     jacobian = problem.jacobian(theta)[:told] * problem.scale
-    units = {n: problem.assembly.parameters[n.split("[")[0]].unit for n in names}
+    units = {n: problem.assembly.parameters[n.whole].unit for n in names}
     while names:
         place = [problem.names.index(n) for n in names]
         size = np.linalg.norm(jacobian[:, place], axis=0)
@@ -208,13 +212,13 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
     The interval ends at the domain. `plausible` is false where the value lies outside the declared
     plausible range by more than two standard uncertainties.
     """
-    table = {}
+    table: dict[str, dict[str, Any]] = {}
     low, high = problem.bounds()
     widen = np.sqrt(max(best.reduced_chi2, 1.0)) if np.isfinite(best.reduced_chi2) else 1.0
     for k, name in enumerate(problem.names):
-        parameter = problem.assembly.parameters[name.split("[")[0]]
+        parameter = problem.assembly.parameters[name.whole]
         value, sd = float(best.theta[k]), best.standard_error(name) * widen
-        least, most = problem.plausible(name.split("[")[0])
+        least, most = problem.plausible(name.whole)
         ends = max(value - 1.96 * sd, low[k]), min(value + 1.96 * sd, high[k])
         table[name] = {
             "value": parameter.from_si(value),
@@ -223,6 +227,6 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
             "unit": parameter.unit,
             "plausible": bool(least - 2 * sd <= value <= most + 2 * sd),
             "at_bound": name in best.at_bound,
-            "nuisance": name.split("[")[0] in problem.priors,
+            "nuisance": name.whole in problem.priors,
         }
     return table

@@ -150,11 +150,9 @@ def effect_entry(use: Use, role: str = "model") -> dict[str, Any]:
 def hold_undetermined(study: Study) -> tuple[Study, tuple[str, ...]]:
     """Fix, in the draft of the study file, the parameters that the data do not determine; says which."""
     names = tuple(
-        n
-        for n in undetermined(study.problem, study.problem.start())
-        if n.split("[")[0] not in study.problem.priors
+        n for n in undetermined(study.problem, study.problem.start()) if n.whole not in study.problem.priors
     )
-    owners: Mapping[str, str] = {n: n.split("[")[0] for n in names}
+    owners: Mapping[str, str] = {n: n.whole for n in names}
     if not names:
         return study, ()
     text = study.text()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,10 +24,11 @@ from specan.study.selection.detectable_size import by_effect, minimum_detectable
 from specan.study.selection.f_test import LACK_OF_FIT
 from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
 from specan.study.selection.left_out_error import left_out_error
+from specan.study.selection.other_forms import other_forms
 from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_would_tell
 from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
 from specan.study.selection.residual_law import residual_law
-from specan.study.selection.search import Search
+from specan.study.selection.search import Progress, Search
 from specan.study.selection.suspect_rows import rows_of_two_kinds, suspect_rows
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
@@ -46,7 +47,7 @@ def diagnose(
     *,
     base: Fit | None = None,
     bootstrap: bool = False,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Find out which effect a model is missing.
 
@@ -77,10 +78,44 @@ def diagnose(
     progress = progress or (lambda text: None)
     near = initial_fit(start, progress)
     search = _nearer(start, near, Search(Refits(near.base, near.known), near.likely, bootstrap, progress))
+    whole = _searched(search)
+    return _conclude(*_of_likeliest_form(whole, progress, bootstrap))
+
+
+@dataclass(frozen=True, eq=False)
+class _Searched:
+    """A finished search, its alternatives and what they amount to."""
+
+    search: Search
+    sets: list[Refit]
+    found: _Found
+
+
+def _searched(search: Search) -> _Searched:
     search.run()
     sets = alternatives(search)
     _check_failures(search)
-    return _conclude(search, sets)
+    return _Searched(search, sets, _verdict(search, sets))
+
+
+def _of_likeliest_form(declared: _Searched, progress: Progress, bootstrap: bool) -> tuple[_Searched, str]:
+    """The search, with a part of the base in another published form where that explains the data better.
+
+    Only where the declared form leaves something to explain. What needs no effect comes first where it is as likely
+    by BIC; otherwise another form has to be decisively better.
+    """
+    if declared.found.kind == "nothing-missing" and not declared.found.doubt:
+        return declared, ""
+    likeliest, form = declared, ""
+    for other in other_forms(declared.search.base):
+        progress(f"searching with {other.text}")
+        new = _searched(Search(Refits(other.start), (), bootstrap, progress))
+        best, rival = likeliest.search.best, new.search.best
+        dispersion = min(best.dispersion, rival.dispersion)
+        ahead = best.bic(dispersion) - rival.bic(dispersion)
+        if ahead > (DECISIVE if rival.uses or new.found.kind != "nothing-missing" else 0.0):
+            likeliest, form = new, other.text
+    return likeliest, form
 
 
 def _nearer(start: Refit, near: InitialFit, search: Search) -> Search:
@@ -131,9 +166,11 @@ def _check_failures(search: Search) -> None:
             )
 
 
-def _conclude(search: Search, sets: list[Refit]) -> Diagnosis:
+def _conclude(whole: _Searched, form: str) -> Diagnosis:
+    search, sets, found = whole.search, whole.sets, whole.found
     base, best = search.base, search.best
-    found = _verdict(search, sets)
+    if form:
+        found = _with_form(found, form)
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at
     visible = by_effect(
@@ -178,7 +215,7 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     others.sort(key=lambda r: r.bic(search.best.dispersion))
     if len(sets) > 1:
         return propose(sets)
-    if search.base.problem.expensive:
+    if search.base.problem.strategy.pruning:
         others = [r for r in others[:1] if not search.refits.beyond_pruning_bound(r.chi2, search.best.chi2)]
     return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
 
@@ -227,6 +264,12 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
     )
     return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
+
+
+def _with_form(found: _Found, form: str) -> _Found:
+    """The verdict with the other form of a part that it rests on; which form is right stays open."""
+    said = f"with {form}, another published form of the same part"
+    return _Found(found.kind, f"{said}: {found.reason}" if found.reason else said, True)
 
 
 def _of_base(search: Search) -> _Found:
@@ -302,7 +345,7 @@ def _too_good(base: Refit) -> tuple[str, ...]:
 
 def _error_fall(base: Refit, best: Refit) -> ErrorFall:
     before, after = _errors(base), _errors(best)
-    if base.problem.expensive:
+    if not base.problem.strategy.secondary_refits:
         return ErrorFall(before, after)
     return ErrorFall(before, after, left_out_error(base), left_out_error(best))
 
@@ -361,7 +404,7 @@ def _ranked(search: Search, refit: Refit) -> Ranked:
         error_after=_errors(refit).rms,
         parameters=parameters_of(refit),
         plausible=search.believable(refit),
-        at_bound=any(n.rpartition(".")[0] in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
+        at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
         pulls=shown(pulls(refit)),
     )
 
@@ -375,13 +418,13 @@ def _errors(refit: Refit) -> ObservableError:
 
 def parameters_of(refit: Refit) -> dict[str, dict[str, Any]]:
     """Own parameters of the effects, with 95 % intervals from the covariance, in their declared units."""
-    table = {}
+    table: dict[str, dict[str, Any]] = {}
     low, high = refit.problem.bounds()
     own = {str(u) for u in refit.uses}
     for k, name in enumerate(refit.fit.names):
-        if name.rpartition(".")[0] not in own:
+        if name.owner not in own:
             continue
-        parameter = refit.problem.assembly.parameters[name.split("[")[0]]
+        parameter = refit.problem.assembly.parameters[name.whole]
         value = float(refit.fit.theta[k])
         reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
         table[name] = {

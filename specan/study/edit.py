@@ -33,8 +33,8 @@ class Change(Result):
     Attributes
     ----------
     before, after : Step
-    study : Study
-        As it is now.
+    was, study : Study
+        As it was before, and as it is now.
     intervals : dict
         95 % profile intervals of the new effect's parameters, in their declared units.
     held : tuple of str
@@ -45,6 +45,7 @@ class Change(Result):
 
     before: Step
     after: Step
+    was: Study
     study: Study
     intervals: dict[str, tuple[float, float]]
     held: tuple[str, ...]
@@ -112,7 +113,7 @@ def add_effect(study: Study, effect: str, because: str = "") -> Change:
         intervals = _intervals(changed, use)
         remarks = _remarks_on_adding(study, changed, before, after, use, held)
         _commit(changed, by_hand, after)
-    return Change(before, after, changed, intervals, held, tuple(remarks))
+    return Change(before, after, study, changed, intervals, held, tuple(remarks))
 
 
 def drop_effect(study: Study, effect: str, because: str = "") -> Change:
@@ -134,7 +135,7 @@ def drop_effect(study: Study, effect: str, because: str = "") -> Change:
         _commit(changed, by_hand, after)
     remarks = [f"{use} goes back under its certificate"] if has_prior else []
     remarks += _on_errors(before, after, expected_to_fall=False)
-    return Change(before, after, changed, {}, (), tuple(remarks))
+    return Change(before, after, study, changed, {}, (), tuple(remarks))
 
 
 def is_effect_file(directory: Path, name: str) -> bool:
@@ -253,11 +254,11 @@ def _check_addable(study: Study, use: Use) -> None:
 
 
 def _intervals(study: Study, use: Use) -> dict[str, tuple[float, float]]:
-    found = {}
+    found: dict[str, tuple[float, float]] = {}
     for name in study.problem.names:
-        if name.rpartition(".")[0] != str(use):
+        if name.owner != str(use):
             continue
-        parameter = study.problem.assembly.parameters[name.split("[")[0]]
+        parameter = study.problem.assembly.parameters[name.whole]
         ends = _interval(study, name)
         found[name] = (parameter.from_si(ends[0]), parameter.from_si(ends[1]))
     return found
@@ -266,7 +267,7 @@ def _intervals(study: Study, use: Use) -> dict[str, tuple[float, float]]:
 def _interval(study: Study, name: str) -> tuple[float, float]:
     """By profile; of many rows, whose quadratic is sharp, from the covariance."""
     problem, best = study.problem, study.best
-    if not problem.expensive:
+    if problem.strategy.secondary_refits:
         return profile_interval(problem, best, name, inflate=True)
     k = problem.names.index(name)
     reach = WIDTH * best.standard_error(name) * max(best.reduced_chi2, 1.0) ** 0.5
@@ -287,14 +288,14 @@ def _remarks_on_adding(
             f"and thrift allow ({count * np.log(new.problem.n_effective):.1f}): the data do not ask for {use}"
         )
     for name in new.best.at_bound:
-        ends = new.problem.domain(name.split("[")[0])
+        ends = new.problem.domain(name.whole)
         end = min(ends, key=lambda e: abs(e - new.best.theta[new.best.names.index(name)]))
-        parameter = new.problem.assembly.parameters[name.split("[")[0]]
+        parameter = new.problem.assembly.parameters[name.whole]
         remarks.append(f"{name} sits on the end of its domain, {parameter.from_si(end):g} {parameter.unit}")
-    for name, row in after.parameters.items():
+    for other, row in after.parameters.items():
         if not row["plausible"]:
-            remarks.append(f"{name} = {row['value']:.3g} {row['unit']} lies outside what is plausible")
-    free = [n for n in undetermined(new.problem, new.best.theta) if n.split("[")[0] not in new.problem.priors]
+            remarks.append(f"{other} = {row['value']:.3g} {row['unit']} lies outside what is plausible")
+    free = [n for n in undetermined(new.problem, new.best.theta) if n.whole not in new.problem.priors]
     remarks += [f"{name} is not determined by these data at the values that were found" for name in free]
     if new.data.known:
         remarks += [f"{other} has become superfluous" for other in _superfluous(old, new)]

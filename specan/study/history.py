@@ -61,7 +61,7 @@ class Step:
 
 def line_of(step: Step) -> str:
     """A step as the line that is kept of it."""
-    return json.dumps(_finite(step.as_dict()), ensure_ascii=False, sort_keys=True) + "\n"
+    return json.dumps(finite(step.as_dict()), ensure_ascii=False, sort_keys=True) + "\n"
 
 
 class History(Result):
@@ -121,14 +121,14 @@ class History(Result):
         return steps
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     """Plain JSON values; what is not finite becomes null."""
     import math
 
     if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
+        return {str(k): finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
+        return [finite(v) for v in value]
     if hasattr(value, "tolist"):
-        return _finite(value.tolist())
+        return finite(value.tolist())
     return None if isinstance(value, float) and not math.isfinite(value) else value

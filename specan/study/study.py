@@ -29,10 +29,9 @@ from specan.study.estimation.prediction_error import (
 )
 from specan.study.estimation.problem import Problem
 from specan.study.history import History, Step, line_of
-from specan.study.localisation.frf_errors import FrfErrors, frf_errors
-from specan.study.localisation.localise import localise
+from specan.study.localisation.frf_errors import FrfErrors
+from specan.study.localisation.localise import curve_errors, localise
 from specan.study.localisation.result import Localisation
-from specan.study.observation.frf import FrfObservation
 from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study_file import (
     NAME,
@@ -236,7 +235,7 @@ class Study:
     @cached_property
     def problem(self) -> Problem:
         """The model as the study has it, over the fitted data."""
-        if not self._assembled.state_dependent:
+        if not self._assembled.strategy.linearised_covariance:
             return self._assembled
         last = self.history.last
         known = kept_values(self._assembled, last.parameters) if last else {}
@@ -262,7 +261,7 @@ class Study:
         A model of resonances that lacks much fits best with absurd instruments, and then fails everywhere a little
         instead of where it fails. It is shown as a continuation fit leaves it, in which priors hold them.
         """
-        if not self.problem.multimodal or not _far_from_calibration(self.problem, self.best):
+        if not self.problem.strategy.continuation or not _far_from_calibration(self.problem, self.best):
             return self.best
         return describe(self.problem, self.problem.start(continuation_fit(self._assembled)))
 
@@ -288,12 +287,7 @@ class Study:
 
     def frf_errors(self) -> list[FrfErrors]:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
-        predictions = self.problem.predictions(self.shown.theta)
-        return [
-            frf_errors(o, predicted)
-            for o, predicted in zip(self.problem.observations, predictions, strict=True)
-            if isinstance(o, FrfObservation)
-        ]
+        return curve_errors(self.problem, self.shown)
 
     def diagnose(
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
@@ -368,7 +362,7 @@ class Study:
 
 def _far_from_calibration(problem: Problem, best: Fit) -> bool:
     """Whether a fit has an instrument more than `FAR_FROM_CALIBRATION` standard uncertainties off its prior."""
-    owners = [name.split("[")[0] for name in best.names]
+    owners = [name.whole for name in best.names]
     held = [(k, *problem.priors[o]) for k, o in enumerate(owners) if o in problem.priors]
     return any(abs(best.theta[k] - mean) > FAR_FROM_CALIBRATION * sd for k, mean, sd in held)
 

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from specan.errors import RequestError
 from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.models.rig_file import rig_files
 from specan.schema import Settings, parse, read_toml
 
@@ -229,7 +230,7 @@ class StudyText:
         """Hold a parameter of an effect, or of a quantity, at its value."""
         import tomlkit
 
-        owner, _, name = full_name.rpartition(".")
+        owner, name = ParameterName(full_name).owner, ParameterName(full_name).own
         place = self.document
         for entry in self.document.get("effect", []):
             if str(EffectEntry.model_validate(entry.unwrap()).use) == owner:

@@ -220,7 +220,8 @@ def load_own_model(directory: Path, file: str, sha256: str | None, rig: Mapping[
     for needed in files_of(path):
         if not needed.exists():
             raise RequestError(
-                f"the study's model file {needed.relative_to(directory).as_posix()} is missing", remedy="put it back"
+                f"the study's model file {needed.relative_to(directory).as_posix()} is missing",
+                remedy="put it back",
             )
     content = content_of(path)
     found = hashlib.sha256(content).hexdigest()

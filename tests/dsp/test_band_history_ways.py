@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.dsp import band_history, bands, sections
+from specan.dsp import bands, filter_at_work, sections
 from specan.dsp.band_history import BandHistoryAccumulator, Histories
 from specan.dsp.history_filters import band_filter, weighting_filter
 from specan.dsp.multirate import LENGTH
@@ -55,7 +55,7 @@ def test_thinned_outputs_have_the_level_of_full_ones(
     monkeypatch: pytest.MonkeyPatch, fraction: int, limit: float
 ) -> None:
     found = histories(fraction, 1500.0, 12500.0)
-    monkeypatch.setattr(band_history, "_INTERVALS", 1e9)
+    monkeypatch.setattr(filter_at_work, "_INTERVALS", 1e9)
     assert in_decibels(found, histories(fraction, 1500.0, 12500.0)) < limit
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import digamma, polygamma, stdtrit
 
 from specan.dsp.few_averages import log_bias, log_variance, student_factor
 from specan.dsp.transfer_function import noise_freedom, smoothed_noise
@@ -13,6 +14,23 @@ from specan.dsp.transfer_function import noise_freedom, smoothed_noise
 def test_quantiles_are_those_of_the_guide(nu, t_95):
     """JCGM 100:2008, table G.2, p = 95 %."""
     assert 1.959964 * student_factor(nu) == pytest.approx(t_95, abs=0.005)
+
+
+@pytest.mark.parametrize("nu", [0.2, 1.0, 1.5, 2.0, 3.7, 9.0, 40.0, 199.0, 201.0, 1e4, 1e8])
+def test_quantiles_are_those_of_another_program(nu):
+    assert student_factor(nu) == pytest.approx(stdtrit(nu, 0.975) / 1.959963984540054, rel=1e-9)
+
+
+def test_two_degrees_of_freedom_have_a_closed_form():
+    """F(t) = 1/2 + t / (2 sqrt(2 + t^2))."""
+    t = 1.959963984540054 * float(student_factor(2.0))
+    assert 0.5 + t / (2 * np.sqrt(2 + t**2)) == pytest.approx(0.975, abs=1e-14)
+
+
+@pytest.mark.parametrize("n", [0.05, 0.8, 3.0, 11.9, 250.0, 1e6])
+def test_logarithms_are_those_of_another_program(n):
+    assert log_bias(n) == pytest.approx(digamma(n) - np.log(n), rel=1e-9)
+    assert log_variance(n) == pytest.approx(polygamma(1, n), rel=1e-12)
 
 
 def test_no_freedom_and_no_end_of_it():

@@ -5,7 +5,7 @@ import pytest
 
 from specan.dsp.transfer_function import (
     U_PHASE_UNKNOWN_DEG,
-    delays_of,
+    arrivals,
     estimate,
     phase_deg,
     smoothed_noise,
@@ -156,6 +156,7 @@ def test_phase_of_a_half_turn_and_the_bound():
 
 
 @pytest.mark.parametrize("late", [0, 5, -9])
-def test_delay_of_a_pure_delay(late):
+def test_arrival_of_a_pure_delay(late):
     f = np.arange(65) * RATE / BLOCK
-    assert delays_of(np.exp(-2j * np.pi * f * late / RATE), BLOCK, RATE) == pytest.approx(late / RATE)
+    impulse = np.abs(np.fft.irfft(np.exp(-2j * np.pi * f * late / RATE), BLOCK))
+    assert arrivals(impulse) == late

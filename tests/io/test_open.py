@@ -43,7 +43,7 @@ def foreign(tmp_path):
         ("pointer", "Git-LFS pointer.*git lfs pull"), ("text", "a text file"), ("empty", "is empty"),
         ("zeros", "filled with zeros"),
         ("gzip", "a gzip archive"), ("zip", "a zip archive"), ("index", "index file, which holds no samples"),
-        ("noise", "unknown format"), ("hdf5", "an HDF5 file"), ("missing", "does not exist"),
+        ("noise", "unknown format"), ("hdf5", "a damaged HDF5 file"), ("missing", "does not exist"),
     ],
 )  # fmt: skip
 def test_what_is_no_recording_is_called_by_its_name(tmp_path, name, what):

@@ -57,6 +57,7 @@ print(json.dumps(found))
     [
         "Octave(fraction=24)",
         "Octave(fraction=1, averaging='fast', fmin=500.0, fmax=1000.0)",
+        "Octave(fraction=24, averaging='fast', fmin=100.0, fmax=1200.0)",
         "TransferFunction(align=False)",
         "FourierSpectrum()",
         "SpectrogramSettings()",

@@ -16,8 +16,8 @@ VERBS = [
     (["rms", NOISE], [*LARGE, *SCIPY]),
     (["info", NOISE], [*LARGE, *SCIPY]),
     (["fft", NOISE], LARGE),
-    (["frf", NOISE], LARGE),
-    (["batch", "sample_data/recordings/noise", "-o", "{place}", "--jobs", "1"], LARGE),
+    (["frf", NOISE], [*LARGE, *SCIPY]),
+    (["batch", "sample_data/recordings/noise", "-o", "{place}", "--jobs", "1"], [*LARGE, *SCIPY]),
 ]
 CODE = """
 import sys

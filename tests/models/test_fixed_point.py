@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from specan.models.fixed_point import settle
-from specan.models.graph import cut
+from specan.models.graph import components, cut
 
 
 def linear(gain, offset=1.0):
@@ -60,3 +60,27 @@ def test_one_guess_is_enough_for_circles_through_one_node():
     reads = {"heat": ["loss"], "thin": ["heat"], "mesh": ["thin"], "ball": ["thin"], "loss": ["mesh", "ball"]}
     _, guessed = cut(list(reads), reads)
     assert len(guessed) == 1
+
+
+def test_parts_of_a_graph_are_those_of_scipy_in_an_order_that_reads_backwards():
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    generator = np.random.default_rng(5)
+    for _ in range(200):
+        size = int(generator.integers(1, 12))
+        edges = generator.random((size, size)) < 0.2
+        reads = {f"q{k:02d}": [f"q{j:02d}" for j in np.flatnonzero(edges[k])] for k in range(size)}
+        found = components(reads)
+        _, label = connected_components(csr_array(edges), directed=True, connection="strong")
+        expected = {frozenset(f"q{k:02d}" for k in np.flatnonzero(label == part)) for part in set(label)}
+        assert {frozenset(part) for part in found} == expected
+        done = set()
+        for part in found:
+            assert {r for node in part for r in reads[node]} <= done | set(part)
+            done |= set(part)
+
+
+def test_a_chain_of_thousands_of_quantities_needs_no_deep_calls():
+    reads = {f"q{k:05d}": [f"q{k + 1:05d}"] for k in range(5000)} | {"q05000": []}
+    assert len(components(reads)) == 5001

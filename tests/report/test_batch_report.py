@@ -46,3 +46,19 @@ def test_names_are_text(written):
     assert html.escape(NAME) in written
     assert html.escape(BROKEN) in written
     assert "<b>$1$" not in written
+
+
+def test_each_unit_of_a_batch_has_its_axis():
+    from specan.report.batch_report import band_figure, transfer_figure
+
+    hertz = np.array([100.0, 125.0, 160.0])
+    one = {
+        name: np.array([hertz, [level, level, level]]) for name, level in (("Mic 1", 70.0), ("Laser", 140.0))
+    }
+    figure = band_figure("a.tdms", one, {"Mic 1": "20 uPa", "Laser": "1 nm/s"}, ["noise"])
+    assert [axes.get_ylabel() for axes in figure.axes] == ["Level / dB re 20 µPa", "Level / dB re 1 nm/s"]
+    rows = np.array([hertz, [1.0, 10.0, 100.0], [0.0, 90.0, -90.0], [1.0, 1.0, 1.0]])
+    both = transfer_figure("a.tdms", {"Mic 1": rows, "Force": rows}, {"Mic 1": "Pa/V", "Force": "N/V"}, [])
+    labels = [axes.get_ylabel() for axes in both.axes]
+    assert labels == ["Magnitude / dB re 1 Pa/V", "Magnitude / dB re 1 N/V", "Phase / degrees", "Coherence"]
+    np.testing.assert_allclose(both.axes[0].lines[0].get_ydata(), [0.0, 20.0, 40.0])

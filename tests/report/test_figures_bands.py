@@ -5,6 +5,7 @@ import pytest
 
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
+from specan.report.figure_style import heading_text
 from specan.report.figures_bands import figure_band_levels, figure_level_history
 
 RATE, N = 8000.0, 16000
@@ -23,7 +24,7 @@ def test_each_level_reference_has_its_axes():
     found = Octave()(recording("Pa", "Pa", "Pa", "m/s"))
     figure = figure_band_levels(found)
     bands = figure.axes[::2]
-    assert [axes.get_ylabel() for axes in bands] == ["Level / dB re 20 uPa", "Level / dB re 1 nm/s"]
+    assert [axes.get_ylabel() for axes in bands] == ["Level / dB re 20 µPa", "Level / dB re 1 nm/s"]
     assert [patch.get_label() for patch in bands[0].patches] == ["Ch 0", "Ch 1", "Ch 2"]
     values, edges, _ = bands[1].patches[0].get_data()
     np.testing.assert_array_equal(values, found.level_dB[3])
@@ -31,19 +32,27 @@ def test_each_level_reference_has_its_axes():
     assert [t.get_text() for t in bands[1].get_xticklabels()][:3] == ["31.5", "63", "125"]
     totals = figure.axes[3]
     assert totals.texts[0].get_text() == f"{found.overall_dB['Z'][3]:.1f}"
-    assert "1/3 octave, Z weighting, linear averaging, 0 s to 2 s" in figure.get_suptitle()
+    assert "1/3 octave, Z weighting, linear averaging, 0 s to 2 s" in heading_text(figure)
 
 
-def test_many_channels_have_one_legend_beside_them():
-    figure = figure_band_levels(Octave()(recording(*["Pa"] * 11)))
-    assert len(figure.legends[0].get_texts()) == 11
+def test_of_many_channels_the_range_and_those_furthest_from_the_median():
+    one = recording(*["Pa"] * 11)
+    found = Octave()(one)
+    figure = figure_band_levels(found)
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts[:2] == ["range of 11 channels", "median"]
+    off = np.abs(found.level_dB - np.median(found.level_dB, axis=0)).mean(axis=1)
+    assert texts[2:] == [found.channels[k] for k in np.argsort(-off)[:3]]
+    high, _, low = figure.axes[0].patches[0].get_data()
     assert figure.axes[0].get_legend() is None
+    np.testing.assert_allclose(high, found.level_dB.max(axis=0))
+    np.testing.assert_allclose(low, found.level_dB.min(axis=0))
 
 
 def test_a_history_against_time():
     found = Octave(averaging="fast", fraction=1)(recording("Pa", "m/s"))
     above, below, *_ = figure_level_history(found, 1).axes
-    assert [line.get_label() for line in above.lines] == ["Z"]
+    assert [line.get_label() for line in above.lines] == ["LZ"]
     assert found.history is not None
     mesh = below.collections[0]
     np.testing.assert_array_equal(np.asarray(mesh.get_array()), found.history.level_dB[1])

@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from specan.data.recording import ArraySource, Channel, Recording
+from specan.report.figure_style import heading_text
 from specan.report.figures_waveforms import MOST_CHANNELS, figure_waveforms
 from specan_cli.main import main
 
@@ -123,4 +124,4 @@ def test_more_channels_than_a_page_holds_are_counted():
     one, _ = made_up(100, MOST_CHANNELS + 5)
     figure = figure_waveforms(one)
     assert len(figure.axes) == MOST_CHANNELS
-    assert f"{MOST_CHANNELS} of {MOST_CHANNELS + 5}" in figure.get_suptitle()
+    assert f"{MOST_CHANNELS} of {MOST_CHANNELS + 5}" in heading_text(figure)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from specan.models import Parameter, Use, effect
+from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
 from specan.study.estimation.projection import Projection
 from specan.study.selection.candidates import candidates, grid
 from specan.study.selection.refits import Refit, Refits
@@ -195,3 +197,23 @@ def test_grid_goes_in_ratios_over_wide_ranges():
 def test_projection_ignores_columns_that_add_nothing():
     columns = np.array([[1.0, 2.0], [1.0, 2.0], [0.0, 0.0]])
     assert Projection.of(np.zeros(3), columns).rank == 1
+
+
+def test_an_effect_of_each_recording_is_a_candidate_whatever_the_files_are_called(toy):
+    @effect("offset", adds_to="heat", neutral={"c": 0.0})
+    def offset(x, *, c=Parameter(1.0, "W", min=-20.0, max=20.0, per="recording")):
+        "Another day, another heat."
+        return c + 0 * x
+
+    recording = np.arange(toy.x.size) % 2
+    values = 2.0 + 3.0 * toy.x + 9.0 * recording + np.random.default_rng(4).standard_normal(toy.x.size)
+    observed = toy.observation(values, recordings=("day.1.csv", "day.2.csv"), recording=recording)
+    problem = base_problem(toy.model("offset", "square", also=(offset,)), [observed])
+    found = {c.use.name: c for c in candidates(problem)[0]}
+    assert found["offset"].amplitudes == ("offset.c[day.1.csv]", "offset.c[day.2.csv]")
+    diagnosis = diagnose(problem)
+    assert diagnosis.alternatives == (("offset",),)
+    table = diagnosis.ranking[0].parameters
+    assert table["offset.c[day.2.csv]"]["value"] - table["offset.c[day.1.csv]"]["value"] == pytest.approx(
+        9, abs=1
+    )

@@ -80,7 +80,7 @@ def test_a_coarse_view_has_few_lines_and_the_level_around_them_as_its_measure(mo
     view = o.down_weighted(10.0)
     assert view.frequency_hz.tolist() == FREQUENCY[::3].tolist()
     assert view.down_weighted(10.0).n == view.n  # it is not thinned again
-    assert not view.state_dependent
+    assert not view.strategy.linearised_covariance
     peak = np.argmax(np.abs(view.response).mean(axis=0))
     assert 0.03 < view.noise[0, peak] / np.abs(view.response[:, peak]).mean() < 0.1
     assert np.all(view.noise > o.noise[0, 0])

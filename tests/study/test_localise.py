@@ -1,6 +1,6 @@
 """Left-out blocks against real refits, on a toy whose fits are exact."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -8,8 +8,9 @@ import pytest
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import held_out_error, observable_errors
 from specan.study.localisation.by_blocks import LeftOut
-from specan.study.localisation.localise import localise
+from specan.study.localisation.localise import curve_errors, localise
 from specan.study.localisation.result import benjamini_yekutieli
+from specan.study.observation.table import TableObservation
 
 
 def test_a_left_out_block_is_what_a_refit_without_it_says(toy):
@@ -118,3 +119,33 @@ def test_errors_are_in_the_observables_unit(toy):
     assert error.rms == pytest.approx(0.1 * np.sqrt(np.mean(observed.measured**2)))
     assert [error.relative_rms, error.relative_max] == pytest.approx([10.0, 10.0])
     assert error.bias == pytest.approx(0.1 * observed.measured.mean())
+
+
+def test_an_installed_kind_of_measurement_brings_its_own_view(toy, monkeypatch):
+    class Module:
+        @staticmethod
+        def localise(problem, best):
+            return "its own places"
+
+        @staticmethod
+        def curve_errors(observation, predicted):
+            return observation.n, predicted.size
+
+    class Point:
+        name = "wear"
+        load = staticmethod(lambda: Module)
+
+    class Wear(TableObservation):
+        kind = "wear"
+
+    problem = toy.problem(lambda x, z: 0 * x, [])
+    table = problem.observations[0]
+    own = Wear(**{name: getattr(table, name) for name in (f.name for f in fields(table))})
+    problem = problem.over([own])
+    best = fit(problem)
+    assert curve_errors(problem, best) == []  # nobody knows that kind: blocks, and no curves
+    blocks = localise(problem, best)
+    monkeypatch.setattr("specan.study.data.sources.entry_points", lambda group: [Point()])
+    assert localise(problem, best) == "its own places"
+    assert curve_errors(problem, best) == [(48, 48)]
+    assert localise(problem.over([table]), best).fails_at == blocks.fails_at

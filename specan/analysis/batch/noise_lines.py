@@ -14,22 +14,22 @@ def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -
     """Lines of all channels; `quality` holds the words that the samples of each gave rise to."""
     frequency = text.frequencies(response.frequency_hz)
     u_percent = np.hypot(response.u_magnitude_percent, response.u_common_percent)
-    n = len(frequency)
+    u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
     blocks = []
     for row, name in enumerate(response.channels):
         words = tuple(dict.fromkeys((*quality[row], *response.flags[row])))
+        channel = f"{text.word(response.label)}\t{text.word(name)}"
         blocks.append(
-            text.rows(
+            text.rows_of_numbers(
+                [f"{channel}\t{each}" for each in frequency],
                 [
-                    [text.word(response.label)] * n,
-                    [text.word(name)] * n,
-                    frequency,
-                    text.significant(response.magnitude[row]),
-                    text.phases(response.phase_deg[row]),
-                    text.fixed(response.coherence[row], 5),
-                    text.significant(u_percent[row], 3),
-                    _line_words(response, row, words),
-                ]
+                    text.significant_numbers(response.magnitude[row]),
+                    text.phase_numbers(response.phase_deg[row]),
+                    text.fixed_numbers(response.coherence[row], 5),
+                    text.significant_numbers(u_percent[row], 3),
+                    text.significant_numbers(u_phase[row], 3),
+                ],
+                _line_words(response, row, words),
             )
         )
     return "".join(blocks)

@@ -133,6 +133,7 @@ def _noise(
     taken = [analysis.channels for analysis in used]
     blocks: dict[str, list[str]] = defaultdict(list)
     notes: list[str] = []
+    units: dict[str, dict[str, str]] = defaultdict(dict)
 
     def write(analysis: Accumulator, quality: Mapping[int, Quality]) -> None:
         if isinstance(analysis, TransferFunctionAccumulator):
@@ -140,6 +141,7 @@ def _noise(
             also = ("sweep",) if swept else ()
             words = [(*quality[id(c)].flags, *also) for c in analysis.responses]
             blocks["noise.txt"].append(noise_lines(response, words))
+            units["noise.txt"] |= zip(response.channels, response.units, strict=True)
             notes.append(
                 f"{response.units[0]} over {response.reference}, {response.estimator}, {response.n_blocks} blocks, "
                 f"{response.n_effective:.1f} independent"
@@ -151,11 +153,13 @@ def _noise(
                 blocks["other.txt"].append(other_lines(levels, tuple(c.role for c in analysis.channels)))
             else:
                 blocks["bands.txt"].append(band_lines(levels))
+                units["bands.txt"] |= zip(levels.channels, (r.text for r in levels.references), strict=True)
 
     del transfer, bands
     _few_at_once(recording, used, write)
     texts = {table: "".join(lines) for table, lines in blocks.items()}
-    return _with_rest(replace(found, blocks=texts, about=(*found.about, *notes)), recording, faults, taken)
+    found = replace(found, blocks=texts, about=(*found.about, *notes), units=dict(units))
+    return _with_rest(found, recording, faults, taken)
 
 
 def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:

@@ -27,6 +27,8 @@ class FileResult:
         Lines of each table.
     tone : ToneTable or None
         Of a sine recording, for the stepped-sine characteristic of its directory.
+    units : mapping
+        For tables without a column of units, by name: what the values of each channel are in, or are over 0 dB.
     set_aside : tuple of (channel, reason)
         Channels that gave no result; the channel is empty for the whole file.
     """
@@ -37,4 +39,5 @@ class FileResult:
     about: tuple[str, ...] = ()
     blocks: Mapping[str, str] = field(default_factory=dict)
     tone: ToneTable | None = None
+    units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     set_aside: tuple[tuple[str, str], ...] = ()

@@ -18,7 +18,7 @@ from specan.data.tone import ToneTable
 from specan.errors import RequestError
 from specan.io.output_file import remove_parts, text_file
 
-_SCHEMA, _SUFFIX = 2, ".result"
+_SCHEMA, _SUFFIX = 3, ".result"
 
 
 @dataclass(frozen=True)
@@ -108,6 +108,7 @@ class Store:
             "reason": result.reason,
             "about": result.about,
             "set_aside": result.set_aside,
+            "units": result.units,
             "tone": None if result.tone is None else _plain(result.tone),
             "checksum": zlib.crc32("".join(result.blocks.values()).encode()),
             "lines": {table: len(lines.encode()) for table, lines in result.blocks.items()},
@@ -160,7 +161,7 @@ def _result(found: Mapping[str, Any]) -> FileResult:
     if tone is not None:
         tone = ToneTable(**{name: _restored(value) for name, value in tone.items()})
     about, aside = _restored(found["about"]), _restored(found["set_aside"])
-    return FileResult(found["label"], found["kind"], found["reason"], about, {}, tone, aside)
+    return FileResult(found["label"], found["kind"], found["reason"], about, {}, tone, found["units"], aside)
 
 
 def _restored(value: Any) -> Any:

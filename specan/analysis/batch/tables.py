@@ -25,7 +25,7 @@ UNITS = {
     "reference at the tone, positive when the channel leads; u_phase_deg: standard uncertainty; "
     "magnitude_re_reference: tone_rms over reference_rms",
     "noise.txt": "magnitude: channel over reference; phase_deg: channel minus reference, positive when the channel "
-    "leads; u_magnitude_percent: standard uncertainty, random part",
+    "leads; u_magnitude_percent, u_phase_deg: standard uncertainties of noise, leakage, calibration and delay together",
     "bands.txt": "band_hz: nominal mid-band frequency, or total with its weighting; level_dB re the reference of "
     "the unit; u_dB: standard uncertainty",
     "other.txt": "rms: unit; level_dB re the reference of the unit; u_dB: standard uncertainty",

@@ -13,6 +13,7 @@ from bokeh.models import Button, Div, Select
 from specan.inspect.plots import plain
 from specan.inspect.sheets import notice, sheet
 from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked
 
@@ -83,7 +84,7 @@ class Ranking:
         ranked = self._ranked.get(uses)
         if ranked is not None:
             rows = [
-                [n.rpartition(".")[2], f"{p['value']:.3g}", f"{p['low']:.3g} to {p['high']:.3g}", p["unit"]]
+                [ParameterName(n).own, f"{p['value']:.3g}", f"{p['low']:.3g} to {p['high']:.3g}", p["unit"]]
                 for n, p in ranked.parameters.items()
             ]
             parts.append(sheet(["Parameter", "value", "95 %", "unit"], rows))
@@ -147,7 +148,7 @@ class Ranking:
 
 def uses_of(ranked: Ranked) -> Uses:
     """Written forms of the effects of a row, places and copies included: those that its parameters carry."""
-    return tuple(dict.fromkeys(name.rpartition(".")[0] for name in ranked.parameters)) or ranked.effects
+    return tuple(dict.fromkeys(ParameterName(name).owner for name in ranked.parameters)) or ranked.effects
 
 
 def _probability(p: float) -> str:

@@ -33,7 +33,7 @@ class TransferAgreement:
             for number, o in enumerate(recordings)
             for name in o.channels
         ]
-        self._unit = study.model.observables[recordings[0].observable].unit
+        self._unit = study.model.observables[str(recordings[0].observable[0])].unit
         self._found: list[MeasuredTransfer] = []
         self._before: list[MeasuredTransfer] | None = None
         self._title, self._first = "", True

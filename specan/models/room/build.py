@@ -10,6 +10,7 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan.models.catalogue import effects_in
+from specan.models.effect import Use
 from specan.models.model import Model, Nuisance, Words
 from specan.models.observable import Observable
 from specan.models.quantity import Condition, Quantity, constant
@@ -72,7 +73,7 @@ def build(rig: Mapping[str, Any]) -> Model:
                 "frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity.", kind="frf"
             ),
         },
-        nuisances=tuple(n for n in _nuisances(settings) if n.effect.partition("@")[0] not in unsuited),
+        nuisances=tuple(n for n in _nuisances(settings) if Use.parse(n.effect).name not in unsuited),
         axes={
             "wall": shape.walls,
             "microphone": microphones,

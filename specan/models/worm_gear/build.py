@@ -30,6 +30,7 @@ from specan.units import convert
 
 RPM = math.pi / 30
 BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
+OTHER_FORMS = {"bearing-friction": ("palmgren-bearings",)}
 
 # key of [uncertainty]: effect and parameter that it holds, factor from the key's unit to the parameter's
 CERTIFICATES = {
@@ -82,6 +83,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         effects=effects,
         observables={o.name: o for o in OBSERVABLES},
         base_effects=BASE_EFFECTS,
+        other_forms=OTHER_FORMS,
         nuisances=_nuisances(settings),
         axes={"bearing": _bearing_names(bearings)},
         rig=_rig_statement(settings, conditions),

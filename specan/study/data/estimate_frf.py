@@ -85,7 +85,7 @@ def observe_recording(
         "frequency": folding.nodes,
         "velocity_psd": _density_at(signals[0], rate, block, reference, folding.nodes),
     }
-    noise = _noise(recording, reference, channels_of_all, signals, found.frequency_hz, block, start)
+    noise = noise_of_lines(recording, reference, channels_of_all, signals, found.frequency_hz, block, start)
     plain = FrfObservation(
         name=recording.label,
         recording=recording.label,
@@ -124,7 +124,7 @@ def _before_a_fit(receivers: Receivers, plain: FrfObservation) -> dict[str, Any]
     return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": CommonErrors(receivers)}
 
 
-def _noise(
+def noise_of_lines(
     recording: Recording,
     reference: Channel,
     channels: Sequence[Channel],

@@ -47,7 +47,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     fitted, held_out, statements = [], [], []
     for file in wanted.measurements:
         whole, said = _observe(model, receivers, wanted, file)
-        aside = _put_aside(whole, file, wanted)
+        aside = put_aside(whole, file, wanted)
         if np.all(aside):
             raise RequestError(f"all channels of {file.name} are held out", remedy="hold out fewer")
         fitted.append(whole.take(~aside))
@@ -98,7 +98,7 @@ def _calibrated(recording: Recording, receivers: Receivers) -> list[str]:
     return [f"{recording.label}: sensitivities {reason}"] if reason else []
 
 
-def _put_aside(whole: FrfObservation, file: DataFile, wanted: MeasuredFiles) -> NDArray[np.bool_]:
+def put_aside(whole: FrfObservation, file: DataFile, wanted: MeasuredFiles) -> NDArray[np.bool_]:
     """Rows of the channels that ``channel=Mic 19,Mic 20`` names."""
     aside = np.zeros(whole.n, dtype=bool)
     for file_name, where in wanted.hold_out:
@@ -111,7 +111,7 @@ def _put_aside(whole: FrfObservation, file: DataFile, wanted: MeasuredFiles) -> 
             )
         labels = whole.labels[key.strip()]
         for name in names.split(","):
-            chosen = labels.astype(str) == name.strip()
+            chosen = np.array([_alike(label, name.strip()) for label in labels.tolist()])
             if not chosen.any():
                 raise RequestError(
                     f"{file.name} has no {key.strip()} {name.strip()!r}",
@@ -119,3 +119,8 @@ def _put_aside(whole: FrfObservation, file: DataFile, wanted: MeasuredFiles) -> 
                 )
             aside |= chosen
     return aside
+
+
+def _alike(label: object, name: str) -> bool:
+    """Whether a label is what a user wrote: ``25`` is the third octave 25.0."""
+    return f"{label:g}" == name if isinstance(label, float) else str(label) == name

@@ -18,6 +18,9 @@ from specan.study.observation import Array
 ASKED_FOR = 9.0  # gain in 2 log-likelihood that takes in a component: p = 0.01 over some four that are tried
 ASKED_FOR_MORE = 3.84  # the same for a second size of what is known to be there: p = 0.05
 
+ROUNDS = 4  # of weights for the slopes; the second differs from the first, the fourth hardly from the third
+LEAST_SHARE = 0.05  # of the scatter of set-ups that is at least their own and not that of their readings
+SCORING = 12  # steps of Fisher's scoring; each halves the error or better
 THERE = 0.1  # of a declared variance that must be found for it to be there at all
 
 
@@ -51,6 +54,7 @@ def pooled(
     components: Mapping[str, Array],
     declared: str = "",
     instrument: Array | None = None,
+    known: Array | None = None,
 ) -> VarianceFunction | None:
     """Variance of `values` about the means of their groups.
 
@@ -71,37 +75,93 @@ def pooled(
     instrument : array, optional
         Variance of a reading by the rig. With it the whole of `declared` and instrument has one free size;
         a second one is taken in where the data ask for it.
+    known : array, optional
+        Variance of each value that is known and is to be left out of what is returned: what the readings of a
+        set-up put into their mean.
 
     Returns
     -------
     VarianceFunction or None
         None where nothing is repeated.
     """
-    rest, dof = _within(values, groups, slopes)
-    if dof < 1:
-        return None
     _, index, counts = np.unique(groups, return_inverse=True, return_counts=True)
-    share = dof / float(np.sum(counts - 1))
     several = counts > 1
-    nu = np.asarray(share * (counts - 1)[several], dtype=float)
-    variance = np.bincount(index, rest**2)[several] / nu
-    constant = VarianceFunction(float(np.sum(nu * variance) / np.sum(nu)), 0.0, "", dof)
-    if constant.level == 0:  # repeats that agree to the last digit have no shape
-        return constant
     means = {
-        name: np.asarray(np.bincount(index, component)[several] / counts[several], dtype=float)
+        name: np.asarray(np.bincount(index, component) / counts, dtype=float)
         for name, component in components.items()
     }
-    best, misfit = constant, _misfit(variance, nu, np.full(nu.size, constant.level))
+    told = None if instrument is None else np.bincount(index, instrument) / counts
+    size, best = np.ones(counts.size), None
+    share = np.zeros(counts.size) if known is None else np.bincount(index, known) / counts
+    for _ in range(ROUNDS if slopes.shape[1] else 1):
+        rest, dof = _within(values, index, counts, slopes, size)
+        if dof < 1:
+            return None
+        nu = np.asarray(dof / float(np.sum(counts - 1)) * (counts - 1)[several], dtype=float)
+        variance = np.bincount(index, rest**2)[several] / nu
+        best = _likeliest(
+            _Variances(variance, nu, share[several]), {name: mean[several] for name, mean in means.items()},
+            declared, None if told is None else told[several], dof,
+        )  # fmt: skip
+        found = share + best.at(means, counts.size)
+        if not np.all(found > 0):  # repeats that agree to the last digit tell no weights
+            break
+        size = np.sqrt(found)
+    return best
+
+
+@dataclass(frozen=True)
+class _Variances:
+    """Variances of groups with their degrees of freedom, and the part of them that is known."""
+
+    found: Array
+    nu: Array
+    known: Array
+
+    def level(self, shape: Array) -> float:
+        """Size a of ``known + a * shape`` by maximum likelihood; at least `LEAST_SHARE` of that without `known`."""
+        whole = float(np.sum(self.nu * self.found / shape) / np.sum(self.nu))
+        if not np.any(self.known):
+            return whole
+        least, a = LEAST_SHARE * whole, whole
+        for _ in range(SCORING):
+            weight = self.nu * shape / (self.known + a * shape) ** 2
+            a = max(float(np.sum(weight * (self.found - self.known)) / np.sum(weight * shape)), least)
+        return a
+
+    def misfit(self, expected: Array) -> float:
+        """Minus twice the log-likelihood of the variances under chi-square laws, up to a constant."""
+        total = self.known + np.maximum(expected, 1e-300)
+        return float(np.sum(self.nu * (np.log(total) + self.found / total)))
+
+    def with_component(self, component: Array) -> tuple[float, float, float]:
+        """Level, share and misfit of a constant plus a component, their ratio on a fine grid."""
+        scaled = component / component.mean()
+        tried = []
+        for ratio in np.geomspace(0.03, 3000.0, 60):
+            shape = 1 + ratio * scaled
+            level = self.level(shape)
+            tried.append((self.misfit(level * shape), level, ratio))
+        misfit, level, ratio = min(tried)
+        return level, level * ratio / float(component.mean()), misfit
+
+
+def _likeliest(
+    of: _Variances, means: Mapping[str, Array], declared: str, told: Array | None, dof: float
+) -> VarianceFunction:
+    """The form that the variances of the groups ask for: a constant, or with one component."""
+    constant = VarianceFunction(of.level(np.ones(of.nu.size)), 0.0, "", dof)
+    if constant.level == 0:  # repeats that agree to the last digit have no shape
+        return constant
+    best, misfit = constant, of.misfit(np.full(of.nu.size, constant.level))
     if declared and np.any(means[declared] > 0):
-        told = None if instrument is None else np.bincount(index, instrument)[several] / counts[several]
-        known, left = _as_declared(variance, nu, means[declared], told, declared, dof)
+        known, left = _as_declared(of, means[declared], told, declared, dof)
         if known.share > THERE and left - misfit < ASKED_FOR:
             best, misfit = known, left
     most = ASKED_FOR
     for name, mean in means.items():
         if np.ptp(mean) > 0.05 * mean.max():
-            level, share, left = _with_component(variance, nu, mean)
+            level, share, left = of.with_component(mean)
             if misfit - left > most:
                 most = misfit - left
                 best = VarianceFunction(level, share, name, dof)
@@ -109,53 +169,43 @@ def pooled(
 
 
 def _as_declared(
-    variance: Array, nu: Array, setting: Array, instrument: Array | None, name: str, dof: float
+    of: _Variances, setting: Array, instrument: Array | None, name: str, dof: float
 ) -> tuple[VarianceFunction, float]:
     """Setting and instrument at one common size, or at two where the data ask for it; with its misfit."""
-    level, share, left = _with_component(variance, nu, setting)
+    level, share, left = of.with_component(setting)
     two = VarianceFunction(level, share, name, dof), left
     if instrument is None or not np.all(instrument > 0):
         return two
     shape = instrument + setting
-    size = float(np.sum(nu * variance / shape) / np.sum(nu))
-    left = _misfit(variance, nu, size * shape)
+    size = of.level(shape)
+    left = of.misfit(size * shape)
     one = VarianceFunction(size * float(np.mean(instrument)), size, name, dof), left
     return two if left - two[1] > ASKED_FOR_MORE else one
 
 
-def _within(values: Array, groups: NDArray[np.intp], slopes: Array) -> tuple[Array, int]:
-    """Residuals about group means with the slopes taken out, and their degrees of freedom."""
-    _, index, counts = np.unique(groups, return_inverse=True, return_counts=True)
+def _within(
+    values: Array, index: NDArray[np.intp], counts: NDArray[np.intp], slopes: Array, size: Array
+) -> tuple[Array, int]:
+    """Residuals about group means with the slopes taken out, and their degrees of freedom.
+
+    The slopes are fitted with weights, the inverse of the standard deviation `size` of each group: without them the
+    scatter of large readings would be put into the small ones, which it is not small for.
+    """
     dof = int(np.sum(counts - 1))
+    width = size[index]
 
     def centred(column: Array) -> Array:
-        return column - (np.bincount(index, column) / counts)[index]
+        return (column - (np.bincount(index, column) / counts)[index]) / width
 
     y = centred(values)
     x = np.stack([centred(c) for c in slopes.T], axis=1) if slopes.shape[1] else slopes
-    size = np.linalg.norm(x, axis=0)
-    x = x[:, size > 1e-12] / size[size > 1e-12]
+    length = np.linalg.norm(x, axis=0)
+    x = x[:, length > 1e-12 * max(length.max(initial=0.0), 1e-300)]
+    x = x / np.linalg.norm(x, axis=0)
     x = x[:, : dof // 3]  # no more of them than the repeats can bear
     if x.shape[1]:
         basis, s, _ = np.linalg.svd(x, full_matrices=False)
         basis = basis[:, s > 1e-8 * s[0]]
         y = y - basis @ (basis.T @ y)
         dof -= basis.shape[1]
-    return y, dof
-
-
-def _misfit(variance: Array, nu: Array, expected: Array) -> float:
-    """Minus twice the log-likelihood of variances under chi-square laws, up to a constant."""
-    return float(np.sum(nu * (np.log(expected) + variance / expected)))
-
-
-def _with_component(variance: Array, nu: Array, component: Array) -> tuple[float, float, float]:
-    """Level, share and misfit of a constant plus a component, their ratio on a fine grid."""
-    scaled = component / component.mean()
-    tried = []
-    for ratio in np.geomspace(0.03, 3000.0, 60):
-        shape = 1 + ratio * scaled
-        level = float(np.sum(nu * variance / shape) / np.sum(nu))
-        tried.append((_misfit(variance, nu, max(level, 1e-300) * shape), level, ratio))
-    misfit, level, ratio = min(tried)
-    return level, level * ratio / float(component.mean()), misfit
+    return y * width, dof

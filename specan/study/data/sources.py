@@ -17,6 +17,7 @@ from specan.study.observation import Observation
 KINDS = {
     "table": "specan.study.data.open_tables",
     "frf": "specan.study.data.open_recordings",
+    "transfer": "specan.study.data.open_transfer",
     "orders": "specan.study.data.open_orders",
 }
 ENTRY_POINTS = "specan.measurement_kinds"  # of installed packages: name = such a module

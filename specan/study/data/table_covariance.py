@@ -272,24 +272,18 @@ def _noise_of(
     reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
     told = is_declared(model, str(part.observable[0]))
     instrument = mean(declared) / np.bincount(mean.index) if told else None
+    again, in_means = _usable(reading, told), None
+    if again and reading is not None:  # back-to-back readings tell what an instrument puts into the means
+        in_means, instrument = mean(reading.at(grows, part.n)) / np.bincount(mean.index), None
+    grown = {n: mean(c) for n, c in grows.items()}
     setup = pooled(
-        mean(rest),
-        part.replicate_group[first],
-        means,
-        {n: mean(c) for n, c in grows.items()},
-        SETTING,
-        instrument,
-    )
+        mean(rest), part.replicate_group[first], means, grown, SETTING, instrument, in_means
+    )  # fmt: skip
     measured = model.observables[str(part.observable[0])]
     column, unit = measured.header, f" {printed_unit(measured.unit)}".rstrip()
-    several = float(np.mean(np.bincount(np.unique(part.setup, return_inverse=True)[1])))
     anew = _usable(setup, told)
-    again = _usable(reading, told)
     if anew:
         assert setup is not None
-        if again:
-            assert reading is not None
-            setup = _less(setup, reading, several)
         words = _told(setup, rows.setups_from, "set anew", unit, grows)
         said = [words] + ([_told(reading, rows.setups_from, "back to back", unit, grows)] if again else [])
         pure = setup.dof + (reading.dof if again and reading is not None else 0.0)
@@ -328,12 +322,6 @@ class _SetupMeans:
 
 def _usable(found: VarianceFunction | None, declared: bool) -> bool:
     return found is not None and found.dof >= (ENOUGH if declared else LEAST) and found.level > 0
-
-
-def _less(setup: VarianceFunction, reading: VarianceFunction, readings: float) -> VarianceFunction:
-    """Scatter of set-ups less the share that the readings of a set-up put into their mean."""
-    level = max(setup.level - reading.level / readings, 0.05 * setup.level)
-    return VarianceFunction(level, setup.share, setup.component, setup.dof)
 
 
 def _slopes(rows: Rows, predicted: Array) -> Array:

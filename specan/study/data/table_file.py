@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,6 +31,8 @@ class TableFile:
         Line number of each row, for messages.
     cell_units : dict
         Header to the unit that stands behind the numbers themselves: ``percent`` for ``85 %``.
+    words : dict
+        Header to the cells of the columns that are read as text.
     """
 
     path: Path
@@ -38,6 +40,7 @@ class TableFile:
     steps: dict[str, float]
     lines: np.ndarray
     cell_units: dict[str, str] = field(default_factory=dict)
+    words: dict[str, list[str]] = field(default_factory=dict)
 
     def rows(self, mask: np.ndarray, most: int = 5) -> str:
         """The lines of some rows in words: ``line 4, 7 and 12 more``."""
@@ -59,6 +62,7 @@ def read_table(
     path: Path,
     content: bytes | None = None,
     choose: Callable[[Iterable[str]], dict[str, str]] | None = None,
+    texts: Collection[str] = (),
 ) -> TableFile:
     """Read a table with one header line; ``#`` begins a comment line.
 
@@ -72,6 +76,8 @@ def read_table(
         The file's content where it has been read (and hashed) already.
     choose : callable, optional
         Given the headers, returns ``{header: name}`` of the columns to read; all under their own names by default.
+    texts : collection of str
+        Names of columns whose cells are names, not numbers.
 
     Raises
     ------
@@ -94,12 +100,15 @@ def read_table(
     _check_lengths(path, header, cells, lines)
     kept = [name for name in header if name and not name.startswith("note")]
     names = {name: name for name in kept} if choose is None else choose(kept)
-    columns, steps, units = {}, {}, {}
+    columns, steps, units, named = {}, {}, {}, {}
     for k, title in enumerate(header):
         name = names.get(title)
         if name is None:
             continue
         words = [row[k].strip() if k < len(row) else "" for row in cells]
+        if name in texts:
+            named[name] = words
+            continue
         if any(word.endswith("%") for word in words):
             words, units[name] = [word.removesuffix("%").strip() for word in words], "percent"
         columns[name] = np.array(
@@ -109,7 +118,7 @@ def read_table(
             ]
         )
         steps[name] = printed_step(words)
-    return TableFile(path, columns, steps, np.array(lines), units)
+    return TableFile(path, columns, steps, np.array(lines), units, named)
 
 
 def _text_sheet(path: Path, raw: bytes) -> _Sheet:

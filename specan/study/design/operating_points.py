@@ -145,7 +145,7 @@ def _positions(rivals: Sequence[Refit], count: int) -> list[Proposal]:
     """Places for receivers that separate the rivals."""
     names = [_name(r) for r in rivals]
     model = rivals[0].problem.assembly.model
-    unit = model.observables[rivals[0].problem.observations[0].observable].unit  # type: ignore[attr-defined]
+    unit = model.observables[str(rivals[0].problem.observations[0].observable[0])].unit  # type: ignore[attr-defined]
     noun = _noun(model)
     return [
         Proposal(
@@ -235,7 +235,7 @@ def _planned(problem: Problem, grid: Mapping[str, Array]) -> TableObservation:
         conditions=conditions,
         covariance=np.diag(sigma**2),
         labels={},
-        recordings=observation.recordings[:1],
+        recordings=problem.recordings,  # each its own elements of a parameter; the readings count to the first
         recording=np.zeros(size, dtype=np.intp),
         parts={},
         series=None,

@@ -18,19 +18,19 @@ _FOURTH_AT_AN_END: _Rule = ((1, 2, 3, 4), (4.0, -3.0, 4 / 3, -1 / 4), -25 / 12)
 
 
 def usual_stencil(
-    theta: Array, scale: Array, low: Array, high: Array, expensive: bool
+    theta: Array, scale: Array, low: Array, high: Array, exact: bool
 ) -> tuple[list[Array], Array]:
     """Points around theta (itself first, where it counts) and the weights that make derivatives of their predictions.
 
-    Central differences; one-sided ones of second order where a bound is near. Where an evaluation is
-    expensive, plain one-sided ones: what they err by, the step's share of the parameter's width, no step
+    Central differences; one-sided ones of second order where a bound is near. Plain one-sided ones where they
+    need not be `exact`: what they err by, the step's share of the parameter's width, no step
     of a fit and no interval shows.
     """
     steps = STEP * np.maximum(scale, np.abs(theta))
     steps = (theta + steps) - theta
     rules = []
     for k, step in enumerate(steps):
-        if expensive:
+        if not exact:
             rules.append(_mirrored(_FORWARD) if theta[k] + step > high[k] else _FORWARD)
         elif theta[k] - step < low[k]:
             rules.append(_AT_AN_END)
@@ -52,7 +52,7 @@ def chosen_stencil(
     >>> none = np.array([np.inf])
     >>> points, weights = chosen_stencil(np.array([1.0]), np.array([1e-3]), -none, none, 4)
     >>> derivative = np.exp(np.array(points)[:, 0]) @ weights
-    >>> abs(derivative[0] - np.e) < 1e-12
+    >>> bool(abs(derivative[0] - np.e) < 1e-12)
     True
     """
     inside, at_an_end = (_FOURTH, _FOURTH_AT_AN_END) if order == 4 else (_CENTRAL, _AT_AN_END)

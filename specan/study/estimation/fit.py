@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError, RequestError, nearest
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.levenberg_marquardt import Minimum, descend
 from specan.study.estimation.problem import Problem
 from specan.study.estimation.refinement import MOST_JACOBIANS, refine
@@ -45,14 +46,14 @@ class Fit:
         Probability of a worse fit of a true model, see `misfit_p_value`.
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     theta: Array
     values: Mapping[str, Any]
     chi2: float
     residual: Array
     jacobian: Array
     covariance: Array
-    at_bound: tuple[str, ...]
+    at_bound: tuple[ParameterName, ...]
     converged: bool
     n_effective: float
     dof: float
@@ -79,7 +80,8 @@ def fit(
         Theta, or SI values by name, to start from; the problem's own start by default.
     starts : int
         Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
-        so that the same problem always gives the same answer. Only the first where an evaluation is expensive.
+        so that the same problem always gives the same answer. Only the first without
+        `Strategy.further_starts`.
     max_evaluations : int
         Trust-region steps that one start may take before another method is tried.
 
@@ -98,7 +100,7 @@ def fit(
         )
     best: Minimum | None = None
     reason = "no start gave finite values"
-    for theta0 in [first, *_other_starts(problem, 0 if problem.expensive else starts - 1)]:
+    for theta0 in [first, *_other_starts(problem, starts - 1 if problem.strategy.further_starts else 0)]:
         try:
             found = _descend(problem, theta0, max_evaluations)
         except ComputationError as fault:
@@ -111,7 +113,7 @@ def fit(
             f"the fit of {', '.join(problem.names) or 'no parameter'} failed: {reason}",
             remedy="give other start values or narrower bounds, or take an effect out",
         )
-    if best.theta.size and not problem.expensive:
+    if best.theta.size and problem.strategy.exact_minimum:
         best, _ = refine(problem, best.theta)
     return describe(problem, best.theta, best.residual, best.jacobian)
 
@@ -121,8 +123,8 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> Minimum:
     if theta0.size == 0:
         residual = _finite(problem.residual(theta0))
         return Minimum(theta0, residual, np.empty((residual.size, 0)), float(residual @ residual))
-    if problem.expensive:
-        return descend(problem, _nearer(problem, theta0) if problem.multimodal else theta0)
+    if not problem.strategy.exact_minimum:
+        return descend(problem, _nearer(problem, theta0) if problem.strategy.continuation else theta0)
     from scipy.optimize import least_squares
 
     low, high = problem.bounds()
@@ -180,7 +182,7 @@ def _other_starts(problem: Problem, count: int) -> list[Array]:
 def _plausible(problem: Problem) -> tuple[Array, Array]:
     low, high = problem.bounds()
     start, scale = problem.start(), problem.scale
-    inner = [problem.assembly.parameters[name.split("[")[0]].si for name in problem.names]
+    inner = [problem.assembly.parameters[name.whole].si for name in problem.names]
     low = np.maximum(low, [s.min for s in inner])
     high = np.minimum(high, [s.max for s in inner])
     low = np.where(np.isfinite(low), low, start - 2 * scale)
@@ -219,7 +221,7 @@ def describe(
     )
 
 
-def _snap(problem: Problem, theta: Array) -> tuple[Array, tuple[str, ...]]:
+def _snap(problem: Problem, theta: Array) -> tuple[Array, tuple[ParameterName, ...]]:
     """Put parameters that stopped a hair from an end of their domain on it, where that is no worse."""
     if not theta.size:
         return theta, ()

@@ -21,8 +21,7 @@ Array = NDArray[np.float64]
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
 STALL_TOLERANCE = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
-EXPENSIVE_FACTOR = 20.0  # times of that where an evaluation is expensive
-POOR_FIT = 10.0  # reduced chi-square above which the exact minimum of an expensive fit is of no interest
+POOR_FIT = 10.0  # reduced chi-square above which the exact minimum of a frugal fit is of no interest
 FAR_TOLERANCE = 0.05  # share by which five Jacobians have to lower chi-square there to be worth going on
 MOST_JACOBIANS = 25
 SCREENING_JACOBIANS = 3  # Jacobians that each of several starts is led by before the others are left
@@ -59,7 +58,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
     Raises
     ------
     ComputationError
-        Not finite at the start, or not settled after 25 Jacobians. A model that is far from expensive data and slides
+        Not finite at the start, or not settled after 25 Jacobians. A model that is far from many data and slides
         along a valley is taken where it is: nothing is concluded from its exact minimum.
     """
     descent = _Descent(problem, np.asarray(start, dtype=float))
@@ -113,9 +112,7 @@ def best_screened(problem: Problem, starts: Sequence[Array]) -> Array:
 
 def unit(problem: Problem, chi2: float) -> float:
     """Chi-square per degree of freedom, at least one; the unit of the convergence tolerances."""
-    return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * (
-        EXPENSIVE_FACTOR if problem.expensive else 1.0
-    )
+    return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * problem.strategy.tolerance
 
 
 class _Descent:
@@ -129,7 +126,7 @@ class _Descent:
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")
         self.residual = residual
-        self.damping = FAR_START if problem.expensive else LEAST_START
+        self.damping = LEAST_START if problem.strategy.exact_minimum else FAR_START
 
     @property
     def chi2(self) -> float:
@@ -142,7 +139,7 @@ class _Descent:
     @property
     def little(self) -> float:
         """By how much five Jacobians must lower chi-square to be worth going on."""
-        far_off = self.problem.expensive and self.chi2 > POOR_FIT * (
+        far_off = self.problem.strategy.pruning and self.chi2 > POOR_FIT * (
             self.problem.n_data + self.problem.n_priors
         )
         return FAR_TOLERANCE * self.chi2 if far_off else STALL_TOLERANCE * self.unit

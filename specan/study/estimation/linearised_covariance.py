@@ -32,7 +32,7 @@ def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
     starts : sequence of mapping
         SI values from which the continuation fit sets out; those that lack stand as the problem has them.
     """
-    if not problem.state_dependent:
+    if not problem.strategy.linearised_covariance:
         return problem
     values: Mapping[str, Any] = continuation_fit(problem, starts)
     near = about(problem, problem.assembly, values)

@@ -155,6 +155,6 @@ def _carried_over(problem: Problem, best: Fit, joint: Problem) -> tuple[Array, A
             covariance[k, other] = best.covariance[old, old_other]
     for k, name in enumerate(joint.names):
         if name not in place:
-            fitted = [best.theta[i] for n, i in place.items() if n.split("[")[0] == name.split("[")[0]]
+            fitted = [best.theta[i] for n, i in place.items() if n.whole == name.whole]
             theta[k], covariance[k, k] = np.mean(fitted), np.var(fitted)
     return theta, covariance

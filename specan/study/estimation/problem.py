@@ -26,11 +26,12 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.finite_differences import chosen_stencil, usual_stencil
 from specan.study.estimation.known_ranges import KnownRanges
 from specan.study.observation import Array, Observation
+from specan.study.observation.strategy import Strategy, joined
 
-EXPENSIVE_ROWS = 2000  # rows from which an evaluation of the model is expensive
 SUBSAMPLE_ROWS = 5000  # rows of a subsample
 
 
@@ -101,10 +102,10 @@ class Problem:
         return tuple(dict.fromkeys(r for o in self.observations for r in o.recordings))
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[ParameterName, ...]:
         """Name of every element of theta: ``churning.exponent``, ``gain-error.gain[Channel 3]``."""
         return tuple(
-            f"{name}[{element}]" if element else name
+            ParameterName(name).at(element)
             for name in self.free
             for element in self.elements.get(name, ("",))
         )
@@ -118,20 +119,10 @@ class Problem:
         """Number of measured values."""
         return sum(o.n for o in self.observations)
 
-    @property
-    def state_dependent(self) -> bool:
-        """Whether covariances depend on where the model is (see `specan.study.estimation.linearised_covariance`)."""
-        return any(o.state_dependent for o in self.observations)
-
-    @property
-    def multimodal(self) -> bool:
-        """Whether the data are narrow peaks, which a fit from a poor start misses (`estimation.continuation`)."""
-        return any(o.multimodal for o in self.observations)
-
-    @property
-    def expensive(self) -> bool:
-        """Whether an evaluation is worth saving."""
-        return self.n_data > EXPENSIVE_ROWS
+    @cached_property
+    def strategy(self) -> Strategy:
+        """How it is fitted and searched."""
+        return joined([o.strategy for o in self.observations], self.n_data)
 
     @cached_property
     def n_effective(self) -> float:
@@ -217,9 +208,10 @@ class Problem:
         A leak that is smaller than those one usually finds is a leak nevertheless.
         """
         si, model = self.assembly.parameters[name].si, self.assembly.model
-        owner, _, own = name.rpartition(".")
+        owner, own = ParameterName(name).owner, ParameterName(name).own
         acting = {str(use): use for use in self.assembly.uses}
-        if owner not in acting or owner in map(str, model.base_effects):
+        base = {*model.base_effects, *(form for forms in model.other_forms.values() for form in forms)}
+        if owner not in acting or owner in base:
             return si.min, si.max
         neutral = model.effects[acting[owner].name].neutral_si.get(own, si.min)
         return min(si.min, neutral), max(si.max, neutral)
@@ -267,7 +259,7 @@ class Problem:
             return [np.empty((o.n, 0)) for o in self.observations]
         low, high = self.bounds()
         if steps is None:
-            points, weights = usual_stencil(theta, self.scale, low, high, self.expensive)
+            points, weights = usual_stencil(theta, self.scale, low, high, self.strategy.exact_minimum)
         else:
             points, weights = chosen_stencil(theta, steps, low, high, order)
         many = [self.values_at(p) for p in points]
@@ -454,13 +446,13 @@ def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
         parameter = effect.parameters[nuisance.parameter]
         mean = effect.neutral_si[nuisance.parameter]
         sd = abs(parameter.to_si(effect.neutral[nuisance.parameter] + nuisance.prior_sd) - mean)
-        name = f"{use}.{nuisance.parameter}"
+        name = ParameterName.of(use, nuisance.parameter)
         priors[name], values[name] = (mean, sd), mean
         free.append(name)
         new.add(use)
     for use in new:  # parameters without a prior rest where the effect vanishes
-        for name, value in model.effects[use.name].neutral_si.items():
-            values.setdefault(f"{use}.{name}", value)
+        for own, value in model.effects[use.name].neutral_si.items():
+            values.setdefault(ParameterName.of(use, own), value)
     return replace(
         problem,
         assembly=model.assemble({*problem.assembly.uses, *new}),
@@ -473,5 +465,5 @@ def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
 
 def _owned(name: str, uses: Sequence[Use]) -> bool:
     """Whether a parameter's full name belongs to one of the uses."""
-    owner = name.rpartition(".")[0]
+    owner = ParameterName(name).owner
     return any(owner == str(use) for use in uses)

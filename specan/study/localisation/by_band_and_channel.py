@@ -9,14 +9,14 @@ the model is off there is said in plain dB and degrees (`specan.study.localisati
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models import Receivers
+from specan.models import Model
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import LEAST_SHARE, LeftOut
@@ -59,6 +59,24 @@ class Failure:
     def clarity(self) -> float:
         """The larger of both z, as a size."""
         return max(abs(self.z), abs(self.z_phase))
+
+
+@dataclass(frozen=True)
+class Grouping:
+    """Which channels a failure is looked for at together, and what they are called."""
+
+    plural: str
+    groups: Callable[[Sequence[str]], Mapping[str, list[int]]]
+    label: str
+    words: str
+
+    @classmethod
+    def of(cls, model: Model) -> Grouping:
+        """What a model says of its receivers; of a model without places, each channel stands for itself."""
+        known = model.receivers
+        if known is None:
+            return cls("channels", lambda channels: {}, "group", "channels")
+        return cls(known.plural, known.groups, known.group_label, known.group_words)
 
 
 class Cells:
@@ -186,15 +204,15 @@ def by_band_and_channel(problem: Problem, best: Fit) -> Localisation:
     """Find third octaves, receivers and groups of them at which a fitted model of transfer functions fails."""
     cells = Cells(LeftOut(problem, best))
     words = Words(problem, best, cells)
-    receivers = _receivers(problem)
-    near = receivers.groups(cells.channels)
+    grouping = Grouping.of(problem.assembly.model)
+    near = grouping.groups(cells.channels)
     variables = {
         **problem.observations[0].variables,
-        receivers.group_label: Variable(receivers.group_words, before=True),
+        grouping.label: Variable(grouping.words, before=True),
     }
     blocks = [
         _block(cells, words, problem, where, m, b, variables)
-        for where, m, b in _places(cells, near, receivers.group_label)
+        for where, m, b in _places(cells, near, grouping.label)
     ]
     passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
@@ -202,7 +220,7 @@ def by_band_and_channel(problem: Problem, best: Fit) -> Localisation:
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: (b.p_value, -b.statistic))),
         trends=_trends(cells, problem, variables),
-        notes=tuple(_sentences(cells, words, near, receivers)) if fails else (),
+        notes=tuple(_sentences(cells, words, near, grouping)) if fails else (),
     )
 
 
@@ -240,7 +258,7 @@ def _block(
                    & np.isin(o.labels["channel"], [cells.channels[m] for m in channels])))
         for o in problem.observations
     )  # fmt: skip
-    observable = problem.observations[0].observable  # type: ignore[attr-defined]
+    observable = str(problem.observations[0].observable[0])  # type: ignore[attr-defined]
     relative = 100 * (10 ** (found.level_dB / 20) - 1)
     p = misfit_p_value(statistic, dof, problem.noise_dof) if dof else float("nan")
     unit = problem.assembly.model.observables[observable].unit
@@ -261,10 +279,10 @@ def _trends(cells: Cells, problem: Problem, variables: Mapping[str, Variable]) -
 # --- sentences ---------------------------------------------------------------------------------------
 
 
-def _sentences(cells: Cells, words: Words, near: Mapping[str, list[int]], receivers: Receivers) -> list[str]:
+def _sentences(cells: Cells, words: Words, near: Mapping[str, list[int]], grouping: Grouping) -> list[str]:
     """The clearest places, each a run of third octaves at some receivers; none twice."""
-    groups: list[tuple[str, list[int]]] = [(f"all {receivers.plural}", list(range(len(cells.channels))))]
-    groups += [(f"{receivers.group_words} {group}", inside) for group, inside in near.items()]
+    groups: list[tuple[str, list[int]]] = [(f"all {grouping.plural}", list(range(len(cells.channels))))]
+    groups += [(f"{grouping.words} {group}", inside) for group, inside in near.items()]
     groups += [(name, [m]) for m, name in enumerate(cells.channels)]
     count = len(cells.bands)
     ends = [(a, a + n) for n in range(1, LONGEST_RUN + 1) for a in range(count - n + 1)]
@@ -298,9 +316,3 @@ def _edges(bands: Array) -> str:
 
 def _text(found: Failure) -> str:
     return level_and_phase(found.level_dB, found.z, found.phase_deg, found.z_phase)
-
-
-def _receivers(problem: Problem) -> Receivers:
-    receivers = problem.assembly.model.receivers
-    assert receivers is not None, "transfer functions without receivers"
-    return receivers

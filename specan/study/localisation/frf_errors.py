@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.study.observation import Array
-from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
+from specan.study.observation.frf import FrfObservation
 
 Complex = NDArray[np.complex128]
 DB = 20 / np.log(10)
@@ -156,9 +156,8 @@ def _cell(
     weight = np.conj(measured) / energy
     number = np.round(observation.frequency_hz[lines] / observation.line_hz).astype(int)
     apart = np.abs(number[:, None] - number)
-    correlation = np.where(
-        apart < len(LINE_CORRELATION), np.array(LINE_CORRELATION)[np.minimum(apart, 2)], 0.0
-    )
+    known = np.array(observation.line_correlation)
+    correlation = np.where(apart < known.size, known[np.minimum(apart, known.size - 1)], 0.0)
     noisy = weight * observation.noise[mic, lines]
     random = float(np.real(np.conj(noisy) @ correlation @ noisy))
     common = weight @ observation.common[mic, lines]

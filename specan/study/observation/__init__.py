@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
+from specan.study.observation.strategy import Strategy
 from specan.study.observation.variable import Variable
 
 Array = NDArray[np.float64]
@@ -98,18 +99,14 @@ class Observation(Protocol):
         """About so many rows, cheaper to predict, with the residual that the whole has at these values."""
 
     @property
-    def multimodal(self) -> bool:
-        """Whether the rows are narrow peaks, which a fit from far off does not see."""
+    def strategy(self) -> Strategy:
+        """How fits and searches over these data are run."""
 
     def down_weighted(self, percent: float) -> Observation:
-        """The same with every row uncertain by so much of the level around it; itself where nothing is `multimodal`."""
+        """The same with every row uncertain by so much of the level around it; itself without `continuation`."""
 
     def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
         """The same without windows, as far as the model at these values knows what they do; itself where none are."""
-
-    @property
-    def state_dependent(self) -> bool:
-        """Whether the covariance depends on where the model is."""
 
     def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> Observation:
         """The same with a covariance that is linearised about the model at these values; itself where it is not.

@@ -62,7 +62,7 @@ class CommonErrors:
             1j * response * np.radians(errors.calibration_phase_deg),
         ]
         of_all: list[Complex] = []
-        for part in _piecewise_linear_basis(frequency_hz):
+        for part in piecewise_linear_basis(frequency_hz):
             level = np.sqrt(np.mean(part * np.abs(response) ** 2) / np.mean(part))
             of = [errors.discrepancy * response, 0.5 * errors.discrepancy * level + 0 * response]
             found += [part * size * turn for size in of for turn in (1, 1j)]
@@ -111,7 +111,7 @@ def moved_to(
     return whole, [{**values, **{n: values.get(n, 0.0) + d for n, d in by.items()}} for values in many]
 
 
-def _piecewise_linear_basis(frequency_hz: Array) -> Array:
+def piecewise_linear_basis(frequency_hz: Array) -> Array:
     """Hat functions a third of an octave apart: a smooth error is a mixture of them."""
     place = DISCREPANCY_BANDS * np.log2(frequency_hz)
     centres = np.arange(np.floor(place[0]), np.ceil(place[-1]) + 1)

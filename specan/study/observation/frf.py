@@ -14,8 +14,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models import Assembly
+from specan.models import Assembly, Evaluation
 from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to
+from specan.study.observation.strategy import Strategy
 from specan.study.observation.variable import Variable
 from specan.study.observation.window_leakage import Folding
 
@@ -67,8 +68,12 @@ class FrfObservation:
         Where the receivers probably stand, m from the drawing: `shared` holds the slopes there.
     offset : complex array (receivers, lines)
         Added to a prediction for the moved places: back along the slopes to the drawn ones.
-    observable : str
-        Name of the model's observable.
+    quantities : tuple of str
+        Instead of `quantity`, one for each channel.
+    observables : tuple of str
+        Name of the model's observable; or one for each channel.
+    line_correlation : tuple of float
+        Correlation of the random errors of lines 0, 1, 2 ... apart; (1,) where lines are independent.
     """
 
     name: str
@@ -88,7 +93,9 @@ class FrfObservation:
     moved: Array | None = None
     offset: Complex | float = 0.0
     modal: Complex | None = None
-    observable: str = "frf"
+    quantities: tuple[str, ...] = ()
+    observables: tuple[str, ...] = ("frf",)
+    line_correlation: tuple[float, ...] = LINE_CORRELATION
     kind: ClassVar[str] = "frf"
 
     @property
@@ -143,6 +150,12 @@ class FrfObservation:
         return {"frequency": self._rows(np.broadcast_to(self.frequency_hz, self.kept.shape))}
 
     @cached_property
+    def observable(self) -> NDArray[np.str_]:
+        """Observable of every row."""
+        names = np.array(self.observables)[:, None]
+        return self._rows(np.broadcast_to(names, self.kept.shape))
+
+    @cached_property
     def labels(self) -> Mapping[str, NDArray[Any]]:
         """Third octave and receiver of every row."""
         band = np.round(10 * np.log10(self.frequency_hz / 1000.0)).astype(int)
@@ -172,15 +185,17 @@ class FrfObservation:
         first: Any = None
         if self.moved is not None:
             assembly, many = moved_to(assembly, many, self.moved)
+        wanted = list(dict.fromkeys(self.quantities or (self.quantity,)))
         for values in many:
-            evaluation = assembly.evaluate(
-                self.conditions_at_nodes,
-                values,
-                wanted=[self.quantity],
-                after=first,
-                changed=() if first is None else _changed(many[0], values),
-            )
-            out.append(self.folding(evaluation[self.quantity]) + self.offset)
+            with np.errstate(all="ignore"):  # what is not finite is told by the fit
+                evaluation = assembly.evaluate(
+                    self.conditions_at_nodes,
+                    values,
+                    wanted=wanted,
+                    after=first,
+                    changed=() if first is None else _changed(many[0], values),
+                )
+            out.append(self.folding(self._at_nodes(evaluation)) + self.offset)
             first = evaluation if first is None else first
         return out
 
@@ -219,9 +234,9 @@ class FrfObservation:
         return replace(self, kept=kept)
 
     @property
-    def state_dependent(self) -> bool:
-        """Whether errors are declared that act through the field."""
-        return self.declared is not None
+    def strategy(self) -> Strategy:
+        """Narrow peaks, and a covariance about a fit where errors are declared that act through the field."""
+        return Strategy(continuation=True, linearised_covariance=self.declared is not None)
 
     def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> FrfObservation:
         """The same with the declared errors where the model at these values says that they act.
@@ -292,11 +307,6 @@ class FrfObservation:
         plain = part.responses(assembly, [values])[0]
         return replace(part, response=part.response + plain - folded)
 
-    @property
-    def multimodal(self) -> bool:
-        """Yes."""
-        return True
-
     def down_weighted(self, percent: float) -> FrfObservation:
         """A few lines, predicted without windows, each known to `percent` of the RMS around it."""
         used = np.flatnonzero(self.kept.any(axis=0))
@@ -335,6 +345,14 @@ class FrfObservation:
 
     # --- how it is done -----------------------------------------------------------------------
 
+    def _at_nodes(self, evaluation: Evaluation) -> Complex:
+        """Transfer functions (receivers, nodes) out of what the model was evaluated to."""
+        if not self.quantities:
+            whole: Complex = evaluation[self.quantity]
+            return whole
+        size = self.folding.nodes.shape
+        return np.stack([np.broadcast_to(evaluation[q], size) for q in self.quantities]).astype(complex)
+
     def _conditions_at(self, frequency: Array) -> dict[str, Array]:
         known = self.conditions_at_nodes.items()
         return {name: np.interp(frequency, self.folding.nodes, value) for name, value in known}
@@ -354,7 +372,8 @@ class FrfObservation:
     def _whiteners(self) -> list[_Whitener]:
         number = np.round(self.frequency_hz / self.line_hz).astype(int)
         return [
-            _Whitener.make(number[k], self.noise[m][k], self.shared[m][k]) for m, k in enumerate(self.kept)
+            _Whitener.make(number[k], self.noise[m][k], self.shared[m][k], self.line_correlation)
+            for m, k in enumerate(self.kept)
         ]
 
 
@@ -368,15 +387,17 @@ class _Whitener:
     shrink: Array  # by how much each direction of the basis is shortened
 
     @classmethod
-    def make(cls, number: NDArray[np.intp], sigma: Array, shared: Complex) -> _Whitener:
+    def make(
+        cls, number: NDArray[np.intp], sigma: Array, shared: Complex, correlation: tuple[float, ...]
+    ) -> _Whitener:
         from scipy.linalg import cholesky_banded
 
-        banded = np.zeros((len(LINE_CORRELATION), len(number)))
+        banded = np.zeros((len(correlation), len(number)))
         banded[0] = 1.0
-        for lag in (1, 2):
+        for lag in range(1, len(correlation)):
             gap = number[lag:] - number[:-lag]
-            for distance in (1, 2):
-                banded[lag, : len(gap)] += np.where(gap == distance, LINE_CORRELATION[distance], 0.0)
+            for distance in range(1, len(correlation)):
+                banded[lag, : len(gap)] += np.where(gap == distance, correlation[distance], 0.0)
         plain = cls(sigma, cholesky_banded(banded, lower=True), np.empty((2 * len(number), 0)), np.empty(0))
         if not len(number) or not shared.shape[1]:
             return plain
@@ -392,7 +413,7 @@ class _Whitener:
         if not lines:
             return both
         scaled = (both / self.sigma[:, None]).transpose(1, 0, 2).reshape(lines, -1)
-        scaled = solve_banded((len(LINE_CORRELATION) - 1, 0), self.banded, scaled, check_finite=False)
+        scaled = solve_banded((len(self.banded) - 1, 0), self.banded, scaled, check_finite=False)
         white = scaled.reshape(lines, 2, -1).transpose(1, 0, 2).reshape(2 * lines, -1)
         if self.basis.size:
             white = white - self.basis @ (self.shrink[:, None] * (self.basis.T @ white))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
+from specan.study.observation.strategy import TABLE, Strategy
 from specan.study.observation.variable import Variable
 
 Array = NDArray[np.float64]
@@ -73,8 +74,7 @@ class OrderLinesObservation:
     observable: str = "lines"
     pure_error_dof: ClassVar[float] = 0.0
     kind: ClassVar[str] = "orders"
-    multimodal: ClassVar[bool] = False
-    state_dependent: ClassVar[bool] = False
+    strategy: ClassVar[Strategy] = TABLE
 
     @property
     def n(self) -> int:

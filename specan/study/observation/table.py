@@ -14,6 +14,7 @@ from specan.errors import InputError
 from specan.models import Assembly
 from specan.study.observation import Array
 from specan.study.observation.row_coupling import knowledge, rows_are_coupled
+from specan.study.observation.strategy import TABLE, Strategy
 from specan.study.observation.variable import Variable
 
 
@@ -58,6 +59,7 @@ class TableObservation:
     lines: NDArray[np.int_] | None = None
     replicate_group: NDArray[np.intp] | None = None
     kind: ClassVar[str] = "table"
+    strategy: ClassVar[Strategy] = TABLE
 
     def __post_init__(self) -> None:
         if not np.all(np.isfinite(self.measured)):
@@ -115,11 +117,6 @@ class TableObservation:
             return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
         return self._root @ array
 
-    @property
-    def state_dependent(self) -> bool:
-        """No: the covariance was found without the model."""
-        return False
-
     def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> TableObservation:
         """Itself."""
         return self
@@ -127,11 +124,6 @@ class TableObservation:
     def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> TableObservation:
         """All of it: a table's rows are cheap."""
         return self
-
-    @property
-    def multimodal(self) -> bool:
-        """No: nothing in a table is so narrow that a fit could pass by it."""
-        return False
 
     def down_weighted(self, percent: float) -> TableObservation:
         """Itself."""
@@ -197,22 +189,19 @@ class TableObservation:
         vector = knowledge(assembly).vector
         vector.update({n: False for n in varying if assembly.parameters[n].per not in ("", "recording")})
         if not all(vector.get(name, True) for name in varying):
-            return self._one_by_one(assembly, many)
+            return np.stack([self._evaluate(assembly, v) for v in many], axis=1)
         try:
             together = self._evaluate(assembly, self._spread(many, varying), len(many))
         except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
             vector.update(dict.fromkeys(varying, False))
-            return self._one_by_one(assembly, many)
+            return np.stack([self._evaluate(assembly, v) for v in many], axis=1)
         table = together.reshape(len(many), self.n).T
         if all(name in vector for name in varying):
             return table
-        single = self._one_by_one(assembly, many)
+        single = np.stack([self._evaluate(assembly, v) for v in many], axis=1)
         same = np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)
         vector.update(dict.fromkeys(varying, same))
         return single
-
-    def _one_by_one(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        return np.stack([self._evaluate(assembly, values) for values in many], axis=1)
 
     def _in_order(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Predictions of an effect that looks at earlier rows: whole recordings, one after the other."""
@@ -243,14 +232,18 @@ class TableObservation:
         value = np.asarray(value, dtype=float)
         return value[self._recording] if value.ndim else np.full(self.n, value)
 
-    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
-        """Predictions for the conditions repeated `times` times."""
-        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+    def by_row(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> dict[str, Any]:
+        """Values with one element a row for parameters of each recording, rows repeated `times` times."""
         prepared = dict(values)
         for name, value in values.items():
             if self._is_vector(assembly, name, value) and np.size(value) != self.n * times:
                 prepared[name] = np.tile(self._per_row(value), times)
-        found = self._quantities(assembly, conditions, prepared, self.n * times)
+        return prepared
+
+    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
+        """Predictions for the conditions repeated `times` times."""
+        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+        found = self._quantities(assembly, conditions, self.by_row(assembly, values, times), self.n * times)
         predicted = np.empty(self.n * times)
         for name, rows in self._rows.items():
             rows = np.tile(rows, times)

@@ -21,7 +21,6 @@ from specan.study.selection.starting_values import scan_shapes
 
 DISTINGUISHABLE = 10.0  # D below which two explanations are not told apart
 WIDE = 30.0  # D of the linearised distance within which a rival is refitted
-MOST_RIVALS, MOST_EXPENSIVE_RIVALS = 8, 3
 
 
 def distance(truth: Refit, rival: Refit) -> float:
@@ -73,17 +72,14 @@ def refit_rivals(search: Search) -> None:
             for pair in score_pairs(noise_free, scored)
         ]
     options.sort(key=lambda option: option[0])
-    expensive = (
-        search.best.problem.expensive
-    )  # then the search has refitted few, and none for its place in the ranking
-    limit = max(
-        WIDE * best.dispersion,
-        FORM_TOLERANCE**2 * (search.base.chi2 - search.best.chi2) if expensive else 0.0,
-    )
-    near = [
-        members for d, members in options[: MOST_EXPENSIVE_RIVALS if expensive else MOST_RIVALS] if d < limit
-    ]
-    if expensive and len(search.best.uses) == 1:  # first: what is refitted here is not refitted below
+    strategy = search.best.problem.strategy
+    limit = WIDE * best.dispersion
+    if strategy.pruning:  # then the search has refitted few, and none for its place in the ranking
+        limit = max(limit, FORM_TOLERANCE**2 * (search.base.chi2 - search.best.chi2))
+    near = [members for d, members in options[: strategy.rivals] if d < limit]
+    if (
+        strategy.reuses_signatures and len(search.best.uses) == 1
+    ):  # first: what is refitted here is not refitted below
         declared = [
             use
             for use in confounded_with(there.problem.assembly.model, *search.best.uses)

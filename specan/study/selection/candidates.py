@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from specan.models import Effect, Model, Parameter, Use
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.problem import Problem
 
 
@@ -31,24 +32,24 @@ class Candidate:
         return self.base.assembly.model.effects[self.use.name]
 
     @cached_property
-    def own(self) -> tuple[str, ...]:
+    def own(self) -> tuple[ParameterName, ...]:
         """Free elements of theta that belong to the use."""
-        return tuple(n for n in self.extended.names if n.rpartition(".")[0] == str(self.use))
+        return tuple(n for n in self.extended.names if n.owner == str(self.use))
 
     @cached_property
-    def amplitudes(self) -> tuple[str, ...]:
+    def amplitudes(self) -> tuple[ParameterName, ...]:
         """Those at whose neutral value the effect vanishes."""
-        return tuple(n for n in self.own if self._plain(n) in self.effect.neutral)
+        return tuple(n for n in self.own if n.own in self.effect.neutral)
 
     @cached_property
-    def shapes(self) -> tuple[str, ...]:
+    def shapes(self) -> tuple[ParameterName, ...]:
         """The others: without an amplitude they mean nothing."""
         return tuple(n for n in self.own if n not in self.amplitudes)
 
     @cached_property
-    def without_prior(self) -> tuple[str, ...]:
+    def without_prior(self) -> tuple[ParameterName, ...]:
         """Elements that the base fits under a prior and the candidate without."""
-        return tuple(n for n in self.own if n.split("[")[0] in self.base.priors)
+        return tuple(n for n in self.own if n.whole in self.base.priors)
 
     @property
     def count(self) -> int:
@@ -57,26 +58,22 @@ class Candidate:
 
     def neutral(self, name: str) -> float:
         """Value of an amplitude at which the effect vanishes, SI."""
-        return self.effect.neutral_si[self._plain(name)]
+        return self.effect.neutral_si[ParameterName(name).own]
 
     def parameter(self, name: str) -> Parameter:
         """Declaration of an own element."""
-        return self.effect.parameters[self._plain(name)]
+        return self.effect.parameters[ParameterName(name).own]
 
     def plausible(self, name: str) -> tuple[float, float]:
         """Plausible range of an own element, inside its domain, SI; finite."""
         si = self.parameter(name).si
-        low, high = self.extended.domain(name.split("[")[0])
+        low, high = self.extended.domain(ParameterName(name).whole)
         reach = 3.0 * (abs(si.default) or 1.0)
         ends = (max(si.min, low, -1e300), min(si.max, high, 1e300))
         return (
             ends[0] if ends[0] > -1e299 else min(si.default - reach, ends[1]),
             ends[1] if ends[1] < 1e299 else max(si.default + reach, ends[0]),
         )
-
-    @staticmethod
-    def _plain(name: str) -> str:
-        return name.rpartition(".")[2].split("[")[0]
 
 
 def candidates(problem: Problem) -> tuple[list[Candidate], dict[str, str]]:

@@ -56,10 +56,8 @@ def data_alone(base: Refit) -> DataAlone:
     evaluation is expensive.
     """
     problem = base.problem
-    held = sum(
-        1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.split("[")[0] not in problem.priors
-    )
-    if problem.expensive or not held:
+    held = sum(1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.whole not in problem.priors)
+    if not problem.strategy.secondary_refits or not held:
         return DataAlone()
     free = replace(problem, ranges=False)
     alone = Refit(frozenset(), free, fit(free, start=base.fit.theta, starts=STARTS))

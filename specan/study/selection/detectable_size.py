@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from specan.models import Use
 from specan.study.estimation.fit import Fit
 from specan.study.selection.acceptance import DECISIVE, AcceptanceTest, noise_dof
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.f_test import detectable_noncentrality, needed_reduction
 from specan.study.selection.refits import Refit
-from specan.study.selection.signatures import changes, default_value
+from specan.study.selection.signatures import Point, changes, default_value
 
 POWER = 0.8
 ROUNDS = 4
@@ -75,7 +76,7 @@ def _one_sided(candidate: Candidate) -> bool:
     if candidate.without_prior or len(candidate.amplitudes) != 1:
         return False
     (name,) = candidate.amplitudes
-    return candidate.neutral(name) in candidate.extended.domain(name.split("[")[0])
+    return candidate.neutral(name) in candidate.extended.domain(name.whole)
 
 
 def _size_without_prior(start: Refit, candidate: Candidate, needed: float) -> float | None:
@@ -85,8 +86,8 @@ def _size_without_prior(start: Refit, candidate: Candidate, needed: float) -> fl
     step = np.zeros(start.fit.residual.size)
     step[row] = 1.0
     left = start.linear.free_chi2(step)
-    width = start.problem.priors[name.split("[")[0]][1]
-    low, high = candidate.extended.domain(name.split("[")[0])
+    width = start.problem.priors[name.whole][1]
+    low, high = candidate.extended.domain(name.whole)
     if left <= 0:
         return None
     size = width * float(np.sqrt(needed / left))
@@ -98,7 +99,7 @@ def _moved(start: Refit, candidate: Candidate, needed: float) -> float | None:
     name = candidate.amplitudes[0]
     neutral = candidate.neutral(name)
     toward = default_value(candidate, name) - neutral
-    low, high = candidate.extended.domain(name.split("[")[0])
+    low, high = candidate.extended.domain(name.whole)
     most = abs((high if toward > 0 else low) - neutral)
     size, power = abs(toward), 2.0
     previous: tuple[float, float] | None = None
@@ -119,7 +120,7 @@ def _moved(start: Refit, candidate: Candidate, needed: float) -> float | None:
 
 
 def _left(start: Refit, fit: Fit, candidate: Candidate, name: str, value: float) -> float | None:
-    shapes = {n: default_value(candidate, n) for n in candidate.shapes}
+    shapes: Point = {n: default_value(candidate, n) for n in candidate.shapes}
     column = changes(start.problem, fit, candidate, [{**shapes, name: value}])[0]
     return None if column is None else start.linear.free_chi2(column * start.weights)
 
@@ -132,7 +133,7 @@ def by_effect(found: Sequence[DetectableSize]) -> dict[str, dict[str, Any] | Non
     """
     groups: dict[str, list[DetectableSize]] = {}
     for visible in found:
-        groups.setdefault(visible.use.split("@")[0], []).append(visible)
+        groups.setdefault(Use.parse(visible.use).name, []).append(visible)
     return {name: _together(groups[name]) for name in sorted(groups)}
 
 
@@ -141,5 +142,6 @@ def _together(found: Sequence[DetectableSize]) -> dict[str, Any] | None:
     if not seen:
         return None
     worst = max(seen, key=lambda v: abs(v.value or 0.0))
-    places = {v.use.split("@")[1]: v.value for v in found if "@" in v.use}
+    at = {v.use: Use.parse(v.use) for v in found if "@" in v.use}
+    places = {at[v.use].at or str(at[v.use].copy): v.value for v in found if v.use in at}
     return {"value": worst.value, "unit": worst.unit, **({"places": places} if len(places) > 1 else {})}

@@ -63,7 +63,7 @@ class InitialFit:
 
 def initial_fit(start: Refit, progress: Callable[[str], None]) -> InitialFit:
     """Look for a field near the measured one, where the base is far from it."""
-    if not start.problem.state_dependent or start.reduced < POOR_FIT:
+    if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
         return InitialFit(start)
     progress("looking for a field that is near the measured one")
     tried = _tried(start.problem)

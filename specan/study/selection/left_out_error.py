@@ -24,7 +24,7 @@ def left_out_error(refit: Refit) -> ObservableError | None:
     blocks = left_out_blocks(problem)
     if not blocks or len(problem.observations) > 1 or not isinstance(observation, TableObservation):
         return None
-    if problem.expensive or observation.n > MOST_ROWS:
+    if not problem.strategy.secondary_refits or observation.n > MOST_ROWS:
         return None
     (slopes,), predicted = problem.sensitivities(refit.fit.theta), []
     for block in blocks:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.problem import range_of
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
 
@@ -34,7 +35,7 @@ class Pull:
         The value rests on an end of its domain that lies outside the range: the data would go further.
     """
 
-    parameter: str
+    parameter: ParameterName
     value: float
     known: tuple[float, float]
     unit: str
@@ -89,7 +90,7 @@ def too_far(refit: Refit, base: Refit) -> tuple[Pull, ...]:
     own = {str(use) for use in refit.uses}
     found = []
     for pull in pulls(refit):
-        if pull.parameter.rpartition(".")[0] in own:
+        if pull.parameter.owner in own:
             found += [pull] if pull.too_far else []
             continue
         tail = _tail(refit, pull.parameter, pull.pull)
@@ -103,7 +104,7 @@ def stretched(refit: Refit) -> tuple[Pull, ...]:
     own = {str(use) for use in refit.uses}
     found = []
     for pull in pulls(refit):
-        if pull.parameter.rpartition(".")[0] in own:
+        if pull.parameter.owner in own:
             away = abs(pull.pull) * _tail(refit, pull.parameter, pull.pull)
             error = refit.fit.standard_error(pull.parameter) * float(np.sqrt(refit.dispersion))
             found += [pull] if away > COVERAGE * error else []
@@ -135,9 +136,9 @@ def _worst_first(pull: Pull) -> tuple[bool, float]:
     return not pull.too_far, -abs(pull.pull)
 
 
-def _pull(refit: Refit, name: str) -> Pull:
+def _pull(refit: Refit, name: ParameterName) -> Pull:
     problem, fit = refit.problem, refit.fit
-    plain = name.split("[")[0]
+    plain = name.whole
     parameter = problem.assembly.parameters[plain]
     value = float(fit.theta[fit.names.index(name)])
     if plain in problem.priors:
@@ -153,16 +154,16 @@ def _pull(refit: Refit, name: str) -> Pull:
     )  # fmt: skip
 
 
-def _place(refit: Refit, name: str) -> int:
+def _place(refit: Refit, name: ParameterName) -> int:
     """Number of a parameter's range among the ranges."""
     problem = refit.problem
     return problem.pseudo_rows[range_of(name)] - problem.n_data - problem.n_priors
 
 
-def _tail(refit: Refit, name: str, pull: float) -> float:
+def _tail(refit: Refit, name: ParameterName, pull: float) -> float:
     """Standard deviation of the tail, or of the prior, that a value is in; SI."""
     problem = refit.problem
-    plain = name.split("[")[0]
+    plain = name.whole
     if plain in problem.priors:
         return problem.priors[plain][1]
     k = _place(refit, name)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.continuation import ENOUGH, continuation_fit
 from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.levenberg_marquardt import (
@@ -114,7 +115,7 @@ class Refit:
     @property
     def poor_fit(self) -> bool:
         """Whether it is so far from peaks that nothing may be concluded from its parameters."""
-        return self.problem.multimodal and self.reduced > POOR_FIT
+        return self.problem.strategy.continuation and self.reduced > POOR_FIT
 
     @property
     def dispersion(self) -> float:
@@ -225,7 +226,7 @@ class Refits:
         """A start from a continuation fit, where what the set has wrong has dragged its parameters away."""
         if not self._whole(start).poor_fit:
             return []
-        own = [{n: v for n, v in s.items() if n.rpartition(".")[0] in map(str, uses)} for s in starts]
+        own = [{n: v for n, v in s.items() if ParameterName(n).owner in map(str, uses)} for s in starts]
         try:
             return [continuation_fit(problem, own)]
         except ComputationError:  # the other starts may do better
@@ -256,7 +257,7 @@ class Refits:
 
         A subsample has the windows of the place where it began: some steps on all lines come before the judgement.
         """
-        if not problem.expensive or len(near) > 1:
+        if not problem.strategy.pruning or len(near) > 1:
             return None
         others = [r.fit.chi2 for other, r in self.done.items() if len(other) <= len(uses)]
         if self._best_within(uses).fit.chi2 <= min(others):
@@ -280,7 +281,7 @@ class Refits:
         best: Minimum | None = None
         reason = ""
         thetas = [problem.start(values) for values in starts]
-        if problem.multimodal:  # many starts, and most of them lead astray slowly
+        if problem.strategy.continuation:  # many starts, and most of them lead astray slowly
             try:
                 thetas = [best_screened(problem, thetas)]
             except ComputationError as fault:
@@ -304,14 +305,14 @@ class Refits:
         return min((r for part, r in self.done.items() if part < uses), key=lambda r: r.fit.chi2)
 
     def _describe(self, uses: EffectSet, problem: Problem, best: Fit) -> Refit:
-        own = {u: [n for n in problem.names if n.rpartition(".")[0] == str(u)] for u in uses}
+        own = {u: [n for n in problem.names if n.owner == str(u)] for u in uses}
         effects = problem.assembly.model.effects
         amplitudes, one_sided = 0, set()
         for use, names in own.items():
-            neutral = {f"{use}.{p}": v for p, v in effects[use.name].neutral_si.items()}
-            moving = [n for n in names if n.split("[")[0] in neutral]
+            neutral = {ParameterName.of(use, p): v for p, v in effects[use.name].neutral_si.items()}
+            moving = [n for n in names if n.whole in neutral]
             amplitudes += len(moving)
-            has_prior = any(n.split("[")[0] in self.base.problem.priors for n in moving)
+            has_prior = any(n.whole in self.base.problem.priors for n in moving)
             if len(moving) == 1 and not has_prior and neutral[moving[0]] in problem.domain(moving[0]):
                 one_sided.add(use)
         count = sum(len(names) for names in own.values())
@@ -330,14 +331,14 @@ def _some_steps(problem: Problem, theta: Array) -> Minimum:
 
 def _slopes(fewer: Refit | None, problem: Problem, theta: Array) -> Array | None:
     """First Jacobian where an exact one is expensive: of a fit with fewer effects, and slopes of new parameters."""
-    if fewer is None or not problem.expensive or fewer.poor_fit:
+    if fewer is None or problem.strategy.exact_minimum or fewer.poor_fit:
         return None
     known = {name: fewer.fit.jacobian[:, k] for k, name in enumerate(fewer.fit.names)}
     here = problem.residual(theta)
     low, high = problem.bounds()
     columns = []
     for k, name in enumerate(problem.names):
-        if name in known and name.split("[")[0] in fewer.problem.free:
+        if name in known and name.whole in fewer.problem.free:
             columns.append(with_rows_of(known[name], fewer.problem, problem))
             continue
         step = (
@@ -353,8 +354,8 @@ def start_nested(
     nested: Refit, near: Mapping[str, float | Array], problem: Problem
 ) -> dict[str, float | Array]:
     """Values of a fit with fewer effects, those that it lacks at nothing and with the shapes of `near`."""
-    nothing = {
-        f"{use}.{name}": value
+    nothing: dict[str, float | Array] = {
+        ParameterName.of(use, name): value
         for use in {*problem.assembly.uses}.difference(nested.problem.assembly.uses)
         for name, value in problem.assembly.model.effects[use.name].neutral_si.items()
     }
@@ -375,19 +376,19 @@ def start_from(start: Refit, members: Iterable[Scored], problem: Problem) -> dic
     theta = np.clip(fitted.theta + step[: size.size] * size, low, high)
     values: dict[str, float | Array] = dict(start.problem.values_at(theta))
     position = size.size
-    elements: dict[str, dict[str, float]] = {}
+    elements: dict[ParameterName, dict[str, float]] = {}
     for member in members:
         signature = member.signature
         for k, name in enumerate(signature.names):
             if signature.size[k]:
                 multiple = float(np.clip(step[position + k], *signature.multiplier_bounds))
-                elements.setdefault(name.split("[")[0], {})[name] = float(
+                elements.setdefault(name.whole, {})[name] = float(
                     signature.neutral[k] + multiple * signature.size[k]
                 )
         position += len(signature.names)
-        for name, value in signature.shapes.items():
-            elements.setdefault(name.split("[")[0], {})[name] = value
-    for name, known in elements.items():
-        order = problem.elements.get(name)
-        values[name] = np.array([known[f"{name}[{e}]"] for e in order]) if order else known[name]
+        for shape, value in signature.shapes.items():
+            elements.setdefault(ParameterName(shape).whole, {})[shape] = value
+    for whole, known in elements.items():
+        order = problem.elements.get(whole)
+        values[whole] = np.array([known[whole.at(e)] for e in order]) if order else known[whole]
     return values

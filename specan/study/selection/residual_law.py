@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError
 from specan.models import Effect, LawSpace, Parameter, effect
 from specan.study.estimation.problem import Problem
+from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import noise_dof
 from specan.study.selection.f_test import improvement_probability
 from specan.study.selection.refits import Refit
@@ -91,13 +92,15 @@ def _means(start: Refit, space: LawSpace) -> dict[str, float]:
 
 
 def _evaluated(start: Refit, name: str) -> list[Array]:
-    problem = start.problem
-    return [
-        np.asarray(problem.assembly.evaluate(o.conditions, start.fit.values, [name])[name], float)
-        if name in problem.assembly.model.quantities
-        else np.asarray(o.conditions[name], float)
-        for o in problem.observations
-    ]
+    problem, assembly = start.problem, start.problem.assembly
+    if name not in assembly.model.quantities:
+        return [np.asarray(o.conditions[name], float) for o in problem.observations]
+    found = []
+    for o in problem.observations:
+        values = problem.seen_by(o, start.fit.values)
+        values = o.by_row(assembly, values) if isinstance(o, TableObservation) else values
+        found.append(np.asarray(assembly.evaluate(o.conditions, values, [name])[name], float))
+    return found
 
 
 def _typical(start: Refit, space: LawSpace) -> float:

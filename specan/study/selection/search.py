@@ -26,10 +26,8 @@ from specan.study.selection.signatures import (
 )
 from specan.study.selection.starting_values import promised, scan_promising
 
-REFITTED, EXPENSIVE_REFITTED = 5, 3  # candidates that are always refitted
-SCANNED = 6  # expensive ones that are looked at closer before, beside the best place of every effect
+SCANNED = 6  # candidates with few signatures that are looked at closer before, beside the best place of every effect
 WINDOW = 10.0  # and all whose BIC lies within this of the best
-MOST_PAIRS, MOST_EXPENSIVE_PAIRS = 8, 4
 STARTS = 2
 
 Progress = Callable[[str], None]
@@ -143,8 +141,8 @@ class Search:
     def tried_at(
         self, seen: Refit, found: Sequence[Candidate], known: Known | None = None
     ) -> list[Signature]:
-        """Signatures of candidates at a set; those of the base again where an evaluation is expensive."""
-        if seen.problem.expensive and self.tried:
+        """Signatures of candidates at a set; those of the base again where the strategy reuses them."""
+        if seen.problem.strategy.reuses_signatures and self.tried:
             return carried(
                 self.tried, self.step(self.base).seen.problem, seen.problem, {c.use for c in found}
             )
@@ -158,7 +156,7 @@ class Search:
         first = [use for use in self.likely if use in step.by_use]
         for use in first:
             self._extend(step, use)
-        if step.start.problem.expensive and not (self.only or self._met):
+        if step.start.problem.strategy.reuses_signatures and not (self.only or self._met):
             self._look_closer(step)
         for use in _worth_refitting(step):
             if use not in first and not (self.only or self._pruned(step, use)):
@@ -171,13 +169,13 @@ class Search:
         return self.refits.poor_fit and not all(refit.poor_fit for refit in self.refits.of_size(1))
 
     def _look_closer(self, step: Step) -> None:
-        """Expensive candidates were scored at few shapes: those that promise most are looked at over all of them."""
+        """Where candidates were scored at few shapes, those that promise most are looked at over all of them."""
         unknown = {u: items for u, items in step.by_use.items() if frozenset({u}) not in self.refits.known}
         step.by_use |= scan_promising(step.seen, unknown, SCANNED)
 
     def _pruned(self, step: Step, use: Use) -> bool:
         """Whether a set was found that is so much better than the linearised promise that no refit is needed."""
-        if not step.start.problem.expensive:
+        if not step.start.problem.strategy.pruning:
             return False
         found = min((r.chi2 for r in self.refits.of_size(1)), default=np.inf)
         return self.refits.beyond_pruning_bound(step.start.chi2 - step.by_use[use][0].chi2_reduction, found)
@@ -198,8 +196,7 @@ class Search:
         """The pair that is better than the best single effect, or than the base where none passed."""
         promising = self._promising_pairs(single)
         reference = single or self.base
-        most = MOST_EXPENSIVE_PAIRS if self.base.problem.expensive else MOST_PAIRS
-        for predicted, start, members in promising[:most]:
+        for predicted, start, members in promising[: self.base.problem.strategy.pairs]:
             if self._below_pruning_bound(reference, predicted):
                 break
             self.progress("refitting with " + _text({*start.uses, *(m.use for m in members)}))
@@ -265,7 +262,7 @@ class Search:
         form of the effects that were found may have left does not pass, so that to know it is not worth a refit.
         """
         least = 0.4 * DECISIVE
-        if reference.problem.expensive:
+        if reference.problem.strategy.pruning:
             price, acceptance = float(np.log(self.base.problem.n_effective)), self.step(reference).acceptance
             least = max(
                 least,
@@ -298,7 +295,7 @@ def _not_finite(start: Refit, found: Sequence[Candidate]) -> dict[str, str]:
     """Candidates at whose default values the model has no finite value."""
     reasons = {}
     for candidate in found:
-        point = {n: default_value(candidate, n) for n in candidate.own}
+        point: Point = {n: default_value(candidate, n) for n in candidate.own}
         if changes(start.problem, start.fit, candidate, [point])[0] is None:
             reasons[candidate.use.name] = "gives values that are not finite at these conditions"
     return reasons
@@ -314,10 +311,10 @@ def _by_promise(step: Step) -> list[Use]:
 
 def _worth_refitting(step: Step) -> list[Use]:
     order = _by_promise(step)
-    # Where an evaluation is expensive, what promises nothing is not refitted only because nothing else promises more.
-    limit = min(_promised(step, order[0]) + WINDOW, 0.0 if step.start.problem.expensive else np.inf)
-    always = EXPENSIVE_REFITTED if step.start.problem.expensive else REFITTED
-    return [use for k, use in enumerate(order) if k < always or _promised(step, use) < limit]
+    # With pruning, what promises nothing is not refitted only because nothing else promises more.
+    strategy = step.start.problem.strategy
+    limit = min(_promised(step, order[0]) + WINDOW, 0.0 if strategy.pruning else np.inf)
+    return [use for k, use in enumerate(order) if k < strategy.refitted or _promised(step, use) < limit]
 
 
 def _count(item: Scored) -> int:

@@ -88,22 +88,18 @@ class _ShapeGrid:
         candidate = self.candidate
         neutral = candidate.neutral(amplitude)
         low, high = candidate.plausible(amplitude)
+        reach = max(abs(low), abs(high))
+        shapes: Point = {n: default_value(candidate, n) for n in candidate.shapes}
         kept: list[tuple[float, Array]] = []
         ends = [default_value(candidate, amplitude), high, low][: None if self.most >= FEW else 1]
         for values in (ends, [neutral + 0.1 * (v - neutral) for v in (high, low)]):
             if values is not ends and len(kept) <= 1:
                 break  # the same direction at both ends: it is the same in between
-            self._keep_distinct(amplitude, values, kept)
+            apart = [v for v in dict.fromkeys(values) if abs(v - neutral) > 1e-9 * reach]
+            for value, unit in zip(apart, self._directions([{**shapes, amplitude: v} for v in apart])):
+                if unit is not None and all(abs(unit @ other) < SAME_DIRECTION for _, other in kept):
+                    kept.append((value, unit))
         return [value for value, _ in kept]
-
-    def _keep_distinct(self, amplitude: str, values: list[float], kept: list[tuple[float, Array]]) -> None:
-        candidate = self.candidate
-        reach = max(abs(v) for v in candidate.plausible(amplitude))
-        values = [v for v in dict.fromkeys(values) if abs(v - candidate.neutral(amplitude)) > 1e-9 * reach]
-        shapes = {n: default_value(candidate, n) for n in candidate.shapes}
-        for value, unit in zip(values, self._directions([{**shapes, amplitude: v} for v in values])):
-            if unit is not None and all(abs(unit @ other) < SAME_DIRECTION for _, other in kept):
-                kept.append((value, unit))
 
     def _places(self, amplitude: str, size: float) -> list[Point]:
         """Places of the shapes: each over its plausible range, closer where the signature turns quickly.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate
@@ -43,7 +44,7 @@ class Signature:
 
     use: Use
     columns: Array
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     neutral: Array
     size: Array
     shapes: Mapping[str, float]
@@ -106,11 +107,15 @@ def carried(seen: Sequence[Signature], old: Problem, new: Problem, uses: Collect
 
 
 def _signature(
-    candidate: Candidate, amplitude: str, value: float, shapes: Mapping[str, float], column: Array
+    candidate: Candidate,
+    amplitude: ParameterName,
+    value: float,
+    shapes: Mapping[str, float],
+    column: Array,
 ) -> Signature:
     neutral = candidate.neutral(amplitude)
     size = value - neutral
-    low, high = candidate.extended.domain(amplitude.split("[")[0])
+    low, high = candidate.extended.domain(amplitude.whole)
     ends = sorted(((low - neutral) / size, (high - neutral) / size))
     return Signature(
         candidate.use, column[:, None], (amplitude,), np.array([neutral]), np.array([size]), shapes,
@@ -164,7 +169,7 @@ def _several_amplitudes(
 
 def _inside(candidate: Candidate, values: Array) -> Array:
     """Values inside the domains of the amplitudes."""
-    ends = [candidate.extended.domain(n.split("[")[0]) for n in candidate.amplitudes]
+    ends = [candidate.extended.domain(n.whole) for n in candidate.amplitudes]
     return np.array([min(max(v, low), high) for v, (low, high) in zip(values, ends)])
 
 
@@ -202,45 +207,50 @@ def changes(
     known = {} if known is None else known
     keys = [(candidate.use, tuple(sorted(point.items()))) for point in points]
     new = {key: point for key, point in zip(keys, points) if key not in known}
-    known.update(zip(new, _worked_out(problem, fit, candidate, list(new.values()))))
+    values = _values_at(candidate, fit, list(new.values()))
+    chunk = max(1, MOST_VALUES // problem.n_data)
+    found: list[Array | None] = []
+    for first in range(0, len(values), chunk):
+        part = values[first : first + chunk]
+        try:
+            columns = list(residuals(candidate.extended, part).T)
+        except ComputationError:  # a loop that runs away at one point must not take the others with it
+            columns = [_residual_or_nan(candidate.extended, one) for one in part]
+        found += [_change(fit, column) for column in columns]
+    known.update(zip(new, found))
     return [known[key] for key in keys]
 
 
-def _worked_out(
-    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point]
-) -> list[Array | None]:
+def _values_at(candidate: Candidate, fit: Fit, points: Sequence[Point]) -> list[dict[str, Any]]:
+    """SI values of all parameters at each point, the base's as they were fitted."""
     extended = candidate.extended
     start = extended.start({**fit.values, **_neutral_values(candidate)})
-    places = {name: k for k, name in enumerate(extended.names)}
+    places: dict[str, int] = {name: k for k, name in enumerate(extended.names)}
     many = []
     for point in points:
         theta = start.copy()
         for name, value in point.items():
             theta[places[name]] = value
         many.append(extended.values_at(theta))
-    out: list[Array | None] = []
-    chunk = max(1, MOST_VALUES // problem.n_data)
-    for first in range(0, len(many), chunk):
-        out += _residual_changes(extended, fit, many[first : first + chunk], problem.n_data)
-    return out
+    return many
+
+
+def _change(fit: Fit, column: Array) -> Array | None:
+    """Change of the whole residual, priors included; None where the model has no finite value."""
+    change = np.zeros(fit.residual.size)
+    change[: column.size] = column - fit.residual[: column.size]
+    return change if np.all(np.isfinite(change)) else None
 
 
 def _neutral_values(candidate: Candidate) -> dict[str, float]:
-    return {f"{candidate.use}.{n}": v for n, v in candidate.effect.neutral_si.items()}
+    return {ParameterName.of(candidate.use, n): v for n, v in candidate.effect.neutral_si.items()}
 
 
-def _residual_changes(
-    extended: Problem, fit: Fit, many: Sequence[Mapping[str, Any]], n_data: int
-) -> list[Array | None]:
+def _residual_or_nan(problem: Problem, values: Mapping[str, Any]) -> Array:
     try:
-        table = residuals(extended, many)
-    except ComputationError:  # a loop that runs away at one point must not take the others with it
-        if len(many) == 1:
-            return [None]
-        return [c for values in many for c in _residual_changes(extended, fit, [values], n_data)]
-    change = np.zeros((fit.residual.size, len(many)))
-    change[:n_data] = table - fit.residual[:n_data, None]
-    return [c if np.all(np.isfinite(c)) else None for c in change.T]
+        return residuals(problem, [values])[:, 0]
+    except ComputationError:
+        return np.full(problem.n_data, np.nan)
 
 
 def residuals(problem: Problem, many: Sequence[Mapping[str, Any]]) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.models.parameter_name import ParameterName
 from specan.study.estimation.continuation import continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
@@ -38,7 +39,7 @@ def starting_values(
 ) -> list[Mapping[str, Any]]:
     """SI values to start from: the problem's own, and known ones, with several starts for new uses."""
     starts: list[Mapping[str, Any]] = [{}, known] if known else [{}]
-    if not new or not problem.multimodal:
+    if not new or not problem.strategy.continuation:
         return starts
     lean = problem
     for use in new:
@@ -154,7 +155,7 @@ def _coordinate_search(refit: Refit, candidate: Candidate, best: Scored, known: 
 
 def _symmetric_places(shapes: Mapping[str, float]) -> list[dict[str, float]]:
     """The same place seen from the other ends of the edges: modes are as much shifted from there."""
-    places = [name for name in shapes if name.rpartition(".")[2] in PLACES]
+    places = [name for name in shapes if ParameterName(name).own in PLACES]
     turned = [sides for sides in product((False, True), repeat=len(places)) if any(sides)]
     return [
         {**shapes, **{name: 1 - shapes[name] for name, side in zip(places, sides) if side}}
@@ -197,14 +198,14 @@ def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dic
 
     What the problem no longer has is left out.
     """
-    elements: dict[str, dict[str, float]] = {}
+    elements: dict[ParameterName, dict[str, float]] = {}
     for name, row in table.items():
-        plain = name.split("[")[0]
-        if plain in problem.free:
-            elements.setdefault(plain, {})[name] = problem.assembly.parameters[plain].to_si(row["value"])
+        whole = ParameterName(name).whole
+        if whole in problem.free:
+            elements.setdefault(whole, {})[name] = problem.assembly.parameters[whole].to_si(row["value"])
     found: dict[str, Any] = {}
-    for plain, own in elements.items():
-        names = [f"{plain}[{e}]" for e in problem.elements.get(plain, ())] or [plain]
+    for whole, own in elements.items():
+        names = [whole.at(e) for e in problem.elements.get(whole, ())] or [whole]
         if all(name in own for name in names):
-            found[plain] = np.array([own[n] for n in names]) if plain in problem.elements else own[plain]
+            found[whole] = np.array([own[n] for n in names]) if whole in problem.elements else own[whole]
     return found

@@ -32,7 +32,7 @@ def suspect_rows(refit: Refit) -> str:
         or observation.replicate_group is None
     ):
         return ""
-    if problem.expensive or refit.lack_of_fit >= STANDS_OUT or observation.lines is None:
+    if not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT or observation.lines is None:
         return ""
     readings = [np.array([k]) for k in range(observation.n)]
     conditions = [
@@ -61,9 +61,9 @@ def rows_of_two_kinds(refit: Refit) -> str:
     where one kind is missing, and where the table tells the kinds apart already (a column ``coupled`` that varies).
     """
     problem, observation = refit.problem, refit.problem.observations[0]
-    if len(problem.observations) > 1 or not isinstance(observation, TableObservation) or problem.expensive:
+    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
         return ""
-    if refit.lack_of_fit >= STANDS_OUT:
+    if not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT:
         return ""
     conditions = problem.assembly.model.conditions
     told = KINDS in conditions and np.ptp(observation.conditions.get(KINDS, np.ones(1))) > 0

@@ -33,13 +33,17 @@ class Signature:
 
 # the catalogue's signatures, at 60 N*m, 1500 rpm, 50 degC
 EFFECTS = {
+    "axial-preload": Signature(),  # a sum of rolling and sliding
     "bearing-friction": Signature(),  # a sum of rolling and sliding
     "bearing-preload": Signature(torque=0, speed=1),
+    "brake-drag": Signature(sign=0),  # only without load
     "churning": Signature(torque=0),  # its exponents are its parameters
     "inlet-shear-heating": Signature(sign=-1),
     "load-dependent-friction": Signature(speed=1, viscosity=0),
+    "mesh-starvation": Signature(torque=1),
     "mesh-pocketing": Signature(torque=0, speed=2, viscosity=0),
     "oil-heating": Signature(sign=-1),
+    "palmgren-bearings": Signature(),  # a sum of two
     "running-in": Signature(speed=1, viscosity=0),
     "seal-drag": Signature(torque=0, speed=1, viscosity=0),
     "shear-thinning": Signature(sign=-1),
@@ -49,6 +53,7 @@ EFFECTS = {
     "thermal-lag": Signature(sign=0),  # nothing under load in the steady state
     "tooth-friction": Signature(torque=1, speed=1, viscosity=0),
     "torque-gain-error": Signature(),
+    "torque-hysteresis": Signature(sign=0),  # nothing in one reading
     "torque-zero-error": Signature(),
     "viscosity-dependent-friction": Signature(torque=1, speed=1, sign=-1),
     "windage": Signature(torque=0, speed=3, viscosity=0),
@@ -289,7 +294,7 @@ def test_running_in_is_an_order_in_time():
 
 def test_effects_over_time_need_the_time():
     assert MODEL.not_testable({"worm_speed", TORQUE_OUT}) == dict.fromkeys(
-        ("running-in", "zero-drift"), "needs elapsed_time"
+        ("running-in", "torque-hysteresis", "zero-drift"), "needs elapsed_time"
     )
     assert MODEL.not_testable({"worm_speed", TORQUE_OUT, "elapsed_time"}) == {}
 

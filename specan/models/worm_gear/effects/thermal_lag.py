@@ -9,7 +9,7 @@ from specan.models import Parameter, effect
     "thermal-lag",
     adds_to="contact_temperature",
     neutral={"idle_offset": 0.0, "time": 0.0},
-    aliases=("torque-zero-error", "oil-heating"),
+    aliases=("torque-zero-error", "oil-heating", "axial-preload", "brake-drag"),
     separate_by="dwell at each condition until the loss stands still, go up and down in steps, record the time",
     reference="first-order lag of a body behind its surroundings; both constants are left free here",
 )

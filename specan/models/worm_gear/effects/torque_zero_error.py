@@ -7,7 +7,7 @@ from specan.models import Parameter, effect
     "torque-zero-error",
     adds_to=("indicated_input_torque", "output_torque"),
     neutral={"input": 0.0, "output": 0.0},
-    aliases=("seal-drag", "bearing-preload", "thermal-lag", "shear-thinning"),
+    aliases=("seal-drag", "bearing-preload", "thermal-lag", "shear-thinning", "brake-drag"),
     separate_by="read both sensors at standstill and unloaded before and after, exchange them, "
     "run without load in both directions",
     reference="additive error of a sensor; 0.05 % of full scale is good for strain-gauge torque sensors",

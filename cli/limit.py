@@ -1,0 +1,53 @@
+"""The option ``--limit`` of the verbs that show spectra: pass or fail, in words and in the exit code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from specan.data.limits import Kept
+
+EXCEEDED = 5  # exit code
+
+
+def limit_option() -> Callable[[Any], Any]:
+    """The option ``--limit FILE``."""
+    return click.option(
+        "--limit",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Hold the levels against limits (CSV: band_hz, upper_dB, lower_dB); exit code 5 beyond one.",
+    )
+
+
+def limit_content(kept: Sequence[Kept]) -> list[dict[str, Any]]:
+    """For JSON."""
+    return [
+        {
+            "channel": one.channel,
+            "passed": one.passed,
+            "excess_dB": one.excess_dB,
+            "place": one.place,
+            "compared": one.compared,
+        }
+        for one in kept
+    ]
+
+
+def show_limit(label: str, kept: Sequence[Kept]) -> None:
+    """A line for each channel."""
+    for one in kept:
+        if one.passed:
+            text = f"passed, {-one.excess_dB:.2f} dB to spare at {one.place}"
+        else:
+            text = f"FAILED, {one.excess_dB:.2f} dB beyond the limit at {one.place}"
+        click.echo(f"Limits {label}: {one.channel}: {text} ({one.compared} compared)")
+
+
+def limit_code(kept: Sequence[Kept]) -> int:
+    """The exit code."""
+    return 0 if all(one.passed for one in kept) else EXCEEDED

@@ -1,0 +1,125 @@
+"""Energy spectrum of a record that is short enough to be transformed at once."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.dsp import bands
+from specan.dsp.decimator import FACTOR, low_pass
+from specan.dsp.frequency_nodes import Spread
+from specan.dsp.multirate import LENGTH, LOWEST_PART, ROWS, Stage, stages_of
+from specan.dsp.smooth_step import falling_step
+
+LONGEST = 4 * LENGTH
+"""Samples of a short record. Beyond, a transform of the whole no longer stays in the cache and blocks cost less."""
+
+# The low-pass filter before thinning falls as a Gauss function of time, to 1e-17 after so many thinned samples: its
+# step from 0.40 to 0.50 of the rate is erfc(6 x / 0.05), whose slope has the transform exp(-(pi t 0.05 / 6)^2).
+_RINGS = 240
+# What lies below these parts of the next stage's rate belongs to the next stage; a smooth cross-over between.
+CROSS_OVER = (0.28, 0.38)
+
+# Of a line's energy; the cross-over never quite reaches zero.
+_NOTHING = 1e-20
+
+
+def _settling() -> int:
+    """Samples of a stage after which its narrowest band, 1/24 octave, has fallen by 180 dB: 10 dB in every 1 / B."""
+    lower, upper = bands.band_edges(0, 24)
+    return math.ceil(18.0 / (float(upper - lower) / float(bands.mid_frequencies(0, 24)) * LOWEST_PART))
+
+
+_SETTLING = _settling()
+
+
+def share_of_lines(stage: Stage, points: int) -> NDArray[np.float64]:
+    """Factor on each line of a transform of `points`: what belongs to the stage, mirrored lines, the time step."""
+    over_rate = np.arange(points // 2 + 1) / points
+    share = np.full(over_rate.size, 2.0)
+    share[[0, -1]] = 1.0
+    share *= float(FACTOR) ** stage.number / points
+    if stage.number > 0:
+        share *= falling_step(over_rate, *CROSS_OVER)
+    if not stage.last:
+        share *= 1.0 - falling_step(over_rate * FACTOR, *CROSS_OVER)
+    return share
+
+
+def add_energy(
+    nodes: NDArray[np.float64], samples: NDArray[np.float64], sampling_rate: float, first: int
+) -> NDArray[np.float64]:
+    """Add the energy of a record to the nodes of a frequency grid, in place; return its whole energy.
+
+    By Parseval's theorem the energy behind a filter is the sum of |X|^2 |H|^2 over the lines of a transform, if that is
+    longer than the record by the time in which the filter dies out. Lower rates take the low frequencies, so that the
+    time is that of the highest band which is still too narrow for the rate above.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (channels, nodes)
+        See `specan.dsp.frequency_nodes`; written to.
+    samples : ndarray, shape (channels, n)
+        Not more than `LONGEST`.
+    sampling_rate : float
+        In Hz.
+    first : int
+        Number of the first node.
+
+    Returns
+    -------
+    ndarray, shape (channels,)
+        Sum of the squared samples, from the transform.
+    """
+    energy = np.empty(samples.shape[0])
+    # Memory that is used again: on fresh memory, a transform takes twice the time.
+    padded: dict[int, NDArray[np.float64]] = {}
+    transforms: dict[int, NDArray[np.complex128]] = {}
+    for top in range(0, samples.shape[0], ROWS):
+        rows, stream = slice(top, top + ROWS), samples[top : top + ROWS]
+        for stage in stages_of(sampling_rate):
+            points = _fast(stream.shape[1] + _SETTLING)
+            if stage.number not in padded:
+                padded[stage.number] = np.zeros((len(stream), points))
+                transforms[stage.number] = np.empty((len(stream), points // 2 + 1), dtype=np.complex128)
+            filled = padded[stage.number][: len(stream)]
+            filled[:, : stream.shape[1]] = stream
+            transform = np.fft.rfft(filled, out=transforms[stage.number][: len(stream)])
+            lines = np.square(transform.real)
+            lines += np.square(transform.imag)
+            if stage.number == 0:
+                inner = 2.0 * np.add.reduce(lines[:, 1:-1], axis=1)
+                energy[rows] = (inner + lines[:, 0] + lines[:, -1]) / points
+            _spread(stage, points, first).add(nodes[rows], lines)
+            if not stage.last:
+                stream = _thinned(transform, stream.shape[1])
+    return energy
+
+
+def _thinned(transform: NDArray[np.complex128], count: int) -> NDArray[np.float64]:
+    """One eighth of the rate, with what the low-pass filter rings before and after the `count` samples."""
+    low = (transform.shape[1] - 1) // FACTOR
+    filtered = np.fft.irfft(transform[:, : low + 1] * low_pass(low), 2 * low)
+    # The transform is circular: what rings ahead stands at the end.
+    return np.concatenate([filtered[:, -_RINGS:], filtered[:, : -(-count // FACTOR) + _RINGS]], axis=1)
+
+
+@lru_cache(maxsize=16)
+def _spread(stage: Stage, points: int, first: int) -> Spread:
+    share = share_of_lines(stage, points)
+    share[share < _NOTHING * share.max()] = 0.0
+    return Spread(first, share, stage.rate / points)
+
+
+@lru_cache(maxsize=64)
+def _fast(least: int) -> int:
+    """The next length from `least` on of which a transform is fast, and that thinning divides."""
+    found, unit = [], 2 * FACTOR
+    for fives in range(7):
+        for threes in range(9):
+            factor = unit * 5**fives * 3**threes
+            found.append(factor << max(0, math.ceil(math.log2(least / factor))))
+    return min(found)

@@ -1,0 +1,144 @@
+"""Time series as text: a column of times, and one column for each signal."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.recording import ArraySource, Recording
+from specan.errors import InputError
+from specan.io.channel_table import ChannelTable
+from specan.io.signals import Signal, recording_of
+from specan.io.time_axis import axis_of, is_time
+
+LEAST = 5  # lines with text on them, below which a file is a note and no time series
+
+_WITH_UNIT = re.compile(r"^'?(?P<name>.*?)\s*[\[(](?P<unit>[^])]*)[\])]\s*$")
+_UNIT = re.compile(r"^[\[(]?[^\d\s][^\s]*[\])]?$|^$|^-$")
+
+
+def recognises(start: bytes) -> bool:
+    """Whether text that begins so is a table of time series: its first column is a time, and numbers follow.
+
+    Examples
+    --------
+    >>> rows = b"0,0;1,5\\n0,1;2\\n0,2;2,5\\n0,3;3\\n"
+    >>> recognises(b"time [s];a [N]\\n" + rows), recognises(b"speed [rpm];torque [N m]\\n" + rows)
+    (True, False)
+    """
+    try:
+        lines = _lines(_decoded(start))
+    except InputError:
+        return False
+    if len(lines) < LEAST:
+        return False
+    delimiter = _delimiter(lines[0])
+    titles = [cell.strip().strip('"') for cell in lines[0].split(delimiter)]
+    if len(titles) < 2 or not is_time(titles[0], "", {}):
+        return False
+    return all(_is_number(line.split(delimiter)[0]) for line in lines[2:LEAST])
+
+
+def open_recording(
+    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
+) -> Recording:
+    """Read a text file of time series; all samples are held in memory.
+
+    The first column is the time (``time [s]``, ``t``, ``Zeit [ms]``), equally spaced; each other column is a signal
+    with its unit in brackets, ``force [N]``, or in a second header row. Separated by tabs, semicolons or commas, with
+    a decimal point or, where columns are not separated by commas, a decimal comma. ``#`` begins a comment line.
+
+    Raises
+    ------
+    InputError
+        A cell that is no number, rows of different lengths, times that are not equally spaced.
+    """
+    lines = _lines(_decoded(path.read_bytes()))
+    delimiter = _delimiter(lines[0])
+    titles = [cell.strip() for cell in next(csv.reader([lines[0]], delimiter=delimiter))]
+    units = [""] * len(titles)
+    first = 1
+    below = [cell.strip() for cell in next(csv.reader([lines[1]], delimiter=delimiter))]
+    if not _is_number(below[0]) and all(_UNIT.match(cell) for cell in below):
+        units = [cell.strip("[]() ") for cell in below] + [""] * (len(titles) - len(below))
+        first = 2
+    samples = _numbers(path, lines[first:], delimiter, len(titles))
+    named = [_named(title, unit) for title, unit in zip(titles, units, strict=False)]
+    time = samples[0]
+    properties = {"unit_string": units[0]} if units[0] else {}
+
+    def stamps(start: int, stop: int) -> NDArray[np.float64]:
+        return time[start:stop]
+
+    axis = axis_of(titles[0], "DoubleFloat", properties, time.size, stamps)
+    if axis.rate is None and sampling_rate is None:
+        raise InputError(
+            f"{label}: {axis.why_not}", expected="equally spaced times", remedy="give --sampling-rate HZ"
+        )
+    signals = [Signal(name, time.size, unit, axis.rate) for name, unit in named[1:]]
+    return recording_of(
+        label,
+        signals,
+        ArraySource(list(samples[1:])),
+        channel_table=channel_table,
+        sampling_rate=sampling_rate,
+    )
+
+
+def _named(title: str, unit: str) -> tuple[str, str]:
+    said = _WITH_UNIT.match(title)
+    if said is not None:
+        return said["name"], unit or said["unit"].strip()
+    return title.removeprefix("'"), "" if unit == "-" else unit
+
+
+def _numbers(path: Path, lines: list[str], delimiter: str, columns: int) -> NDArray[np.float64]:
+    text = "\n".join(lines)
+    if delimiter != ",":
+        text = text.replace(",", ".")
+    try:
+        found = np.loadtxt(io.StringIO(text), delimiter=delimiter, ndmin=2, dtype=np.float64, comments=None)
+    except ValueError as fault:
+        raise InputError(
+            f"{path.name} holds a cell that is no number ({fault})",
+            expected=f"{columns} numbers a row below the header",
+            remedy="a decimal comma in a comma-separated file does this: separate by semicolons",
+        ) from None
+    if found.shape[1] != columns:
+        raise InputError(f"{path.name}: {found.shape[1]} cells a row", expected=f"{columns} as in the header")
+    return np.ascontiguousarray(found.T)
+
+
+def _decoded(raw: bytes) -> str:
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return raw.decode("utf-16", errors="ignore")
+    for cut in range(4):  # the beginning of a file may end in the middle of a character
+        try:
+            text = raw[: len(raw) - cut].decode("utf-8-sig")
+        except UnicodeDecodeError:
+            continue
+        if all(c.isprintable() or c in "\r\n\t" for c in text[:4096]):
+            return text
+        break
+    raise InputError("this is no text in UTF-8")
+
+
+def _lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+
+
+def _delimiter(header: str) -> str:
+    return max("\t;,", key=header.count)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word.strip().strip('"').replace(",", "."))
+    except ValueError:
+        return False
+    return True

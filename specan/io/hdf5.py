@@ -1,0 +1,113 @@
+"""Recordings in HDF5 files, those of MATLAB 7.3 among them; samples stay in the file until they are asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from specan.data.recording import Recording
+from specan.errors import InputError
+from specan.io.array_tree import Array, Tree, TreeSource, signals_of
+from specan.io.channel_table import ChannelTable
+from specan.io.export_file import library
+from specan.io.signals import recording_of
+
+MAGIC = b"\x89HDF\r\n\x1a\n"
+
+
+def recognises(start: bytes) -> bool:
+    """Whether a file that begins so is HDF5; a block of the user's own (MATLAB's) may stand before its mark."""
+    return start.startswith(MAGIC) or start.startswith(b"MATLAB 7.3 MAT-file")
+
+
+def open_recording(
+    path: Path, *, label: str, channel_table: ChannelTable | None = None, sampling_rate: float | None = None
+) -> Recording:
+    """Open the signals of an HDF5 file.
+
+    Parameters
+    ----------
+    path, label, channel_table, sampling_rate
+        As for `specan.io.tdms.open_tdms`.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or holds no signal.
+    RequestError
+        h5py is not installed.
+    """
+    h5py = library("h5py", "hdf5")
+    arrays: dict[tuple[str, ...], Array] = {}
+    words: dict[tuple[str, ...], Any] = {}
+    numbers: dict[tuple[str, ...], float] = {}
+
+    def attributes(where: tuple[str, ...], node: Any) -> None:
+        for name, value in node.attrs.items():
+            if not name.startswith("MATLAB_"):
+                _sort((*where, name), value, words, numbers)
+
+    try:
+        with h5py.File(path, "r") as file:
+            attributes((), file)
+
+            def visit(name: str, node: Any) -> None:
+                where = tuple(name.split("/"))
+                if where[0].startswith("#"):  # MATLAB's own store of references
+                    return
+                attributes(where, node)
+                if isinstance(node, h5py.Dataset):
+                    _dataset(h5py, file, path, where, node, arrays, words, numbers)
+
+            file.visititems(visit)
+    except OSError as fault:
+        raise InputError(f"{path.name} is a damaged HDF5 file ({fault})", remedy="copy it again") from None
+    signals, places, aside = signals_of(Tree(arrays, words, numbers))
+    return recording_of(
+        label, signals, TreeSource(places), channel_table=channel_table, sampling_rate=sampling_rate, set_aside=aside
+    )  # fmt: skip
+
+
+def _dataset(
+    h5py: Any, file: Any, path: Path, where: tuple[str, ...], node: Any, arrays: Any, words: Any, numbers: Any
+) -> None:
+    kind = node.attrs.get("MATLAB_class", b"")
+    if kind == b"char":
+        words[where] = "".join(chr(code) for code in node[()].ravel())
+    elif node.dtype == h5py.ref_dtype:
+        said = [file[reference] for reference in node[()].ravel()]
+        words[where] = [
+            "".join(chr(code) for code in np.ravel(one[()])) for one in said if one.dtype.kind == "u"
+        ]
+    elif node.size == 1 or node.dtype.kind in "OSU":
+        _sort(where, node[()], words, numbers)
+    else:
+        arrays[where] = _on_demand(h5py, path, "/".join(where), node.shape, node.dtype.kind)
+
+
+def _sort(where: tuple[str, ...], value: Any, words: dict[Any, Any], numbers: dict[Any, float]) -> None:
+    """A word, a list of words or a number, as attributes and small data sets hold them."""
+    flat = [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in np.ravel(value).tolist()]
+    if flat and all(isinstance(v, str) for v in flat):
+        words[where] = flat[0] if len(flat) == 1 else flat
+    elif len(flat) == 1 and isinstance(flat[0], (int, float)):
+        numbers[where] = float(flat[0])
+
+
+def _on_demand(h5py: Any, path: Path, name: str, shape: tuple[int, ...], kind: str) -> Array:
+    """An array that is read from its file when samples are asked for."""
+    long = int(np.argmax(shape))
+
+    def read(start: int, stop: int, column: int) -> np.ndarray:
+        with h5py.File(path, "r") as file:
+            index = [0] * len(shape)
+            others = [k for k, length in enumerate(shape) if length > 1 and k != long]
+            where: list[Any] = index
+            where[long] = slice(start, stop)
+            if others:
+                where[others[0]] = column
+            return np.asarray(file[name][tuple(where)])
+
+    return Array(tuple(shape), kind, read)

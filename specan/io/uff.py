@@ -1,0 +1,132 @@
+"""Universal files (UFF): data sets 58 of time responses and transfer functions, binary or ASCII."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import InputError
+from specan.io.export_file import library
+
+# Function types of data set 58, record 6, field 1.
+TIME_RESPONSE, TRANSFER_FUNCTION, COHERENCE = 1, 4, 6
+# Specific data types of record 9 and the SI unit of each; a file may use other units, which its labels then say.
+QUANTITIES = {8: "m", 9: "N", 11: "m/s", 12: "m/s^2", 13: "N", 15: "Pa"}
+_DIRECTIONS = {0: "", 1: "X", 2: "Y", 3: "Z", 4: "RX", 5: "RY", 6: "RZ"}
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """One data set 58.
+
+    Attributes
+    ----------
+    kind : int
+        Function type: 1 time response, 4 transfer function, 6 coherence.
+    response, reference : str
+        Entity name if the file gives one, else node and direction: ``2Z``, ``-1Y``.
+    names : tuple of tuple of str
+        Other names that response and reference may be called by.
+    unit : str
+        Of the ordinate, over that of the denominator; empty where the file does not say.
+    x : array (n,)
+        Abscissa: s or Hz.
+    values : array (n,), real or complex
+    """
+
+    kind: int
+    response: str
+    reference: str
+    names: tuple[tuple[str, ...], tuple[str, ...]]
+    unit: str
+    x: NDArray[np.float64]
+    values: NDArray[Any]
+    title: str = ""
+
+
+def is_uff(start: bytes) -> bool:
+    """Whether a file that begins so is a universal file: a line ``-1``, then the number of a data set.
+
+    Examples
+    --------
+    >>> is_uff(b"    -1\\n    58b     1     2\\n"), is_uff(b"-1\\n-2\\n")
+    (True, False)
+    """
+    lines = [line.split() for line in start.splitlines()[:2]]
+    if len(lines) < 2 or lines[0] != [b"-1"] or not lines[1]:
+        return False
+    return lines[1][0].removesuffix(b"b").isdigit()
+
+
+def read_uff(path: Path, kinds: tuple[int, ...]) -> list[DataSet]:
+    """The data sets 58 of some function types, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        The file is damaged.
+    RequestError
+        pyuff is not installed.
+    """
+    pyuff = library("pyuff", "uff")
+    try:
+        file = pyuff.UFF(str(path))
+        found = [s for s in _sets(file) if int(s.get("func_type", -1)) in kinds]
+    except Exception as fault:  # pyuff raises whatever a damaged number leads to
+        raise InputError(
+            f"{path.name} cannot be read as a universal file ({fault})", remedy="export it again"
+        ) from None
+    return [_data_set(path, s) for s in found]
+
+
+def _sets(file: Any) -> Iterator[Mapping[str, Any]]:
+    for number, kind in enumerate(np.atleast_1d(file.get_set_types())):
+        if int(kind) == 58:
+            yield file.read_sets(number)
+
+
+def _data_set(path: Path, content: Mapping[str, Any]) -> DataSet:
+    values, x = np.asarray(content["data"]), np.asarray(content["x"], dtype=float)
+    if values.ndim != 1 or values.size != x.size or not values.size:
+        raise InputError(f"{path.name}: a data set holds {values.size} values at {x.size} places of its axis")
+    response, also = _end(content, "rsp")
+    reference, other = _end(content, "ref")
+    return DataSet(
+        int(content["func_type"]), response, reference, (also, other), _unit(content), x, values,
+        title=_word(content.get("id1")),
+    )  # fmt: skip
+
+
+def _end(content: Mapping[str, Any], which: str) -> tuple[str, tuple[str, ...]]:
+    """Name of the response or reference, and all names that it goes by."""
+    entity = _word(content.get(f"{which}_ent_name"))
+    node, direction = int(content.get(f"{which}_node", 0)), int(content.get(f"{which}_dir", 0))
+    along = _DIRECTIONS.get(abs(direction), "")
+    sign = "-" if direction < 0 else ""
+    place = f"{sign}{node}{along}"
+    names = [entity, place, f"{node}{sign or '+'}{along}", f"{node}:{sign or '+'}{along}", str(node)]
+    names = [name for name in dict.fromkeys(names) if name]
+    return names[0], tuple(names)
+
+
+def _unit(content: Mapping[str, Any]) -> str:
+    above = _label(content, "ordinate")
+    below = _label(content, "orddenom")
+    if not above or not below:
+        return above
+    return f"({above})/({below})"
+
+
+def _label(content: Mapping[str, Any], which: str) -> str:
+    said = _word(content.get(f"{which}_axis_units_lab"))
+    return said or QUANTITIES.get(int(content.get(f"{which}_spec_data_type", 0)), "")
+
+
+def _word(text: Any) -> str:
+    plain = str(text or "").strip()
+    return "" if plain.upper() in ("NONE", "NULL") else plain

@@ -1,0 +1,160 @@
+"""Figure of a step that changed the model: errors and residuals before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.report.channel_lines import draw_range
+from specan.report.figure_style import COLOURS, GREY, heading, legend_above, new_figure, octave_axis, styled
+from specan.report.measured_transfer import measured_transfer
+from specan.report.residual_map import axis_text, map_axes
+from specan.report.study_words import fall_text, state_of
+from specan.study.observation.frf import FrfObservation
+from specan.study.observation.table import TableObservation
+from specan.units import printed_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from specan.study.edit import Change
+    from specan.study.study import Study
+
+BEFORE, AFTER = "0.6", COLOURS[0]
+MOST_COLOURS = 6
+
+
+@styled
+def figure_change(change: Change) -> Figure:
+    """RMS errors before and after on fitted and held-out data, and the residuals before and after on one scale.
+
+    Of a table the residuals over the operating variable with most levels, coloured by the next one; of
+    recordings the range of the level errors of all channels over frequency.
+    """
+    figure = new_figure(4.4, 10.2)
+    bars, one, two = figure.subplots(1, 3, width_ratios=[1.15, 2, 2])
+    _bars(bars, change)
+    pairs = list(zip((one, two), ("before", "after"), (change.was, change.study), strict=True))
+    reach = max(_residuals(axes, study, after=text == "after") for axes, text, study in pairs)
+    for axes, text, study in pairs:
+        axes.set_ylim(-1.05 * reach, 1.05 * reach)
+        chi2 = f", chi²/n {study.shown.reduced_chi2:.3g}" if study.data.known else ""
+        axes.set_title(f"Residual {text}{chi2}")
+    two.set_ylabel("")
+    two.tick_params(labelleft=False)
+    after = change.after
+    texts = [
+        f"{text}: {fall_text(a, b)}"
+        for text, a, b in (
+            ("Fitted", change.before.fit_error, after.fit_error),
+            ("held out", change.before.held_out_error, after.held_out_error),
+        )
+        if a is not None and b is not None
+    ]
+    what = {"add": "with", "drop": "without"}.get(after.action, after.action)
+    heading(
+        figure, f"{change.study.directory.resolve().name}, step {after.step}: {what} {after.effect}",
+        "RMS error. " + "; ".join(texts), state_of(change.study)[0],
+    )  # fmt: skip
+    return figure
+
+
+def _bars(axes: Axes, change: Change) -> None:
+    rows = [
+        (text, a, b)
+        for text, a, b in (
+            ("fitted", change.before.fit_error, change.after.fit_error),
+            ("held out", change.before.held_out_error, change.after.held_out_error),
+        )
+        if a is not None and b is not None
+    ]
+    for place, (_, before, after) in enumerate(rows):
+        for shift, value, colour, text in ((-0.2, before, BEFORE, "before"), (0.2, after, AFTER, "after")):
+            axes.bar(place + shift, value["value"], 0.38, color=colour, label=text if place == 0 else "")
+            axes.annotate(f"{value['value']:.2g}", (place + shift, value["value"]), (0, 2), ha="center",
+                          textcoords="offset points", fontsize=7, color=GREY)  # fmt: skip
+    error = change.after.fit_error
+    unit = printed_unit(error["unit"])
+    axes.set_ylabel(error["metric"].replace("_", " ") + (f" / {unit}" if unit else ""))
+    axes.set_xticks(range(len(rows)), [text for text, *_ in rows])
+    axes.set_xlim(-0.6, len(rows) - 0.4)
+    axes.grid(False, axis="x")
+    legend_above(axes)
+
+
+def _residuals(axes: Axes, study: Study, after: bool) -> float:
+    """Draw what the model is off by; returns how far the axis has to reach."""
+    observation = study.problem.observations[0]
+    predicted = study.problem.predictions(study.shown.theta)[0]
+    axes.axhline(0, color="0.5", lw=0.8)
+    if isinstance(observation, FrfObservation):
+        return _level_errors(axes, observation, predicted)
+    return _table_residuals(axes, observation, predicted, study, after)  # type: ignore[arg-type]
+
+
+def _table_residuals(
+    axes: Axes, observation: TableObservation, predicted: NDArray[np.float64], study: Study, after: bool
+) -> float:
+    first = observation.observable == observation.observable[0]
+    name = str(observation.observable[0])
+    residual = (predicted - observation.measured)[first]
+    sigma = observation.sigma[first]
+    names = map_axes({n: v[first] for n, v in observation.labels.items()})
+    order = sorted(names, key=lambda n: np.unique(observation.labels[n]).size, reverse=True)
+    x = observation.labels[order[0]][first] if order else np.arange(residual.size)
+    if study.data.known:
+        reach = 2 * float(np.median(sigma))
+        axes.axhspan(-reach, reach, color="0.92", lw=0)
+    for text, colour, mine, shift in _groups(observation, first, order):
+        axes.plot(x[mine] + shift, residual[mine], "o", ms=3, color=colour, label=text)
+    unit = printed_unit(study.model.observables[name].unit)
+    axes.set_ylabel(f"Model - measured {name.replace('_', ' ')}" + (f" / {unit}" if unit else ""))
+    axes.set_xlabel(axis_text(order[0], observation.variables) if order else "reading")
+    if after and len(order) > 1:
+        axes.legend(title=axis_text(order[1], observation.variables), ncols=3, loc="upper right",
+                    columnspacing=0.8, handletextpad=0.1)  # fmt: skip
+    return float(np.max(np.abs(residual)))
+
+
+def _groups(observation: TableObservation, rows: NDArray[np.bool_], order: Sequence[str]) -> list[Any]:
+    """Rows of each level of the second variable, side by side so that they can be told apart."""
+    if len(order) < 2:
+        return [("", COLOURS[0], np.ones(int(rows.sum()), bool), 0.0)]
+    x = np.unique(observation.labels[order[0]][rows])
+    values = observation.labels[order[1]][rows]
+    levels = np.unique(values)
+    numeric = x.dtype.kind in "fiu" and x.size > 1
+    gap = float(np.min(np.diff(x))) if numeric else 0.0
+    if levels.size > MOST_COLOURS:
+        return [("", COLOURS[0], np.ones(values.size, bool), 0.0)]
+    middle = (levels.size - 1) / 2
+    return [
+        (
+            f"{level:g}" if values.dtype.kind in "fiu" else str(level),
+            colour,
+            values == level,
+            (k - middle) * 0.12 * gap,
+        )
+        for k, (level, colour) in enumerate(zip(levels, COLOURS, strict=False))
+    ]
+
+
+def _level_errors(axes: Axes, observation: FrfObservation, predicted: NDArray[np.float64]) -> float:
+    found = measured_transfer(observation, predicted)
+    error = found.error_dB
+    draw_range(axes, found.frequency_hz, error)
+    low, high = found.band_dB()
+    known = np.isfinite(error).any(axis=0)
+    half = np.full(error.shape[1], np.nan)
+    half[known] = np.nanmedian((high - low)[:, known], axis=0) / 2
+    axes.fill_between(
+        found.frequency_hz, -half, half, color=COLOURS[4], alpha=0.5, lw=0, label="measurement, 95 %"
+    )
+    octave_axis(axes, float(found.frequency_hz[known].min()), float(found.frequency_hz[known].max()))
+    axes.set(xlabel="Frequency / Hz", ylabel="Model - measured level / dB")
+    axes.legend(loc="lower left")
+    return float(np.clip(np.nanquantile(np.abs(error[np.isfinite(error)]), 0.995), 1.0, 20.0))

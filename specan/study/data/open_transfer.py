@@ -1,0 +1,379 @@
+"""Transfer functions of any response over any reference, for models whose observables name both.
+
+They come from recordings, through the analyser, or from files that other programs have written
+(`specan.study.data.transfer_file`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.recording import Channel, Recording
+from specan.errors import InputError, RequestError, SpecanError, nearest
+from specan.io.open import open_recording
+from specan.models import Model, Observable
+from specan.models.trial import is_own, try_model
+from specan.study.data.estimate_frf import LEAST_BLOCKS, noise_of_lines
+from specan.study.data.open_recordings import put_aside
+from specan.study.data.open_recordings import reads as is_recording
+from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
+from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
+from specan.study.observation import Array
+from specan.study.observation.correlated_errors import piecewise_linear_basis
+from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
+from specan.study.observation.window_leakage import Folding, fold
+from specan.units import convert, is_compatible, scale_to
+
+TITLE = "transfer functions (a recording, a universal file 58, or text with frequency, re and im)"
+KIND = "transfer"
+REFERENCES = ("force", "vibrometer", "generator")  # roles of a reference that nobody names
+
+Complex = NDArray[np.complex128]
+
+
+def reads(path: Path) -> bool:
+    """Whether a file is a recording, a universal file, or text with a column of frequencies."""
+    return is_transfer_file(path) or is_recording(path)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Transfer functions of one file over one reference, in the units of the observables."""
+
+    observables: tuple[Observable, ...]
+    frequency_hz: Array
+    line_hz: float
+    response: Complex
+    sigma: Array
+    known: bool
+    folding: Folding
+    common_relative: Array  # (responses,), of the calibration
+    common_rad: Array
+    line_correlation: tuple[float, ...]
+
+
+def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
+    """Read the transfer functions of a study.
+
+    Raises
+    ------
+    InputError
+        A file holds none of what the model predicts, or in another unit.
+    RequestError
+        The model has no condition that is a frequency; a held-out channel that no file has.
+    """
+    frequency = _frequency_of(model)
+    fitted: list[FrfObservation] = []
+    held_out: list[FrfObservation] = []
+    statements: list[str] = []
+    known = True
+    for file in (*wanted.measurements, *wanted.validations):
+        for lines, said in _read(model, frequency, file, wanted.calibration):
+            whole = _observation(model, frequency, file, lines)
+            statements.append(said)
+            known &= lines.known
+            if file not in wanted.measurements:
+                held_out.append(whole)
+                continue
+            aside = put_aside(whole, file, wanted)
+            fitted += [whole.take(~aside)] if not np.all(aside) else []
+            held_out += [whole.take(aside)] if np.any(aside) else []
+    if not fitted:
+        raise RequestError("all channels are held out", expected="some to fit", remedy="hold out fewer")
+    if is_own(model):
+        try_model(model, fitted[0].conditions_at_nodes)
+    if not known:
+        names = ", ".join(o.name for o in model.observables.values() if o.kind == KIND)
+        statements.append(
+            f"nothing tells how uncertain {names} is: no column u, no coherence with a number of averages "
+            "(Frf(..., averages=)), no uncertainty_percent"
+        )
+    percent = model.rig.discrepancy_percent
+    return OpenedData(tuple(fitted), tuple(held_out), tuple(statements), known, percent)
+
+
+def _frequency_of(model: Model) -> str:
+    """The model's condition that is the frequency of a line."""
+    found = [c.name for c in model.conditions.values() if c.unit.lower() in ("hz", "khz")]
+    if "frequency" in found:
+        return "frequency"
+    if len(found) != 1:
+        raise RequestError(
+            f"the model {model.name} has no single condition in Hz",
+            expected='a condition frequency, {"frequency": ("Hz", 5, 60)}',
+            remedy="give the functions a frequency in Hz, and let them turn it into an angular one",
+        )
+    return found[0]
+
+
+def _band(model: Model, frequency: str) -> tuple[float, float]:
+    low, high = model.rig.limits.get(frequency, (0.0, np.inf))
+    unit = model.conditions[frequency].unit
+    return float(convert(low, unit, "Hz")), float(convert(high, unit, "Hz"))
+
+
+def _observation(model: Model, frequency: str, file: DataFile, lines: _Lines) -> FrfObservation:
+    condition = model.conditions[frequency]
+    at = {frequency: np.asarray(convert(lines.folding.nodes, "Hz", condition.unit), dtype=float)}
+    for name, value in _constants(model, file).items():
+        at[name] = np.full(lines.folding.nodes.size, value)
+    lacking = [
+        c.column
+        for c in model.conditions.values()
+        if c.name not in at and c.default is None and c.name != frequency
+    ]
+    if lacking:
+        raise InputError(
+            f"{file.name}: nothing says at which {lacking[0]} it was measured",
+            remedy=f"write conditions = {{{lacking[0]} = ...}} below the measurement in study.toml",
+        )
+    names = tuple(o.response for o in lines.observables)
+    percent = model.rig.discrepancy_percent / 100
+    return FrfObservation(
+        name=file.name,
+        recording=file.name,
+        quantity="",
+        quantities=tuple(o.quantity for o in lines.observables),
+        frequency_hz=lines.frequency_hz,
+        line_hz=lines.line_hz,
+        channels=names,
+        response=lines.response,
+        noise=lines.sigma,
+        random=lines.sigma,
+        folding=lines.folding,
+        conditions_at_nodes=at,
+        shared=_shared(lines, percent),
+        kept=np.isfinite(lines.response),
+        observables=tuple(o.name for o in lines.observables),
+        line_correlation=lines.line_correlation,
+    )
+
+
+def _constants(model: Model, file: DataFile) -> dict[str, float]:
+    """Conditions of a whole file, as the model's functions receive them."""
+    by_column = {c.column: c for c in model.conditions.values()}
+    found = {}
+    for column, value in file.conditions.items():
+        if column not in by_column or isinstance(value, str):
+            raise RequestError(
+                f"{file.name}: the condition {column} = {value!r} is none", remedy=nearest(column, by_column)
+            )
+        known = by_column[column]
+        found[known.name] = float(convert(value, known.column_unit, known.unit))
+    return found
+
+
+def _shared(lines: _Lines, discrepancy: float) -> Complex:
+    """Errors of calibration, and of the model itself, common to a channel's lines; one standard deviation a column."""
+    columns = []
+    if np.any(lines.common_relative):
+        columns.append(lines.response * lines.common_relative[:, None])
+    if np.any(lines.common_rad):
+        columns.append(1j * lines.response * lines.common_rad[:, None])
+    if discrepancy:
+        for part in piecewise_linear_basis(lines.frequency_hz):
+            columns += [part * discrepancy * turn * lines.response for turn in (1, 1j)]
+    if not columns:
+        return np.empty((*lines.response.shape, 0), dtype=complex)
+    return np.nan_to_num(np.stack(columns, axis=-1))
+
+
+def _read(model: Model, frequency: str, file: DataFile, calibration: Path | None) -> list[tuple[_Lines, str]]:
+    observables = [o for o in model.observables.values() if o.kind == KIND]
+    band = _band(model, frequency)
+    if is_transfer_file(file.path):
+        return _from_file(model, observables, file, band)
+    recording = open_recording(file.path, calibration=calibration, label=file.name)
+    return _from_recording(observables, recording, band, file.estimator or "H1")
+
+
+# --- files of transfer functions ----------------------------------------------------------------------
+
+
+def _from_file(
+    model: Model, observables: Sequence[Observable], file: DataFile, band: tuple[float, float]
+) -> list[tuple[_Lines, str]]:
+    found = read_transfer_file(file.path)
+    chosen = [(o, one) for o in observables if (one := find(found, o.response, o.reference)) is not None]
+    if not chosen:
+        there = ", ".join(one.said for one in found[:12])
+        raise InputError(
+            f"{file.name} holds {there}",
+            expected=" or ".join(f"{o.response} over {o.reference or 'a reference'}" for o in observables),
+            remedy='name what the file holds in the model: Frf("um/N", response="2Z", reference="1Z")',
+        )
+    return [_lines_of_file(model, file, observable, one, band) for observable, one in chosen]
+
+
+def _lines_of_file(
+    model: Model, file: DataFile, observable: Observable, one: MeasuredFrf, band: tuple[float, float]
+) -> tuple[_Lines, str]:
+    inside = (one.frequency_hz >= band[0]) & (one.frequency_hz <= band[1])
+    if not inside.any():
+        raise InputError(
+            f"{file.name}: {one.said} has no line between {band[0]:g} and {band[1]:g} Hz",
+            expected=f"a band within {one.frequency_hz[0]:g} to {one.frequency_hz[-1]:g} Hz",
+        )
+    frequency, values = one.frequency_hz[inside], one.values[inside]
+    factor, unit_said = _factor(file.name, one.said, one.unit, observable)
+    sigma, how = _sigma_of(model, observable, one, inside, factor)
+    lines = _Lines(
+        (observable,), frequency, float(np.min(np.diff(frequency), initial=np.inf)), (factor * values)[None],
+        (np.full(values.shape, np.nan) if sigma is None else sigma)[None], sigma is not None,
+        Folding.none(frequency), np.array([one.common]), np.zeros(1),
+        LINE_CORRELATION if one.windowed else (1.0,),
+    )  # fmt: skip
+    if sigma is None:
+        # something to divide by, so that errors can be shown: all lines alike
+        level = float(np.sqrt(np.mean(np.abs(lines.response) ** 2)))
+        lines = replace(lines, sigma=np.full((1, values.size), level))
+    elif not np.all(sigma > 0):
+        raise InputError(f"{file.name}: {one.said} has lines with no uncertainty above zero")
+    return lines, (
+        f"{file.name}: {observable.name} is {one.said}, {frequency.size} lines from {frequency[0]:g} to "
+        f"{frequency[-1]:g} Hz{unit_said}; uncertainty {how}"
+        + ("" if one.windowed else "; lines count as independent")
+    )
+
+
+def _sigma_of(
+    model: Model, observable: Observable, one: MeasuredFrf, inside: NDArray[np.bool_], factor: float
+) -> tuple[Array | None, str]:
+    if one.sigma is not None:
+        return factor * one.sigma[inside], "as the file says"
+    if one.coherence is not None and observable.averages:
+        size = factor * np.abs(one.values[inside])
+        found = sigma_of(size, one.coherence[inside], observable.averages)
+        return found, f"from the coherence and {observable.averages:g} averages"
+    percent = model.rig.reading_percent.get(observable.name, 0.0)
+    floor = model.rig.reading.get(observable.name, 0.0)
+    if not percent and not floor:
+        return None, "unknown"
+    size = factor * np.abs(one.values[inside])
+    parts = [f"{percent:g} %" if percent else "", f"{floor:g} {observable.unit}" if floor else ""]
+    return np.hypot(percent / 100 * size, floor), "of " + " and ".join(p for p in parts if p) + " as declared"
+
+
+def _factor(name: str, said: str, unit: str, observable: Observable) -> tuple[float, str]:
+    """What turns a file's values into the observable's unit."""
+    if not unit:
+        return 1.0, f" (no unit said: taken to be in {observable.unit})"
+    try:
+        fits = is_compatible(unit, observable.unit)
+    except SpecanError:
+        fits = False
+    if not fits:
+        raise InputError(
+            f"{name}: {said} is in {unit!r}",
+            expected=f"a unit of {observable.name}, which the model has in {observable.unit}",
+            remedy="declare the unit that is measured, and let the function return it (an acceleration is "
+            "-(2 pi f)^2 times a displacement)",
+        )
+    return scale_to(unit, observable.unit), ""
+
+
+# --- recordings ---------------------------------------------------------------------------------------
+
+
+def _from_recording(
+    observables: Sequence[Observable], recording: Recording, band: tuple[float, float], estimator: str
+) -> list[tuple[_Lines, str]]:
+    by_reference: dict[str, list[tuple[Observable, Channel]]] = {}
+    references: dict[str, Channel] = {}
+    missing = []
+    for observable in observables:
+        reference = _reference(recording, observable)
+        try:
+            response = recording.channel(observable.response)
+        except SpecanError:
+            missing.append(observable.response)
+            continue
+        references[reference.name] = reference
+        by_reference.setdefault(reference.name, []).append((observable, response))
+    if not by_reference:
+        names = [c.name for c in recording.channels]
+        raise InputError(
+            f"{recording.label} has no channel {missing[0]!r}",
+            expected=f"one of {', '.join(names[:12])}",
+            remedy='name it in the model: Frf("um/N", response=CHANNEL, reference=CHANNEL)',
+        )
+    return [
+        _lines_of_recording(recording, references[name], pairs, band, estimator)
+        for name, pairs in by_reference.items()
+    ]
+
+
+def _reference(recording: Recording, observable: Observable) -> Channel:
+    if observable.reference:
+        return recording.channel(observable.reference)
+    for role in REFERENCES:
+        found = recording.by_role(role)
+        if len(found) == 1:
+            return found[0]
+    others = [c for c in recording.channels if c.name != observable.response]
+    if len(others) == 1:
+        return others[0]
+    raise InputError(
+        f"{recording.label}: {observable.name} names no reference, and several channels could be it",
+        expected=", ".join(c.name for c in others[:12]),
+        remedy='name it in the model: Frf("um/N", reference=CHANNEL)',
+    )
+
+
+def _lines_of_recording(
+    recording: Recording,
+    reference: Channel,
+    pairs: Sequence[tuple[Observable, Channel]],
+    band: tuple[float, float],
+    estimator: str,
+) -> tuple[_Lines, str]:
+    from specan.analysis.transfer_function import TransferFunction, quotient
+
+    responses = [channel for _, channel in pairs]
+    settings = TransferFunction(
+        reference=reference.name,
+        channels=tuple(c.name for c in responses),
+        estimator=estimator,  # type: ignore[arg-type]
+        align=False,
+    )
+    rate, seen = reference.sampling_rate, settings(recording)
+    settings = settings.model_copy(update={"lines": seen.settings["lines"]})
+    block, hop = settings.block, settings.block // 2
+    # What the system remembers of the time before the record dies out within a block.
+    start = block if reference.n_samples >= (1 + LEAST_BLOCKS) * block else 0
+    if start:
+        seen = settings.model_copy(update={"start_s": start / rate})(recording)
+    top = min(band[1], float(seen.frequency_hz[-1]))
+    seen = seen.between(band[0], top)
+    order = [seen.channels.index(c.name) for c in responses]
+    lines = np.round(seen.frequency_hz * block / rate).astype(int)
+    helper = recording.by_role("generator")[0] if estimator == "H3c" else None
+    signals = recording.read([reference, *([helper] if helper else [])])
+    folding = fold(signals[0], rate, block, hop, start, lines, signals[1] if helper else None)
+    noise = noise_of_lines(recording, reference, responses, signals, seen.frequency_hz, block, start)
+    f = seen.frequency_hz
+    gain = np.stack([np.abs(c.correction(f) / reference.correction(f)) for c in responses])
+    factors = []
+    for observable, channel in pairs:
+        unit = quotient(channel.target_unit, reference.target_unit)
+        said = f"{channel.name} over {reference.name}"
+        factors.append(_factor(recording.label, said, "" if unit == "1" else unit, observable))
+    factor = np.array([size for size, _ in factors])
+    found = _Lines(
+        tuple(o for o, _ in pairs), f, rate / block, factor[:, None] * seen.response[order],
+        factor[:, None] * gain * noise, True, folding,
+        seen.u_common_percent[order].max(axis=1) / 100, np.radians(seen.u_common_phase_deg[order].max(axis=1)),
+        LINE_CORRELATION,
+    )  # fmt: skip
+    names = ", ".join(f"{o.name} is {c.name} over {reference.name}{text}"
+                      for (o, c), (_, text) in zip(pairs, factors, strict=True))  # fmt: skip
+    return found, (
+        f"{recording.label}: {names}; {f.size} lines of {rate / block:.3g} Hz, {estimator}, blocks of "
+        f"{block / rate:.3g} s; the model filters the recorded {reference.name} and goes through the same blocks"
+        + "".join(f"; {note}" for note in seen.notes if note.startswith("leakage"))
+    )

@@ -1,0 +1,321 @@
+"""Transfer functions that other programs have written: universal files, and text with a column of frequencies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import InputError, RequestError
+from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, DataSet, is_uff, read_uff
+from specan.study.data.table_file import TableFile, read_table
+from specan.study.observation import Array
+from specan.units import convert
+
+# What a column of numbers is of a transfer function, by the last word of its header.
+_PARTS = {
+    "re": "re", "real": "re", "im": "im", "imag": "im", "imaginary": "im", "mag": "magnitude", "abs": "magnitude",
+    "magnitude": "magnitude", "amplitude": "magnitude", "phase": "phase", "arg": "phase", "angle": "phase",
+    "coherence": "coherence", "coh": "coherence", "u": "u", "sigma": "u", "averages": "averages",
+}  # fmt: skip
+_PART = re.compile(
+    rf"^(?:(?P<name>.*)[ _])?(?P<part>{'|'.join(_PARTS)})(?:[ _](?:deg|rad|percent))?$", re.IGNORECASE
+)
+# Those of a table that `specan frf -o` has written.
+_OWN = {
+    "u_magnitude_percent": "u", "u_common_percent": "common", "u_phase_deg": "", "u_leakage_percent": "",
+    "u_common_phase_deg": "",
+}  # fmt: skip
+_FREQUENCY = re.compile(r"^(f|freq|freq\.|frequency|frequencies)([ _]k?hz)?$", re.IGNORECASE)
+_WITH_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<a>[^]]*)\]|\((?P<b>[^)]*)\))\s*$")
+_CHANNELS, _CHANNEL = ("channel", "response"), "channel"
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredFrf:
+    """One transfer function of a file.
+
+    Attributes
+    ----------
+    response, reference : str
+        Empty where the file has a single one without a name.
+    also : tuple of tuple of str
+        Other names of both.
+    unit : str
+        Empty where the file does not say.
+    frequency_hz : array (n,)
+    values : complex array (n,)
+    sigma : array (n,) or None
+        Standard uncertainty of the real and of the imaginary part; None where nothing tells it.
+    common : float
+        Standard uncertainty of the calibration, relative.
+    coherence : array (n,) or None
+    windowed : bool
+        Whether a Hann window has made neighbouring lines alike, as `specan frf` says of its own tables.
+    """
+
+    response: str
+    reference: str
+    also: tuple[tuple[str, ...], tuple[str, ...]]
+    unit: str
+    frequency_hz: Array
+    values: NDArray[np.complex128]
+    sigma: Array | None = None
+    common: float = 0.0
+    coherence: Array | None = None
+    windowed: bool = False
+
+    @property
+    def said(self) -> str:
+        """Its name in a message."""
+        return f"{self.response or 'a response'} over {self.reference or 'its reference'}"
+
+
+def is_transfer_file(path: Path) -> bool:
+    """Whether a file holds transfer functions, by its content: a universal file, or a header with a frequency."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(4096)
+    except OSError:
+        return False
+    if is_uff(start):
+        return True
+    if b"\0" in start or start.startswith((b"RIFF", b"TDSm", b"PK")):
+        return False
+    lines = [
+        line for line in start.decode("utf-8", "replace").splitlines() if line.strip() and line[0] != "#"
+    ]
+    titles = [_title(cell)[0] for cell in re.split(r"[\t;,]", lines[0])] if lines else []
+    return any(_FREQUENCY.match(title) for title in titles) and any(_part(t)[1] for t in titles)
+
+
+def read_transfer_file(path: Path) -> list[MeasuredFrf]:
+    """All transfer functions of a universal file or a table.
+
+    A table has a column of frequencies (``frequency [Hz]``) and, for each transfer function, ``re`` and ``im`` or
+    ``magnitude`` and ``phase`` (degrees unless the header says ``[rad]``), and perhaps ``coherence`` and ``u`` (a
+    standard uncertainty, in percent of the magnitude or in the unit). Before each of these words may stand the name
+    of the response (``x2 re [um/N]``), or a column ``channel`` names it in every row, as in a table of ``specan frf``.
+
+    Raises
+    ------
+    InputError
+        No transfer function, one part without the other, numbers that are none.
+    """
+    with path.open("rb") as file:
+        start = file.read(4096)
+    found = _from_uff(path) if is_uff(start) else _from_table(path)
+    if not found:
+        raise InputError(
+            f"{path.name} holds no transfer function",
+            expected="data sets 58 of function type 4, or columns frequency, re and im",
+        )
+    return [_usable(path, one) for one in found]
+
+
+def _usable(path: Path, one: MeasuredFrf) -> MeasuredFrf:
+    """Without lines at 0 Hz and lines without a value; frequencies rise."""
+    kept = (one.frequency_hz > 0) & np.isfinite(one.values)
+    order = np.argsort(one.frequency_hz[kept], kind="stable")
+
+    def take(values: Any) -> Any:
+        return None if values is None else values[kept][order]
+
+    frequency = take(one.frequency_hz)
+    if frequency.size < 3 or np.any(np.diff(frequency) <= 0):
+        raise InputError(
+            f"{path.name}: {one.said} has {frequency.size} lines, some at the same frequency"
+            if frequency.size >= 3
+            else f"{path.name}: {one.said} has {frequency.size} lines above 0 Hz with a value",
+            expected="lines at different frequencies",
+        )
+    return replace(
+        one, frequency_hz=frequency, values=take(one.values), sigma=take(one.sigma), coherence=take(one.coherence)
+    )  # fmt: skip
+
+
+# --- universal files ---------------------------------------------------------------------------------
+
+
+def _from_uff(path: Path) -> list[MeasuredFrf]:
+    sets = read_uff(path, (TRANSFER_FUNCTION, COHERENCE))
+    coherences = [s for s in sets if s.kind == COHERENCE]
+    found = []
+    for one in sets:
+        if one.kind != TRANSFER_FUNCTION:
+            continue
+        beside = next((c for c in coherences if _same_ends(c, one)), None)
+        found.append(
+            MeasuredFrf(
+                one.response,
+                one.reference,
+                one.names,
+                one.unit,
+                one.x,
+                one.values.astype(complex),
+                coherence=None if beside is None else np.interp(one.x, beside.x, np.real(beside.values)),
+            )
+        )
+    return found
+
+
+def _same_ends(one: DataSet, other: DataSet) -> bool:
+    return (one.response, one.reference) == (other.response, other.reference)
+
+
+# --- tables ------------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Header:
+    """What the columns of a table of transfer functions are."""
+
+    path: Path
+    frequency: str = ""
+    channel: str = ""
+    parts: dict[tuple[str, str], str] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+
+    def choose(self, headers: Iterable[str]) -> dict[str, str]:
+        """Columns that are read: the frequency, and the parts of each response."""
+        for header in headers:
+            title, unit = _title(header)
+            self.units[header] = unit
+            if title.lower() in _CHANNELS:
+                self.channel = header
+                continue
+            scale = _FREQUENCY.match(title)
+            if scale and not self.frequency:
+                self.frequency = header
+                self.units[header] = unit or (scale[2] or "Hz").strip(" _")
+                continue
+            name, part = _part(title)
+            if part:
+                self.parts[name, part] = header
+        numbers = [h for h in (self.frequency, *self.parts.values()) if h]
+        return {**{h: h for h in numbers}, **({self.channel: _CHANNEL} if self.channel else {})}
+
+
+def _from_table(path: Path) -> list[MeasuredFrf]:
+    header = _Header(path)
+    table = read_table(path, choose=header.choose, texts=(_CHANNEL,))
+    if not header.frequency:
+        raise InputError(f"{path.name} has no column of frequencies", expected="a column frequency [Hz]")
+    names = list(dict.fromkeys(name for name, _ in header.parts))
+    rows = table.words.get(_CHANNEL)
+    if rows is None:
+        return [_one(table, header, name, name, None) for name in names]
+    labels = np.array(rows)
+    found = [
+        _one(table, header, name, str(label), labels == label)
+        for name in names
+        for label in dict.fromkeys(rows)
+    ]
+    return _as_specan_says(path, found)
+
+
+def _as_specan_says(path: Path, found: list[MeasuredFrf]) -> list[MeasuredFrf]:
+    """Units, reference and window out of the comments of a table that `specan frf` has written."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        comments = [line[1:].strip() for line in takewhile(lambda line: line.startswith("#"), file)]
+    if not comments or not re.fullmatch(r"specan \S+ frf", comments[0]):
+        return found
+    said = next(
+        (text.removeprefix("magnitude in ") for text in comments if text.startswith("magnitude in ")), ""
+    )
+    units = {name: unit for unit, name in re.findall(r"(\S+) \((.*?)\)(?:, |$)", said)}
+    over = next((m[1] for text in comments if (m := re.search(r": \S+ over (.*) \(.*\)$", text))), "")
+    window = any("'window': 'hann'" in text for text in comments)
+    return [
+        replace(one, unit=units.get(one.response, ""), reference=over, windowed=window) for one in found
+    ]  # fmt: skip
+
+
+def _one(
+    table: TableFile, header: _Header, name: str, response: str, rows: NDArray[np.bool_] | None
+) -> MeasuredFrf:
+    def column(part: str) -> Any:
+        title = header.parts.get((name, part))
+        if title is None:
+            return None
+        return table.columns[title] if rows is None else table.columns[title][rows]
+
+    def unit_of(part: str) -> str:
+        return header.units[header.parts[name, part]]
+
+    re_, im, magnitude, phase = (column(p) for p in ("re", "im", "magnitude", "phase"))
+    if re_ is not None and im is not None:
+        values, unit = re_ + 1j * im, unit_of("re")
+    elif magnitude is not None and phase is not None:
+        said = unit_of("phase") or header.parts[name, "phase"]
+        turn = phase if said.lower().endswith(("rad", "radian", "radians")) else np.radians(phase)
+        values, unit = magnitude * np.exp(1j * turn), unit_of("magnitude")
+    else:
+        raise InputError(
+            f"{table.path.name}: the transfer function {name or response!r} lacks a part",
+            expected="columns re and im, or magnitude and phase",
+        )
+    f_unit = header.units[header.frequency]
+    frequency = table.columns[header.frequency] if rows is None else table.columns[header.frequency][rows]
+    try:
+        hertz = np.asarray(convert(frequency, {"khz": "kHz", "hz": "Hz"}.get(f_unit.lower(), f_unit), "Hz"))
+    except RequestError:
+        raise InputError(f"{table.path.name}: the frequency is in {f_unit!r}", expected="Hz or kHz") from None
+    coherence, u, averages = column("coherence"), column("u"), column("averages")
+    sigma = None
+    if u is not None:
+        title = header.parts[name, "u"]
+        percent = title in _OWN or unit_of("u") in ("%", "percent") or "percent" in title
+        sigma = u / 100 * np.abs(values) if percent else u
+    elif coherence is not None and averages is not None:
+        sigma = sigma_of(np.abs(values), coherence, averages)
+    common = column("common")
+    return MeasuredFrf(
+        response, "", ((response,), ()), unit, hertz, values, sigma,
+        common=0.0 if common is None else float(np.nanmedian(common)) / 100, coherence=coherence,
+    )  # fmt: skip
+
+
+def sigma_of(magnitude: Array, coherence: Array, averages: Any) -> Array:
+    """Standard uncertainty of each part of an H1 line: ``|H| sqrt((1 - g2) / (2 n g2))``.
+
+    Bendat & Piersol, Random Data, 4th ed. (2010), eq. 9.90.
+
+    Examples
+    --------
+    >>> sigma_of(np.array([2.0]), np.array([0.8]), 50).round(3).tolist()
+    [0.1]
+    """
+    known = np.clip(coherence, 1e-6, 1 - 1e-9)
+    return np.asarray(magnitude * np.sqrt((1 - known) / (2 * np.asarray(averages) * known)))
+
+
+def _title(header: str) -> tuple[str, str]:
+    """A header without its unit, and the unit."""
+    said = _WITH_UNIT.match(header.strip().strip('"'))
+    return (said["name"], (said["a"] or said["b"] or "").strip()) if said else (header.strip().strip('"'), "")
+
+
+def _part(title: str) -> tuple[str, str]:
+    """Response and part of a column: ``x2 re`` is the real part of x2."""
+    if title in _OWN:
+        return "", _OWN[title]
+    said = _PART.match(title)
+    return ((said["name"] or "").strip(), _PARTS[said["part"].lower()]) if said else ("", "")
+
+
+def find(found: Sequence[MeasuredFrf], response: str, reference: str) -> MeasuredFrf | None:
+    """The transfer function of two ends, by any of their names; the only one there is where it has no names."""
+    if len(found) == 1 and not found[0].response:
+        return found[0]
+    for one in found:
+        matches = response in (one.response, *one.also[0])
+        if matches and (not reference or not one.reference or reference in (one.reference, *one.also[1])):
+            return one
+    return None

@@ -1,0 +1,93 @@
+"""What the figures and the report of a study say about a change: before and after, and why it was made."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from specan.report.figure_style import heading_text
+from specan.report.figures_change import figure_change
+from specan.report.figures_diagnosis import figure_diagnosis
+from specan.report.figures_history import figure_history
+from specan.report.study_report import study_report
+from specan.report.verdict_words import headline
+from specan.study.create import begin
+from specan.study.edit import add_effect
+from specan.study.kept_diagnoses import NAME, diagnose_and_keep, diagnosis_of
+
+BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
+
+
+@pytest.fixture(scope="module")
+def story(tmp_path_factory):
+    place = tmp_path_factory.mktemp("story") / "gear"
+    study = begin(
+        place, "worm-gear", BENCH / "rig.toml", [BENCH / "measurement.csv"], hold_out=["torque=50"]
+    ).study
+    found = diagnose_and_keep(study)
+    return study, found, add_effect(study, "windage")
+
+
+def test_bars_of_a_diagnosis_are_the_errors_that_are_left(story):
+    _, found, _ = story
+    axes = figure_diagnosis(found).axes[0]
+    widths = [patch.get_width() for patch in axes.patches]
+    assert widths == [found.error.before.rms, *(row.error_after for row in found.ranking)]
+    assert axes.get_xscale() == "linear"
+    assert axes.get_xlabel() == "RMS error of input torque that is left / Nm"
+    assert headline(found) == "Missing: windage."
+
+
+def test_a_change_is_drawn_before_and_after(story):
+    study, _, change = story
+    figure = figure_change(change)
+    bars, before, after = figure.axes
+    heights = [patch.get_height() for patch in bars.patches]
+    steps = (change.before, change.after)
+    assert heights == [
+        e["value"] for kind in ("fit_error", "held_out_error") for e in (getattr(s, kind) for s in steps)
+    ]
+    for axes, one in ((before, study), (after, change.study)):
+        drawn = np.concatenate([line.get_ydata() for line in axes.lines[1:]])
+        residual = one.problem.predictions(one.shown.theta)[0] - one.problem.observations[0].measured
+        np.testing.assert_allclose(np.sort(drawn), np.sort(residual))
+    assert before.get_ylim() == after.get_ylim()
+    assert "(-77 %)" in heading_text(figure)
+
+
+def test_the_staircase_carries_every_error(story):
+    *_, change = story
+    steps = change.study.history.steps
+    heights = {patch.get_height() for patch in figure_history(steps).axes[0].patches}
+    assert {s.fit_error["value"] for s in steps} <= heights
+    assert {s.held_out_error["value"] for s in steps} <= heights
+
+
+def test_a_diagnosis_is_found_again_by_the_state_that_it_is_about(story):
+    study, found, change = story
+    before, after = change.study.history.steps
+    assert diagnosis_of(study.directory, before.hashes)["reason"] == found.reason
+    assert diagnosis_of(study.directory, after.hashes) is None
+    path = study.directory / NAME
+    whole = path.read_text(encoding="utf-8")
+    try:
+        path.write_text(whole + '{"cut": ', encoding="utf-8")  # as a power cut leaves it
+        assert diagnosis_of(study.directory, before.hashes)["verdict"] == "effect"
+    finally:
+        path.write_text(whole, encoding="utf-8")
+    assert json.loads(whole)["hashes"]["study"] == before.hashes["study"]
+
+
+def test_the_report_begins_with_the_story_and_ends_with_what_was_rejected(story):
+    *_, change = story
+    page = study_report(change.study)
+    places = [
+        page.index(text)
+        for text in (
+            "Windage was missing. With it the error on fitted data went from 0.0276 to 0.00645 Nm (-77 %)",
+            "How each step came about", "<b>Missing: windage.</b>", "<h2>Measured and model", "<h2>What is missing now",
+            "<h2>Parameters", "<h2>Candidates that were tried",
+        )
+    ]  # fmt: skip
+    assert places == sorted(places)
