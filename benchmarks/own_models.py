@@ -179,6 +179,117 @@ def python_models() -> None:
             )
 
 
+SOURCE = """
+import math
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+class drive(Fmi2Slave):
+    def __init__(self, **kw):
+        super().__init__(**kw)
+        self.speed, self.mu, self.rise, self.size, self.torque = 100.0, 1.0, 0.0, 0.0, 0.0
+        self.register_variable(Real("speed", causality=Fmi2Causality.input))
+        for name in ("mu", "rise", "size"):
+            self.register_variable(Real(name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
+        self.register_variable(Real("torque", causality=Fmi2Causality.output))
+
+    def do_step(self, t, h):
+        self.torque = self.mu + self.rise * math.exp(-self.speed / 20) + self.size * (self.speed / 100) ** 2
+        return True
+"""
+SETTINGS = """
+[simulation]
+duration = 1.0
+step = 0.05
+[conditions.speed]
+unit = "1/min"
+low = 5
+high = 300
+[observables.torque]
+unit = "N*m"
+uncertainty = 0.01
+[parameters.mu]
+value = 0.8
+min = 0.1
+max = 3
+unit = "N*m"
+"""
+EFFECT = """
+[effects.{0}.parameters.{1}]
+value = 0.3
+min = 0.05
+max = 2
+lower = 0
+neutral = 0
+"""
+
+
+def fmu_model() -> None:
+    """A verdict on an FMU beside its simulations alone, repeated one after the other by FMPy in one process."""
+    import subprocess
+
+    import fmpy
+
+    from specan.models.catalogue import load_model
+    from specan.models.fmu.process import FmuProcess
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "source.py").write_text(SOURCE, encoding="utf-8")
+        build = [
+            sys.executable,
+            "-m",
+            "pythonfmu",
+            "build",
+            "-f",
+            str(folder / "source.py"),
+            "-d",
+            str(folder),
+        ]
+        subprocess.run(build, check=True, capture_output=True)
+        effects = EFFECT.format("stribeck", "rise") + EFFECT.format("windage", "size")
+        (folder / "drive.toml").write_text(SETTINGS + effects, encoding="utf-8")
+        model = load_model(folder / "drive.fmu", {})
+        rows = observations(model, "stribeck", {"speed": np.geomspace(5, 300, ROWS)}, 0.01)
+        counted: list[list[float]] = []
+        simulate = FmuProcess.simulate
+
+        def counting(self, rows):
+            counted.extend(rows)
+            return simulate(self, rows)
+
+        FmuProcess.simulate = counting
+        began = _with_children()
+        found = diagnose(base_problem(model, rows))
+        spent = _with_children() - began
+        began, bare = _with_children(), 0.0
+        unpacked = fmpy.extract(str(folder / "drive.fmu"))
+        description = fmpy.read_model_description(unpacked)
+        instance = fmpy.instantiate_fmu(unpacked, description, "CoSimulation")
+        for row in counted:
+            instance.reset()
+            fmpy.simulate_fmu(
+                unpacked, stop_time=1.0, output_interval=0.05, fmu_instance=instance, model_description=description,
+                start_values=dict(zip(("speed", "mu", "rise", "size"), map(float, row), strict=True)),
+                output=["torque"], validate=False,
+            )  # fmt: skip
+        bare = _with_children() - began
+        print(
+            f"FMU: {','.join(found.effects) or found.verdict} named, {len(counted)} simulations, {spent:.2f} CPU s; "
+            f"the simulations alone {bare:.2f} CPU s; ratio {spent / bare:.2f}"
+        )
+
+
+def _with_children() -> float:
+    """CPU time of this process and of those that it started, the running ones included."""
+    import psutil
+
+    me = psutil.Process()
+    parts = [me.cpu_times(), *(child.cpu_times() for child in me.children(recursive=True))]
+    return sum(part.user + part.system for part in parts)
+
+
 if __name__ == "__main__":
     if "fmu" not in sys.argv[1:]:
         python_models()
+    if "python" not in sys.argv[1:]:
+        fmu_model()
