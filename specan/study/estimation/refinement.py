@@ -20,6 +20,7 @@ SHARE = 1e-4  # of all predictions, by which a step of a derivative changes them
 MOST_OF_ITSELF = 1e-3  # of a parameter's size, which a step does not exceed
 ORTHOGONAL = 1e-16  # share of chi-square that another step may still promise
 ROUNDED = 1e-10  # share of chi-square below which rounding hides whether a step lowers it
+ROUNDING = 1e-14  # of chi-square, that a sum over some hundred rows may be off by
 UNDETERMINED = 1e-11  # of the largest singular value: directions that no step goes in
 FAR = 1e-3  # share of chi-square promised, above which derivatives of second order do
 MOST_JACOBIANS = 200
@@ -48,12 +49,12 @@ def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
     for _ in range(MOST_JACOBIANS):
         if order == 2 and promised < FAR * descent.chi2:
             order, promised = 4, descent.derive(4)
-        moved = promised > ORTHOGONAL * descent.chi2 and descent.step()
-        if order == 4 and not moved:
-            break
-        if promised <= ROUNDED * descent.chi2 and promised > before / 2:
+        chi2 = descent.chi2
+        moved = promised > ORTHOGONAL * chi2 and descent.step()
+        gained = moved and descent.chi2 < chi2 * (1 - ROUNDING)
+        if order == 4 and not (gained or (moved and promised <= ROUNDED * chi2 and promised <= before / 2)):
             break  # rounding, or the accuracy of the model, is reached
-        order = order if moved else 4
+        order = order if gained else 4
         before, promised = promised, descent.derive(order)
     return descent.minimum(), promised < STEP_TOLERANCE * unit(problem, descent.chi2)
 
