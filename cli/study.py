@@ -12,6 +12,7 @@ STEPS = {
     "new": ("study_new", "Begin a study: a model, a rig, measurements."),
     "compare": ("study_compare", "Fit the model and see where it fails."),
     "diagnose": ("study_diagnose", "Which physical effect is missing."),
+    "propose": ("study_propose", "Laws for what no effect of the catalogue explains."),
     "add": ("study_add", "Add an effect, refit, see what the errors do."),
     "drop": ("study_drop", "Take an effect out again."),
     "history": ("study_history", "The error of every step, on fitted and on held-out data."),

@@ -175,18 +175,3 @@ class Watched(Generic[Result]):
         for samples in recording.blocks(self.channels, BLOCK, self.start, self.stop):
             self.add(samples)
         return self.result()
-
-
-def signal_quality(
-    recording: Recording,
-    channels: Sequence[Channel] | None = None,
-    *,
-    start: int = 0,
-    stop: int | None = None,
-) -> tuple[Quality, ...]:
-    """Quality of the channels of a recording (all of one rate), read once in blocks."""
-    channels = recording.channels if channels is None else tuple(channels)
-    accumulator = QualityAccumulator(channels)
-    for block in recording.blocks(channels, BLOCK, start, stop):
-        accumulator.add(block)
-    return accumulator.result()

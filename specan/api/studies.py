@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from specan.models import Model
     from specan.study.edit import Change
     from specan.study.history import History
+    from specan.study.propose import ProposedLaws
     from specan.study.study import Comparison
     from specan.study.verdict import Diagnosis
 
@@ -246,6 +247,12 @@ class Study:
         """
         self._opened.require_uncertainty("next")
         return NextMeasurements(tuple(self.diagnose().to_json()["next_measurement"]))
+
+    def propose(self) -> ProposedLaws:
+        """Laws for what no effect of the catalogue explains, written as effect files that `add` takes."""
+        from specan.study.propose import propose_laws
+
+        return propose_laws(self._opened)
 
     def report(self, path: str | Path) -> Path:
         """Write everything on one self-contained HTML page.

@@ -118,11 +118,6 @@ class ToneTable(Result):
         return _level(self.rms, self.units)
 
     @property
-    def tone_level_dB(self) -> Real:
-        """Level of `tone_rms`."""
-        return _level(self.tone_rms, self.units)
-
-    @property
     def reference_rms(self) -> float:
         """RMS of the fundamental of the reference; NaN without one."""
         if self.reference is None or self.reference not in self.channels:

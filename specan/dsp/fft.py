@@ -11,39 +11,24 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-def amplitude_spectrum(
-    samples: Real, rate: float, window_name: WindowName = "hann", *, detrend: bool = True
-) -> tuple[Real, Complex]:
+class AmplitudeTransform:
     """One-sided amplitude spectrum (..., n // 2 + 1) of blocks (..., n), peak values, exp(+j w t).
 
     A tone A cos(2 pi f t + phi) on a line, t = 0 at the first sample, gives A exp(j phi) there. Between two
     lines the magnitude falls by the scallop loss of the window and the phase of the nearest line is off by
     180 degrees times the distance in lines: use a sine fit for the phase of such a tone.
 
-    Returns
-    -------
-    frequency_hz : array (n // 2 + 1,)
-    spectrum : complex array
-
-    Examples
-    --------
-    >>> t = np.arange(64) / 64
-    >>> f, spectrum = amplitude_spectrum(3 * np.cos(2 * np.pi * 8 * t + 1), 64.0)
-    >>> float(f[8]), round(float(abs(spectrum[8])), 6), round(float(np.angle(spectrum[8])), 6)
-    (8.0, 3.0, 1.0)
-    """
-    n = samples.shape[-1]
-    spectrum = AmplitudeTransform(n, window_name, detrend=detrend)(samples.copy())
-    return np.arange(spectrum.shape[-1]) * (rate / n), spectrum
-
-
-class AmplitudeTransform:
-    """`amplitude_spectrum` of many blocks of one length: the window is made once.
-
     Parameters
     ----------
     n : int
         Samples of a block.
+
+    Examples
+    --------
+    >>> t = np.arange(64) / 64
+    >>> spectrum = AmplitudeTransform(64)(3 * np.cos(2 * np.pi * 8 * t + 1))
+    >>> round(float(abs(spectrum[8])), 6), round(float(np.angle(spectrum[8])), 6)
+    (3.0, 1.0)
     """
 
     def __init__(self, n: int, window_name: WindowName = "hann", *, detrend: bool = True) -> None:

@@ -101,14 +101,6 @@ def heading(figure: Any, title: str, *facts: str) -> None:
         )  # fmt: skip
 
 
-def heading_text(figure: Figure) -> str:
-    """Everything that the heading says."""
-    from matplotlib.text import Annotation
-
-    below = [a.get_text() for a in figure.artists if isinstance(a, Annotation)]
-    return " ".join([figure.get_suptitle(), *below]).replace("\n", " ")
-
-
 def legend_below(figure: Figure, axes: Axes, most_columns: int = 6) -> None:
     """Legend of some axes under the figure, where it covers nothing; in columns that fit the width."""
     handles, labels = axes.get_legend_handles_labels()

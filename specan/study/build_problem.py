@@ -11,7 +11,7 @@ import numpy as np
 from specan.errors import RequestError, nearest
 from specan.models import Model, Parameter, Use, varying
 from specan.models.parameter_name import ParameterName
-from specan.study.estimation.fit import Fit
+from specan.study.estimation.fit import NORMAL_95, Fit
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.study_file import EffectEntry, ParameterEntry, StudyFile
@@ -219,7 +219,7 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
         parameter = problem.assembly.parameters[name.whole]
         value, sd = float(best.theta[k]), best.standard_error(name) * widen
         least, most = problem.plausible(name.whole)
-        ends = max(value - 1.96 * sd, low[k]), min(value + 1.96 * sd, high[k])
+        ends = max(value - NORMAL_95 * sd, low[k]), min(value + NORMAL_95 * sd, high[k])
         table[name] = {
             "value": parameter.from_si(value),
             "low": parameter.from_si(float(ends[0])),

@@ -52,7 +52,7 @@ from specan.study.user_effects import (
 )
 from specan.study.verdict import Diagnosis
 
-FAR_FROM_CALIBRATION = 10.0
+FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.analysis.quality import QualityAccumulator, signal_quality
+from specan.analysis.quality import QualityAccumulator
 from specan.data.recording import ArraySource, Channel, Recording
 
 TIME = np.arange(20000) / 5000.0
@@ -83,7 +83,10 @@ def test_a_recording_is_read_once_and_the_extremes_are_told() -> None:
         Channel("b", unit="V", sampling_rate=5000.0, n_samples=20000),
     )
     recording = Recording("r", channels, ArraySource([SINE, np.zeros(20000)]))
-    first, second = signal_quality(recording)
+    accumulator = QualityAccumulator(recording.channels)
+    for block in recording.blocks(recording.channels, 4096):
+        accumulator.add(block)
+    first, second = accumulator.result()
     assert (first.maximum, first.minimum) == (2 * SINE.max(), 2 * SINE.min())
     assert (first.flags, second.flags) == ((), ("dead",))
     assert first.n_samples == 20000

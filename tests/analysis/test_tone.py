@@ -42,7 +42,6 @@ def test_levels_and_phases_over_the_vibrometer():
     np.testing.assert_allclose(found.tone_rms * np.sqrt(2), [2.0, 0.5, 0.01, 3.0], rtol=1e-6)
     np.testing.assert_allclose(found.magnitude, [200.0, 50.0, 1.0, 300.0], rtol=1e-6)
     assert found.magnitude_units[0] == "Pa/(m/s)"
-    assert found.tone_level_dB[0] == pytest.approx(20 * np.log10(np.sqrt(2) / 20e-6), abs=1e-5)
     assert found.reference_rms == pytest.approx(0.01 / np.sqrt(2), rel=1e-6)
     assert all(f == () for f in found.flags)
 

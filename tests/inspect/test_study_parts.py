@@ -161,9 +161,9 @@ def test_candidates_stand_in_the_order_of_the_diagnosis():
     one.show(study, ["a", "b", "c", "d"], {"e": "needs a load"}, found)
     shown = [getattr(c, "children", [c])[0] for c in one.list.children]
     assert [getattr(w, "name", None) or w.text for w in shown] == [
-        "<b><small>The data ask for one of these, and cannot tell which</small></b>",
+        "<b><small>The data ask for one of these; which one is open: error left</small></b>",
         "try-c", "try-b",
-        "<b><small>Not plausible</small></b>",
+        "<b><small>Not plausible: error left</small></b>",
         "try-a",
         "<b><small>The data do not ask for</small></b>",
         "try-d",

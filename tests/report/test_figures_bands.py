@@ -5,7 +5,6 @@ import pytest
 
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
-from specan.report.figure_style import heading_text
 from specan.report.figures_bands import figure_band_levels, figure_level_history
 
 RATE, N = 8000.0, 16000
@@ -20,7 +19,7 @@ def recording(*units: str) -> Recording:
     )
 
 
-def test_each_level_reference_has_its_axes():
+def test_each_level_reference_has_its_axes(heading_text):
     found = Octave()(recording("Pa", "Pa", "Pa", "m/s"))
     figure = figure_band_levels(found)
     bands = figure.axes[::2]

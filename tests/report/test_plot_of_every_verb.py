@@ -8,7 +8,6 @@ import pytest
 from click.testing import CliRunner
 
 from specan.data.recording import ArraySource, Channel, Recording
-from specan.report.figure_style import heading_text
 from specan.report.figures_waveforms import MOST_CHANNELS, figure_waveforms
 from specan_cli.main import main
 
@@ -120,7 +119,7 @@ def test_the_section_alone_is_drawn():
     assert axes.dataLim.y1 == samples[0, 1000:1500].max()
 
 
-def test_more_channels_than_a_page_holds_are_counted():
+def test_more_channels_than_a_page_holds_are_counted(heading_text):
     one, _ = made_up(100, MOST_CHANNELS + 5)
     figure = figure_waveforms(one)
     assert len(figure.axes) == MOST_CHANNELS

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from specan.report.figure_style import heading_text
 from specan.report.figures_change import figure_change
 from specan.report.figures_diagnosis import figure_diagnosis
 from specan.report.figures_history import figure_history
@@ -39,7 +38,7 @@ def test_bars_of_a_diagnosis_are_the_errors_that_are_left(story):
     assert headline(found) == "Missing: windage."
 
 
-def test_a_change_is_drawn_before_and_after(story):
+def test_a_change_is_drawn_before_and_after(story, heading_text):
     study, _, change = story
     figure = figure_change(change)
     bars, before, after = figure.axes

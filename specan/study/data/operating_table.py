@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
 from specan.study.data.plausible_rows import check_limits, duplicates
-from specan.study.data.setpoints import cells, grouped, levels
+from specan.study.data.setpoints import apart_in_rounds, cells, grouped, levels
 from specan.study.data.table_reader import Measurement
 from specan.study.observation import Array
 from specan.study.observation.variable import Variable
 from specan.units import convert, printed_unit
 
 TIME = "elapsed_time"  # orders the readings; never a setting
+NEXT, LATER = 0.5, 0.1  # standard deviations of setting within which two rows are readings of one setting
 ENOUGH = 8  # degrees of freedom above which repeats are believed
 
 
@@ -126,6 +127,7 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
         points, is_set[name] = levels(distinct[:, k], settings[name])
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
+    level = _parted(level, is_set, measurements, recording, conditions, settings)
     alike = cells(*(values for name, values in level.items() if name != TIME))
     replicate_group = _within_files(alike, recording)
     setup, how = _setups(measurements, recording, replicate_group, conditions, settings)
@@ -149,6 +151,27 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
             *([copied] if copied else []),
         ),
     )
+
+
+def _parted(
+    level: dict[str, Array],
+    is_set: Mapping[str, bool],
+    measurements: Sequence[Measurement],
+    recording: NDArray[np.intp],
+    conditions: Mapping[str, Array],
+    settings: Mapping[str, SettingError],
+) -> dict[str, Array]:
+    """Levels parted by what a round of the plan holds, where the tables number the rounds."""
+    marks = [m.repeat for m in measurements if m.repeat is not None]
+    if len(marks) < len(measurements) or any(m.setup is not None for m in measurements):
+        return level
+    rounds = cells(recording, np.concatenate(marks))
+    for name, values in conditions.items():
+        if name != TIME and not is_set[name]:
+            others = [c for other, c in level.items() if other not in (name, TIME)]
+            scatter = np.asarray(settings[name].at(values), dtype=float) + 1e-300
+            level[name] = apart_in_rounds(values, level[name], cells(rounds, *others), scatter)
+    return level
 
 
 def _conditions(
@@ -195,15 +218,37 @@ def _setups(
     for how in ("setup", "repeat"):
         marks = [getattr(m, how) for m in measurements]
         if all(mark is not None for mark in marks):
-            return cells(recording, replicate_group, np.concatenate(marks)), how
+            marked = cells(recording, replicate_group, np.concatenate(marks))
+            if how == "setup":
+                return marked, how
+            # One round sets a condition once: rows of it at other values are other settings, not second readings.
+            order = np.argsort(marked, kind="stable")
+            new = (np.diff(marked[order], prepend=-1) != 0) | _set_anew(conditions, settings, order)
+            number = np.empty(order.size, dtype=np.intp)
+            number[order] = np.cumsum(new)
+            return number, how
     # Without a mark: the next row at the same condition, at values that were not set anew, is a second
     # reading; a condition that comes back later was set again.
+    everything = np.arange(recording.size)
     changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(replicate_group, prepend=-1) != 0)
+    return np.cumsum(changed | _set_anew(conditions, settings, everything)), "order"
+
+
+def _set_anew(
+    conditions: Mapping[str, Array], settings: Mapping[str, SettingError], order: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Whether a row lies further from the one before it, in an order, than readings of one setting do.
+
+    Half the scatter of setting where the one row follows the other in the table, a tenth where other rows lie between.
+    """
+    changed = np.zeros(order.size, dtype=bool)
+    share = np.where(np.diff(order, prepend=-1) == 1, NEXT, LATER)
     for name, values in conditions.items():
         if name != TIME:
-            apart = np.abs(np.diff(values, prepend=values[0]))
-            changed |= apart > 0.5 * settings[name].at(values) + 1e-12
-    return np.cumsum(changed), "order"
+            ordered = values[order]
+            apart = np.abs(np.diff(ordered, prepend=ordered[0]))
+            changed |= apart > share * settings[name].at(ordered) + 1e-12
+    return changed
 
 
 def check_varied(rows: Rows, model: Model) -> None:

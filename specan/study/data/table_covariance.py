@@ -80,6 +80,10 @@ class Uncertainty:
         """Rows with their covariance; `pure_error_dof` holds for the rows that this was worked out on."""
         reading, setup = self._variances(rows)
         together = (rows.setup[:, None] == rows.setup) & (rows.observable[:, None] == rows.observable)
+        # Scatter of set-ups without any of readings: too few second readings to tell, which count as set anew.
+        told = np.array([self.noise[name].reading is not None for name in rows.observable.tolist()])
+        declared = np.array([self.noise[name].setup is None for name in rows.observable.tolist()])
+        together &= (told | declared)[:, None] | np.eye(rows.n, dtype=bool)
         root = np.sqrt(setup)
         covariance = np.diag(reading) + np.where(together, np.outer(root, root), 0.0)
         part = self.discrepancy_percent / 100 * self.reference.effects_part(rows)

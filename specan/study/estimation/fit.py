@@ -16,6 +16,7 @@ from specan.study.estimation.refinement import MOST_JACOBIANS, refine
 from specan.study.observation import Array
 
 NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
+NORMAL_95 = 1.96  # standard deviations on either side of 95 % of a normal law
 FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
 

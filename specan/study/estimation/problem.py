@@ -28,7 +28,7 @@ from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
 from specan.models.parameter_name import ParameterName
 from specan.study.estimation.finite_differences import chosen_stencil, usual_stencil
-from specan.study.estimation.known_ranges import KnownRanges
+from specan.study.estimation.pseudo_measurements import KnownRanges, PseudoMeasurements
 from specan.study.observation import Array, Observation
 from specan.study.observation.strategy import Strategy, joined
 
@@ -144,13 +144,13 @@ class Problem:
     @cached_property
     def n_priors(self) -> int:
         """Number of priors: pseudo-measurements with a mean, which follow the data."""
-        return len(self._prior_index)
+        return int(self.pseudo.held.size)
 
     @cached_property
     def pseudo_rows(self) -> dict[str, int]:
         """Row of every pseudo-measurement by its name: priors by their element, then known ranges."""
-        held = [self.names[i] for i in self._prior_index]
-        ranged = [range_of(self.names[i]) for i in self._ranged]
+        held = [self.names[i] for i in self.pseudo.held]
+        ranged = [range_of(self.names[i]) for i in self.pseudo.ranged]
         return {name: self.n_data + k for k, name in enumerate([*held, *ranged])}
 
     # --- from theta to values ------------------------------------------------------------------
@@ -241,13 +241,13 @@ class Problem:
             o.whiten(o.predict(self.assembly, self.seen_by(o, values)) - o.measured)
             for o in self.observations
         ]
-        return np.concatenate([*parts, self._prior_residual(theta), self.pulls(theta)])
+        return np.concatenate([*parts, self.pseudo.residual(np.asarray(theta, dtype=float))])
 
     def jacobian(self, theta: Array, steps: Array | None = None, order: int = 2) -> Array:
         """Derivative of `residual`, one column for each element of theta; see `sensitivities`."""
         slopes = self.sensitivities(theta, steps, order)
         white = [o.whiten(slope) for o, slope in zip(self.observations, slopes, strict=True)]
-        return np.concatenate([*white, self._prior_jacobian, self._range_jacobian(theta)], axis=0)
+        return np.concatenate([*white, self.pseudo.jacobian(np.asarray(theta, dtype=float))], axis=0)
 
     def sensitivities(self, theta: Array, steps: Array | None = None, order: int = 2) -> list[Array]:
         """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences.
@@ -296,51 +296,29 @@ class Problem:
     def _per_recording(self) -> tuple[str, ...]:
         return tuple(n for n, p in self.assembly.parameters.items() if p.per == "recording")
 
-    @cached_property
-    def _prior_index(self) -> list[int]:
-        return [i for i, owner in enumerate(self._owner) if owner in self.priors]
-
-    def _prior_residual(self, theta: Array) -> Array:
-        mean_sd = [self.priors[self._owner[i]] for i in self._prior_index]
-        return np.array([(theta[i] - m) / s for i, (m, s) in zip(self._prior_index, mean_sd, strict=True)])
+    # --- what is known beforehand -----------------------------------------------------------------
 
     @cached_property
-    def _prior_jacobian(self) -> Array:
-        rows = np.zeros((len(self._prior_index), len(self._owner)))
-        for row, i in enumerate(self._prior_index):
-            rows[row, i] = 1 / self.priors[self._owner[i]][1]
-        return rows
-
-    # --- known ranges ----------------------------------------------------------------------------
-
-    @cached_property
-    def _ranged(self) -> list[int]:
-        """Elements of theta that are held by a known range: those without a prior."""
-        return [i for i, owner in enumerate(self._owner) if owner not in self.priors]
-
-    @cached_property
-    def known_ranges(self) -> KnownRanges:
-        """Ranges of the elements without a prior."""
-        ends = [self.plausible(self._owner[i]) for i in self._ranged]
-        low, high = np.array([e[0] for e in ends]), np.array([e[1] for e in ends])
+    def pseudo(self) -> PseudoMeasurements:
+        """Priors and known ranges as rows of the residual."""
+        held = [i for i, owner in enumerate(self._owner) if owner in self.priors]
+        ranged = [i for i, owner in enumerate(self._owner) if owner not in self.priors]
+        prior = np.array([self.priors[self._owner[i]] for i in held]).reshape(-1, 2)
+        ends = np.array([self.plausible(self._owner[i]) for i in ranged]).reshape(-1, 2)
         if not self.ranges:
-            low, high = np.full(low.size, -np.inf), np.full(low.size, np.inf)
-        return KnownRanges.of(low, high, self.scale[self._ranged])
+            ends = np.tile([-np.inf, np.inf], (len(ranged), 1))
+        return PseudoMeasurements(
+            np.array(held, dtype=np.intp), np.array(ranged, dtype=np.intp), prior[:, 0], prior[:, 1],
+            KnownRanges.of(ends[:, 0], ends[:, 1], self.scale[ranged]), len(self._owner),
+        )  # fmt: skip
 
     def pulls(self, theta: Array) -> Array:
         """Standard deviations by which the elements without a prior leave their known ranges."""
-        return self.known_ranges.pulls(np.asarray(theta, dtype=float)[self._ranged])
+        return self.pseudo.pulls(np.asarray(theta, dtype=float))
 
     def pulled(self, residual: Array) -> float:
         """Chi-square that a residual owes to known ranges, and not to data or priors."""
         return float(np.sum(residual[self.n_data + self.n_priors :] ** 2))
-
-    def _range_jacobian(self, theta: Array) -> Array:
-        rows = np.zeros((len(self._ranged), len(self._owner)))
-        rows[np.arange(len(self._ranged)), self._ranged] = self.known_ranges.slopes(
-            np.asarray(theta, dtype=float)[self._ranged]
-        )
-        return rows
 
     # --- other problems ------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from specan.study.estimation.projection import Projection
-from specan.study.selection.acceptance import DECISIVE
+from specan.study.selection.acceptance import DECISIVE, complete
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
 from specan.study.selection.score_test import best_of_each, score, score_pairs
@@ -119,6 +119,8 @@ def _indistinguishable(search: Search, best: Refit, rival: Refit) -> bool:
     if search.believable(best) and not search.believable(rival):  # it is named beside them, with its values
         return False
     if len(rival.uses) > 1 and not search.needs_all(rival):
+        return False
+    if complete(best, rival):
         return False
     behind = rival.bic(best.dispersion) - best.bic(best.dispersion)
     explained = (search.base.chi2 - best.chi2) / best.dispersion

@@ -167,4 +167,4 @@ def _tail(refit: Refit, name: ParameterName, pull: float) -> float:
     if plain in problem.priors:
         return problem.priors[plain][1]
     k = _place(refit, name)
-    return float((problem.known_ranges.below if pull < 0 else problem.known_ranges.above)[k])
+    return float((problem.pseudo.ranges.below if pull < 0 else problem.pseudo.ranges.above)[k])

@@ -228,7 +228,7 @@ class Refits:
             return []
         own = [{n: v for n, v in s.items() if ParameterName(n).owner in map(str, uses)} for s in starts]
         try:
-            return [continuation_fit(problem, own)]
+            return [continuation_fit(problem, own, self.rough)]
         except ComputationError:  # the other starts may do better
             return []
 

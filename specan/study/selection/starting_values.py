@@ -21,12 +21,13 @@ from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.linearised_covariance import JACOBIANS, about
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, candidates, grid
+from specan.study.selection.matched_field import Found, likely_places
 from specan.study.selection.refits import Refit, start_from
 from specan.study.selection.score_test import Scored, best_of_each, different, score
 from specan.study.selection.shape_grid import shape_grid
 from specan.study.selection.signatures import Known, Point, default_value, signatures
 
-STARTS = 3
+STARTS = 3  # signatures of a candidate that lie apart
 EVERYWHERE = 2  # effects that are looked for at every place
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
@@ -99,12 +100,57 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     found = {c.use: c for c in candidates(refit.problem)[0] if c.use in uses}
     if not found:
         return {}
-    points = shape_grid(refit.problem, refit.fit, list(found.values()), known)
-    scored = _scored(refit, list(found.values()), points, known)
-    return {
+    places = likely_places(refit, list(found.values()))
+    rest = [c for use, c in found.items() if use not in places]
+    scored = _scored(refit, rest, shape_grid(refit.problem, refit.fit, rest, known), known)
+    peaks = {
         use: [*_coordinate_optima(refit, found[use], items[0], known), *different(items, STARTS)[1:]]
         for use, items in best_of_each(scored).items()
     }
+    placed = {use: _at_places(refit, found[use], likely, known) for use, likely in places.items()}
+    return peaks | {use: items for use, items in placed.items() if items}
+
+
+def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
+    """Points at which candidates are to be tried, those that act at one place at the likeliest of each element."""
+    places = likely_places(refit, found)
+    points = shape_grid(refit.problem, refit.fit, [c for c in found if c.use not in places], known)
+    for candidate in found:
+        if candidate.use in places:
+            points[candidate.use] = _at_place(candidate, places[candidate.use][0], _sizes(candidate)[:1])
+    return points
+
+
+def _at_places(refit: Refit, candidate: Candidate, places: Sequence[Found], known: Known) -> list[Scored]:
+    """Where the searches from the likely places of a candidate lead, best first."""
+    peaks = []
+    for place in places:
+        points = _at_place(candidate, place, _sizes(candidate))
+        scored = _scored(refit, [candidate], {candidate.use: points}, known)
+        if scored:
+            best = max(scored, key=lambda s: s.chi2_reduction)
+            near = {
+                name: [float(v) for v in np.clip([at - place.step, at, at + place.step], 0.0, 1.0)]
+                for name, at in place.shapes.items()
+            }
+            peaks.append(_coordinate_search(refit, candidate, best, known, near))
+    return sorted(peaks, key=lambda s: -s.chi2_reduction)
+
+
+def _at_place(candidate: Candidate, place: Found, sizes: Sequence[float]) -> list[Point]:
+    """The other shapes over the range of a resonance, with some sizes, at one place."""
+    usual = {n: default_value(candidate, n) for n in candidate.shapes} | place.shapes
+    narrow = [n for n in candidate.shapes if candidate.parameter(n).unit == "Hz"]
+    shaped = [{**usual, narrow[0]: v} for v in _range_of(candidate, narrow[0])] if narrow else [usual]
+    amplitude = candidate.amplitudes[0]
+    return [{**shape, amplitude: size} for size in sizes for shape in shaped]
+
+
+def _sizes(candidate: Candidate) -> list[float]:
+    """The usual size of a candidate's amplitude and a large one: where it acts strongly a mode splits otherwise."""
+    amplitude = candidate.amplitudes[0]
+    usual, (_, high) = default_value(candidate, amplitude), candidate.plausible(amplitude)
+    return list(dict.fromkeys([usual, float(np.sqrt(abs(usual * high)))]))
 
 
 def _coordinate_optima(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> list[Scored]:
@@ -128,15 +174,23 @@ def _coordinate_optima(refit: Refit, candidate: Candidate, best: Scored, known: 
     return sorted(peaks, key=lambda s: -s.chi2_reduction)
 
 
-def _coordinate_search(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> Scored:
+def _coordinate_search(
+    refit: Refit,
+    candidate: Candidate,
+    best: Scored,
+    known: Known,
+    near: Mapping[str, Sequence[float]] | None = None,
+) -> Scored:
     """The best signature that is reached by moving one shape at a time: over its range, then about the best.
 
     A resonator's place shows near its resonance only, and the resonance where the place is not a node. Each round is
-    at the size that the one before promises: a large resonator changes a mode otherwise than a small one.
+    at the size that the one before promises: a large resonator changes a mode otherwise than a small one. Of shapes in
+    `near` only these values are tried.
     """
     if candidate.without_prior or not best.signature.shapes:
         return best
-    tried = {name: _range_of(candidate, name) for name in best.signature.shapes}
+    tried: dict[str, Sequence[float]] = {name: _range_of(candidate, name) for name in best.signature.shapes}
+    tried |= near or {}
     for _ in range(ROUNDS):
         size = _promised_size(best)
         for name, values in tried.items():
@@ -145,7 +199,7 @@ def _coordinate_search(refit: Refit, candidate: Candidate, best: Scored, known: 
             found = _scored(refit, [candidate], {candidate.use: points}, known)
             best = max([best, *found], key=lambda s: s.chi2_reduction)
             tried[name] = _between(values, best.signature.shapes[name])
-        symmetric = [{**size, **image} for image in _symmetric_places(best.signature.shapes)]
+        symmetric = [] if near else [{**size, **image} for image in _symmetric_places(best.signature.shapes)]
         best = max(
             [best, *_scored(refit, [candidate], {candidate.use: symmetric}, known)],
             key=lambda s: s.chi2_reduction,

@@ -1,4 +1,6 @@
-"""What is known of a parameter beforehand, as a pseudo-measurement: flat inside its range, soft tails outside.
+"""What is known of parameters beforehand, as pseudo-measurements: Gaussian priors, and known ranges with soft tails.
+
+A prior of an instrument error is the residual (theta - mean) / sd. Every other parameter has a known range.
 
 A range says where such machines were found; it is knowledge, no law. Inside it every value is as good as
 another. Outside, the pull (value - end) / sd is a residual like any other, so that its square is added to
@@ -12,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.study.observation import Array
 
@@ -59,3 +62,43 @@ class KnownRanges:
     def slopes(self, values: Array) -> Array:
         """Derivative of `pulls`."""
         return np.where(values < self.low, 1 / self.below, np.where(values > self.high, 1 / self.above, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class PseudoMeasurements:
+    """Rows of a residual that follow the data: priors, then known ranges.
+
+    Attributes
+    ----------
+    held, ranged : array of int
+        Elements of theta with a prior, and those with a known range.
+    mean, sd : array, shape (n priors,)
+        Priors, SI.
+    ranges : KnownRanges
+    size : int
+        Length of theta.
+    """
+
+    held: NDArray[np.intp]
+    ranged: NDArray[np.intp]
+    mean: Array
+    sd: Array
+    ranges: KnownRanges
+    size: int
+
+    def residual(self, theta: Array) -> Array:
+        """(theta - mean) / sd of the priors, then the pulls of the known ranges."""
+        return np.concatenate([(theta[self.held] - self.mean) / self.sd, self.pulls(theta)])
+
+    def jacobian(self, theta: Array) -> Array:
+        """Derivative of `residual`."""
+        rows = np.zeros((self.held.size + self.ranged.size, self.size))
+        rows[np.arange(self.held.size), self.held] = 1 / self.sd
+        rows[self.held.size + np.arange(self.ranged.size), self.ranged] = self.ranges.slopes(
+            theta[self.ranged]
+        )
+        return rows
+
+    def pulls(self, theta: Array) -> Array:
+        """Standard deviations by which elements without a prior leave their known ranges."""
+        return self.ranges.pulls(theta[self.ranged])

@@ -1,0 +1,79 @@
+"""``specan study propose``: laws for what no effect of the catalogue explains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from specan_cli.output import emit_json, table
+from specan_cli.output_file import Verb
+from specan_cli.study_output import open_study, study_options
+
+if TYPE_CHECKING:
+    from specan.study.propose import ProposedLaws
+
+
+@click.command("propose", cls=Verb)
+@study_options
+def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
+    """Look for laws in what the model of DIR leaves, and write them as effect files.
+
+    For an effect that no catalogue holds: powers, exponentials, saturation, onsets, resonances of the operating
+    variables and their products. Held-out data are not looked at.
+
+    \b
+    specan study propose my_study
+    specan study add my_study my_study/laws/law-gaussian-speed.py
+    """
+    from specan.study.propose import propose_laws
+
+    found = propose_laws(open_study(directory, effects))
+    if as_json:
+        emit_json(found.to_json())
+    else:
+        show(found, directory)
+
+
+def show(found: ProposedLaws, directory: Path) -> None:
+    """The laws, what they do to the error, and what would tell them apart."""
+    if not found.laws:
+        click.echo(
+            f"No law. Noise explains what is left: over {found.tried} laws, p = {found.p_value:.2g}."
+            if found.p_value >= 0.005
+            else f"No law of the {found.tried} that were tried predicts conditions that it was not fitted to."
+        )
+        return
+    count = len(found.laws)
+    click.echo(
+        f"{count} {'law' if count == 1 else 'laws that these data cannot distinguish'}; {found.tried} were tried, "
+        f"p = {found.p_value:.1g}."
+    )
+    if found.more:
+        click.echo(f"The data admit {found.more} further families as well: measure more before you choose.")
+    before = "" if found.left_out_before is None else f", {found.left_out_before:.4g} on conditions left out"
+    click.echo(f"Error now: {found.error_before:.4g} {found.unit}{before}.")
+    table(
+        "",
+        ["law", "error after", "left out", "evidence"],
+        [
+            [
+                law.name, f"{law.error_after:.4g}",
+                "" if law.left_out_after is None else f"{law.left_out_after:.4g}", f"{law.delta_bic:.1f}",
+            ]
+            for law in found.laws
+        ],
+    )  # fmt: skip
+    for law in found.laws:
+        click.echo(f"{law.name}: {law.text}")
+        for name, p in law.parameters.items():
+            unit = "" if p["unit"] == "1" else f" {p['unit']}"
+            own = name.rpartition(".")[2]
+            click.echo(f"  {own} = {p['value']:.4g} ({p['low']:.4g} to {p['high']:.4g}){unit}")
+    click.echo(
+        "(error after: RMS once it is added. left out: RMS on conditions left out in turn. evidence: fall in BIC.)"
+    )
+    for row in found.next_measurement:
+        click.echo(f"To tell them apart: {row['text']}")
+    click.echo(f"\nTry it: specan study add {directory} {directory / found.laws[0].file}")

@@ -1,0 +1,284 @@
+"""Laws for what is left of a study's error, written as effect files that can be added."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from specan.errors import ComputationError
+from specan.models import Use
+from specan.models.catalogue import effects_from_file
+from specan.result import Result, counted
+from specan.study.design.operating_points import propose as propose_measurements
+from specan.study.diagnose import parameters_of
+from specan.study.estimation.fit import fit
+from specan.study.estimation.prediction_error import observable_errors
+from specan.study.estimation.problem import Problem
+from specan.study.selection.law_search import Law, search_laws
+from specan.study.selection.left_out_error import left_out_error
+from specan.study.selection.refits import Refit
+from specan.study.study import Study
+
+FOLDER = "laws"
+AT_ONCE = 20.0  # an amplitude may grow by this factor in a fit
+
+
+@dataclass(frozen=True, eq=False)
+class ProposedLaw:
+    """One law.
+
+    Attributes
+    ----------
+    name : str
+        Of the effect in the file.
+    file : Path
+        Where it was written, within the study's directory.
+    text : str
+        The formula.
+    quantity : str
+        What it is added to, or scales.
+    parameters : dict
+        Values with 95 % intervals in their units, of a refit of the whole model.
+    delta_bic : float
+        Fall in BIC, the number of laws that were tried allowed for; those within 6 of the largest cannot be
+        distinguished.
+    error_after : float
+        RMS error of the observable with most values.
+    left_out_after : float or None
+        The same on conditions that were left out, each in turn.
+    """
+
+    name: str
+    file: Path
+    text: str
+    quantity: str
+    parameters: dict[str, dict[str, Any]]
+    delta_bic: float
+    error_after: float
+    left_out_after: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProposedLaws(Result):
+    """What `specan study propose` found.
+
+    Attributes
+    ----------
+    laws : tuple of ProposedLaw
+        Best first; the data cannot distinguish them. None where noise explains what is left.
+    p_value : float
+        Probability that noise gives any of the laws so large a fall in chi-square.
+    tried : int
+        How many laws were tried.
+    more : int
+        Further families that the data admit as well.
+    error_before, left_out_before : float, float or None
+    unit : str
+        Of the errors.
+    next_measurement : tuple of mapping
+        Measurements that would tell the laws apart.
+    """
+
+    laws: tuple[ProposedLaw, ...]
+    p_value: float
+    tried: int
+    more: int
+    error_before: float
+    left_out_before: float | None
+    unit: str
+    next_measurement: tuple[Mapping[str, Any], ...] = ()
+
+    dimensions = ("law",)
+
+    def summary(self) -> str:
+        """How many there are."""
+        if not self.laws:
+            return f"no law: noise explains what is left (p = {self.p_value:.2g} over {self.tried} laws)"
+        return f"{counted(len(self.laws), 'law')} of {self.tried} tried, p = {self.p_value:.1g}"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each law."""
+        return {
+            "law": [law.name for law in self.laws],
+            "formula": [law.text for law in self.laws],
+            "delta_bic": [law.delta_bic for law in self.laws],
+            "error_after": [law.error_after for law in self.laws],
+            "left_out_after": [law.left_out_after for law in self.laws],
+            "file": [str(law.file) for law in self.laws],
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "p_value": self.p_value,
+            "tried": self.tried,
+            "more": self.more,
+            "error_before": self.error_before,
+            "left_out_before": self.left_out_before,
+            "unit": self.unit,
+            "laws": [{**vars(law), "file": str(law.file)} for law in self.laws],
+            "next_measurement": [dict(row) for row in self.next_measurement],
+        }
+
+
+def propose_laws(study: Study) -> ProposedLaws:
+    """Look for laws in what a study's model leaves, and write those that the data admit as effect files.
+
+    Parameters
+    ----------
+    study : Study
+        With tables as its data; files go to ``laws`` in its directory.
+
+    Raises
+    ------
+    RequestError
+        Nothing tells how uncertain the measurement is.
+    ComputationError
+        The data are no table, or too few rows.
+    """
+    study.require_uncertainty("propose")
+    start = Refit(frozenset(), study.problem, study.best)
+    found = search_laws(start)
+    before, left_out = _error(start), left_out_error(start)
+    sources = {name: source_of(law, name) for name, law in _named(found.laws).items()}
+    files = {name: Path(FOLDER) / f"{name}.py" for name in sources}
+    # One catalogue for all, so that the refits can be compared.
+    own = [e for n, s in sources.items() for e in effects_from_file(study.directory / files[n], s.encode())]
+    model = start.problem.assembly.model.with_effect(*own)
+    rival = replace(start.problem, assembly=model.assemble(start.problem.assembly.uses))
+    with np.errstate(all="ignore"):  # far from its minimum a law may exceed every number
+        fitted = [
+            (*one, sources[name])
+            for name, law in _named(found.laws).items()
+            if (one := _fitted(rival, start, law, name, files[name])) is not None
+        ]
+    fitted.sort(key=lambda one: -one[0].delta_bic)
+    refits = [refit for _, refit, _ in fitted]
+    folder = study.directory / FOLDER
+    for law, _, source in fitted:
+        folder.mkdir(exist_ok=True)
+        (folder / law.file.name).write_text(source, encoding="utf-8", newline="\n")
+    return ProposedLaws(
+        laws=tuple(law for law, _, _ in fitted),
+        p_value=found.p_value,
+        tried=found.tried,
+        more=found.more,
+        error_before=before.rms,
+        left_out_before=None if left_out is None else left_out.rms,
+        unit=before.unit,
+        next_measurement=tuple(p.to_json() for p in propose_measurements(refits)) if len(refits) > 1 else (),
+    )
+
+
+def _error(refit: Refit) -> Any:
+    predicted = refit.problem.predictions(refit.fit.theta)
+    return observable_errors(refit.problem, refit.problem.observations, predicted)[0]
+
+
+def _named(laws: Sequence[Law]) -> dict[str, Law]:
+    """Laws by the names of their effects, which are all different."""
+    plain = [name_of(law) for law in laws]
+    return {
+        name if plain.count(name) == 1 else name + ("-scaling" if law.formula.scales else "-added"): law
+        for name, law in zip(plain, laws, strict=True)
+    }
+
+
+def _fitted(
+    rival: Problem, start: Refit, law: Law, name: str, file: Path
+) -> tuple[ProposedLaw, Refit] | None:
+    """The whole model refitted with a law; None where that does not converge."""
+    use = Use(name)
+    problem = rival.with_uses([use])
+    try:
+        best = fit(problem, start.fit.values)
+    except ComputationError:
+        return None
+    count = sum(n.owner == name for n in problem.names)
+    refit = Refit(frozenset({use}), problem, best, count, 1)
+    left_out = left_out_error(refit)
+    proposed = ProposedLaw(
+        name=name,
+        file=file,
+        text=_text(law),
+        quantity=law.quantity,
+        parameters=parameters_of(refit),
+        delta_bic=law.delta_bic,
+        error_after=_error(refit).rms,
+        left_out_after=None if left_out is None else left_out.rms,
+    )
+    return proposed, refit
+
+
+def name_of(law: Law) -> str:
+    """Name of a law's effect: its families and variables.
+
+    Returns
+    -------
+    str
+        Such as ``law-gaussian-flow``.
+    """
+    words = [f"{f.family}-{f.variable}" for f in law.formula.factors]
+    return re.sub(r"[^a-z0-9]+", "-", "law-" + "-".join(words).lower()).strip("-")
+
+
+def _text(law: Law) -> str:
+    product = " x ".join(f.text for f in law.formula.factors)
+    return (
+        f"{law.quantity} x (1 + size x {product})"
+        if law.formula.scales
+        else f"{law.quantity} + size x {product}"
+    )
+
+
+def source_of(law: Law, name: str) -> str:
+    """The law as an effect file.
+
+    Parameters
+    ----------
+    law : Law
+    name : str
+        Of the effect.
+
+    Returns
+    -------
+    str
+        Python, with the fitted values as defaults and the units of the model.
+    """
+    reads = list(dict.fromkeys(f.variable for f in law.formula.factors))
+    most = AT_ONCE * abs(law.size)
+    parameters = [f'size=Parameter({law.size:.6g}, "{law.unit}", lower={-most:.4g}, upper={most:.4g}),']
+    for shape, value in zip(law.formula.shapes, law.shapes, strict=True):
+        low, high = shape.low, shape.high
+        parameters.append(
+            f'{shape.name}=Parameter({value:.6g}, "{shape.unit}", min={low:.6g}, max={high:.6g}),'
+        )
+    product = " * ".join(f"({f.code})" for f in law.formula.factors)
+    result = f"1 + size * {product}" if law.formula.scales else f"size * {product}"
+    acts = "scales" if law.formula.scales else "adds_to"
+    lines = [
+        '"""A law that was found in what the model leaves: give it its physical name and its plausible range."""',
+        "",
+        "import numpy as np",
+        "",
+        "from specan.models import Parameter, effect",
+        "",
+        "",
+        f'@effect("{name}", {acts}="{law.quantity}", neutral={{"size": 0.0}})',
+        f"def {name.replace('-', '_')}(",
+        *(f"    {argument}," for argument in reads),
+        "    *,",
+        *(f"    {parameter}" for parameter in parameters),
+        "):",
+        f'    """{_text(law)}."""',
+        f"    return {result}",
+        "",
+    ]
+    if "np." not in result:
+        lines[2:4] = []
+    return "\n".join(lines)

@@ -1,0 +1,361 @@
+"""Laws of the grammar that explain what a model leaves, with the chance of such a find among all laws tried.
+
+Every law is scored with the model's parameters free (linearised about the fit) and its shapes on a scan. Three tests:
+the largest fall in chi-square of all laws is held against that of noise (family-wise, by simulation); a law has to
+predict blocks of conditions that were left out; and laws within a BIC of 6 of the best one are told together, since
+these data cannot distinguish them. See docs/decisions/proposed_laws.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.errors import ComputationError
+from specan.models import Effect, Parameter, effect
+from specan.study.estimation.projection import Projection
+from specan.study.observation.table import TableObservation
+from specan.study.selection import cross_validation
+from specan.study.selection.acceptance import left_out_blocks
+from specan.study.selection.law_grammar import Formula, Spread, formulas
+from specan.study.selection.refits import Refit
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.005  # family-wise: of two hundred models that lack nothing, one gets a law
+INDISTINGUISHABLE = 6.0  # BIC: posterior odds of twenty to one
+MOST_LAWS = 4  # that are proposed
+REFINED = 40  # formulas whose shapes are fitted after the scan
+SIMULATIONS = 200  # of data without a law, for the family-wise level
+MOST_VALUES = 4_000_000  # of columns held at a time
+STEP = 1e-3  # of a quantity's typical size: by how much it is changed to see what the observables do
+LEAST_ROWS = 12  # below which no law is looked for
+NAME = "proposed-shift"
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A law that the data admit.
+
+    Attributes
+    ----------
+    formula : Formula
+    quantity, unit : str
+        Quantity that it is added to or scales, and the unit of that.
+    size : float
+        Amplitude: in `unit`, or 1 for a law that scales.
+    shapes : tuple of float
+        In the order of `formula.shapes`.
+    chi2 : float
+        That is left, linearised.
+    delta_bic : float
+        By how much the BIC falls.
+    held_out_gain : float
+        Gain in blocked cross-validation.
+    """
+
+    formula: Formula
+    quantity: str
+    unit: str
+    size: float
+    shapes: tuple[float, ...]
+    chi2: float
+    delta_bic: float
+    held_out_gain: float
+
+
+@dataclass(frozen=True)
+class LawSearch:
+    """What a search found.
+
+    Attributes
+    ----------
+    laws : tuple of Law
+        Best first, at most four, one a family; none where noise explains what is left.
+    p_value : float
+        Probability that noise alone gives so large a fall in chi-square to any of the laws.
+    tried : int
+        Formulas, each with its scan of shapes.
+    more : int
+        Families beyond those that the data admit as well.
+    """
+
+    laws: tuple[Law, ...]
+    p_value: float
+    tried: int
+    more: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """A quantity, what a unit of it does to the whitened residual of each row, and its value."""
+
+    quantity: str
+    unit: str
+    effect: (
+        Array  # (rows, rows of data): whitened change of the residual by a change of the quantity in each row
+    )
+    value: Array
+
+
+def search_laws(start: Refit) -> LawSearch:
+    """Look for laws in what a fitted model leaves.
+
+    Parameters
+    ----------
+    start : Refit
+        The model as it is, fitted to tables.
+
+    Raises
+    ------
+    ComputationError
+        The data are no table, or too few rows.
+    """
+    variables, spreads = _variables(start)
+    rest = start.linear.project_out(start.linear.residual)
+    dof = start.linear.residual.size - start.linear.rank
+    scans = [
+        (target, formula)
+        for target in _targets(start)
+        for formula in formulas(
+            spreads, relative=bool(np.ptp(target.value) > 1e-6 * np.abs(target.value).max())
+        )
+    ]
+    falls, largest = _scan(start, scans, variables, rest, dof)
+    order = sorted(range(len(scans)), key=lambda k: falls[k][0], reverse=True)
+    best_ratio = max(falls[k][0] for k in order) if order else 0.0
+    p_value = _family_wise(best_ratio, largest, dof)
+    if p_value >= LEVEL:
+        return LawSearch((), p_value, len(scans))
+    alike = {count: sum(len(f.factors) == count for _, f in scans) for count in (1, 2)}
+    found = [
+        _refined(start, *scans[k], variables, falls[k][1], rest, alike[len(scans[k][1].factors)])
+        for k in order[:REFINED]
+    ]
+    laws = _group(start, [law for law in found if law is not None])
+    return LawSearch(tuple(laws[:MOST_LAWS]), p_value, len(scans), max(0, len(laws) - MOST_LAWS))
+
+
+def _variables(start: Refit) -> tuple[dict[str, Array], list[Spread]]:
+    """Operating variables of all rows, and those of them that vary."""
+    observations = start.problem.observations
+    if not all(isinstance(o, TableObservation) for o in observations):
+        raise ComputationError(
+            "laws are looked for in tables only", expected="a measurement with one row an operating point"
+        )
+    if start.problem.n_data < LEAST_ROWS:
+        raise ComputationError(
+            f"{start.problem.n_data} rows are too few to look for a law", expected=f"at least {LEAST_ROWS}"
+        )
+    model = start.problem.assembly.model
+    shared = set.intersection(*(set(o.conditions) for o in observations))
+    variables: dict[str, Array] = {}
+    spreads: list[Spread] = []
+    for name, condition in model.conditions.items():
+        if name not in shared:
+            continue
+        values = np.concatenate([np.asarray(o.conditions[name], dtype=float) for o in observations])
+        spread = Spread.of(name, condition.unit, values) if np.isfinite(values).all() else None
+        if spread is not None:
+            variables[name] = values
+            spreads.append(spread)
+    return variables, spreads
+
+
+def _targets(start: Refit) -> Iterator[_Target]:
+    """Quantities that a law may act on: the observables' own, and the one that the model names for it."""
+    problem, model = start.problem, start.problem.assembly.model
+    measured = {str(name) for o in problem.observations for name in set(o.observable.tolist())}  # type: ignore[attr-defined]
+    names = [model.observables[name].quantity for name in sorted(measured)]
+    names += [model.law.quantity] if model.law is not None else []
+    for name in dict.fromkeys(names):
+        target = _target(start, name)
+        if target is not None:
+            yield target
+
+
+def _target(start: Refit, name: str) -> _Target | None:
+    problem, quantity = start.problem, start.problem.assembly.model.quantities[name]
+    if quantity.collection or quantity.opaque:
+        return None
+    tables = [o for o in problem.observations if isinstance(o, TableObservation)]
+    parts = []
+    for o in tables:
+        values = o.by_row(problem.assembly, problem.seen_by(o, start.fit.values))
+        found = np.asarray(problem.assembly.evaluate(o.conditions, values, [name])[name], dtype=np.float64)
+        parts.append(np.broadcast_to(found, (o.n,)))
+    value: Array = np.concatenate(parts)
+    size = STEP * (float(np.mean(np.abs(value))) or 1.0)
+    shifted = np.concatenate(_shifted(start, name, quantity.unit, size))
+    slope = (shifted - np.concatenate(problem.predictions(start.fit.theta))) / size
+    if not np.isfinite(slope).all() or not slope.any():
+        return None
+    white = np.zeros((start.fit.residual.size, slope.size))
+    first = 0
+    for each in problem.observations:
+        rows = slice(first, first + each.n)
+        white[rows, rows] = each.whiten(np.diag(slope[rows]))
+        first += each.n
+    return _Target(name, quantity.unit, white * start.weights[:, None], value)
+
+
+def _shifted(start: Refit, name: str, unit: str, size: float) -> list[Array]:
+    """Predictions with a quantity raised by the same amount everywhere."""
+
+    def shift(*, by: float = Parameter(0.0, unit)) -> float:  # type: ignore[assignment]
+        return by
+
+    shift.__doc__ = "A change."
+    made: Effect = effect(NAME, adds_to=name, neutral={"by": 0.0})(shift)
+    model = start.problem.assembly.model.with_effect(made)
+    problem = replace(start.problem, assembly=model.assemble([*start.problem.assembly.uses, NAME]))
+    values = {**start.fit.values, f"{NAME}.by": size}
+    return [o.predict(problem.assembly, problem.seen_by(o, values)) for o in problem.observations]
+
+
+def _columns(
+    target: _Target, formula: Formula, variables: dict[str, Array], places: Sequence[Sequence[float]]
+) -> Array:
+    """What laws of amplitude one do to the whitened residual, one a column."""
+    with np.errstate(all="ignore"):
+        values = np.stack(
+            [np.broadcast_to(formula.value(variables, shapes), target.value.shape) for shapes in places],
+            axis=1,
+        )
+    if formula.scales:
+        values = values * target.value[:, None]
+    return np.asarray(target.effect @ np.where(np.isfinite(values), values, 0.0))
+
+
+def _scan(
+    start: Refit, scans: Sequence[tuple[_Target, Formula]], variables: dict[str, Array], rest: Array, dof: int
+) -> tuple[list[tuple[float, tuple[float, ...]]], Array]:
+    """Largest share of chi-square that each formula takes, with its shapes; and the largest of any for noise."""
+    rng = np.random.default_rng(0)  # the same answer every time
+    noise = start.linear.project_out(rng.standard_normal((rest.size, SIMULATIONS)))
+    noise /= np.linalg.norm(noise, axis=0)
+    there = rest / np.linalg.norm(rest)
+    largest = np.zeros(SIMULATIONS)
+    falls: list[tuple[float, tuple[float, ...]]] = []
+    for target, formula in scans:
+        places = list(formula.scan())
+        columns = _columns(target, formula, variables, places)
+        before = np.linalg.norm(columns, axis=0)
+        columns = start.linear.project_out(columns)
+        after = np.linalg.norm(columns, axis=0)
+        # What the model's own parameters do already is no law.
+        columns = np.where(after > 1e-6 * before, columns / np.maximum(after, 1e-300), 0.0)
+        share = (columns.T @ there) ** 2
+        best = int(np.argmax(share))
+        falls.append((float(share[best]), places[best]))
+        np.maximum(largest, np.max((columns.T @ noise) ** 2, axis=0), out=largest)
+    return falls, largest
+
+
+def _family_wise(share: float, largest: Array, dof: int) -> float:
+    """Probability that noise gives any law so large a share of chi-square.
+
+    One law's share is distributed as Beta(1/2, (dof - 1)/2); the laws are worth as many independent ones as put the
+    median of the simulated maxima there.
+    """
+    from scipy.stats import beta
+
+    single = beta(0.5, max(dof - 1, 1) / 2.0)
+    median = float(single.sf(np.median(largest)))
+    count = math.log(2.0) / max(-math.log1p(-min(median, 1 - 1e-12)), 1e-12)
+    return float(-np.expm1(count * np.log1p(-min(float(single.sf(share)), 1 - 1e-12))))
+
+
+def _refined(
+    start: Refit,
+    target: _Target,
+    formula: Formula,
+    variables: dict[str, Array],
+    shapes: tuple[float, ...],
+    rest: Array,
+    alike: int,
+) -> Law | None:
+    """The law with its shapes fitted (variable projection), its BIC and its cross-validated gain.
+
+    The BIC is that for a choice among many (Chen & Chen 2008, Biometrika 95:759): a law pays for the number `alike`
+    of laws with as many factors, so that products, which are many, do not crowd out single functions.
+    """
+    from scipy.optimize import least_squares
+
+    bounds = np.array([[s.low, s.high] for s in formula.shapes]).reshape(-1, 2)
+    scale = np.where(bounds[:, 0] > 0, np.abs(shapes), 1.0)  # widths and onsets move in proportion
+
+    def column(x: Array) -> Array:
+        return np.asarray(start.linear.project_out(_columns(target, formula, variables, [x.tolist()])[:, 0]))
+
+    def amplitude(c: Array) -> float:
+        square = float(c @ c)
+        return -float(c @ rest) / square if square > 0 else 0.0
+
+    def left(x: Array) -> Array:
+        c = column(x)
+        return rest + amplitude(c) * c
+
+    x: Array = np.array(shapes, dtype=np.float64)
+    if x.size:
+        inside = np.clip(x, bounds[:, 0] + 1e-9 * scale, bounds[:, 1] - 1e-9 * scale)
+        try:
+            x = least_squares(
+                left, inside, bounds=(bounds[:, 0], bounds[:, 1]), x_scale=scale, diff_step=1e-4
+            ).x
+        except ValueError:
+            return None
+        # An exponent that a simple number explains as well is that number.
+        for k, shape in enumerate(formula.shapes):
+            simple = x.copy()
+            simple[k] = round(2 * x[k]) / 2
+            if shape.name.endswith("_exponent") and simple[k] and _sum(left(simple)) < _sum(left(x)) + 1.0:
+                x = simple
+    c = column(x)
+    size = amplitude(c)
+    chi2 = _sum(rest + size * c)
+    if not np.isfinite(chi2) or size == 0:
+        return None
+    dispersion = max(chi2 / max(start.dof - 1 - x.size, 1.0), 1.0)
+    price = (1 + x.size) * math.log(start.problem.n_effective) + 2.0 * math.log(alike)
+    steps = np.eye(x.size) * 1e-4 * np.maximum(np.abs(x), 1e-6)[:, None]
+    slopes = [(size / s.max()) * (column(x + s) - c) for s in steps]
+    extended = Projection.of(
+        rest + size * c,
+        np.column_stack([start.linear.basis, c, *slopes] if slopes else [start.linear.basis, c]),
+    )
+    gain = cross_validation.gain(
+        Projection(rest, start.linear.basis), extended, left_out_blocks(start.problem), dispersion
+    )
+    unit = "1" if formula.scales else target.unit
+    before = _sum(rest) / dispersion
+    return Law(
+        formula,
+        target.quantity,
+        unit,
+        size,
+        tuple(float(v) for v in x),
+        chi2,
+        before - chi2 / dispersion - price,
+        gain,
+    )
+
+
+def _sum(values: Array) -> float:
+    return float(values @ values)
+
+
+def _group(start: Refit, laws: Sequence[Law]) -> list[Law]:
+    """Laws that cannot be distinguished from the best one, the best of each family, the best first."""
+    usable = sorted((law for law in laws if law.held_out_gain > 0), key=lambda law: -law.delta_bic)
+    if not usable or usable[0].delta_bic <= 0:
+        return []
+    kept: dict[tuple[str, ...], Law] = {}
+    for law in usable:
+        if law.delta_bic > usable[0].delta_bic - INDISTINGUISHABLE:
+            kept.setdefault(law.formula.family, law)
+    return list(kept.values())

@@ -1,0 +1,131 @@
+"""Laws for unknown effects: the law that was built in comes back, noise gives none, files can be added."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from specan.errors import ComputationError
+from specan.models import Model
+from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import base_problem
+from specan.study.observation.table import TableObservation
+from specan.study.propose import source_of
+from specan.study.selection.law_grammar import Spread, formulas
+from specan.study.selection.law_search import search_laws
+from specan.study.selection.refits import Refit
+from specan_cli.main import main
+
+
+def torque(load, speed, stiffness, drag):
+    """Torque of a machine."""
+    return stiffness * load + drag * speed
+
+
+def machine(hidden, seed=1, noise=0.02, side=9, correlated=False):
+    load, speed = (g.ravel() for g in np.meshgrid(np.linspace(1, 12, side), np.geomspace(0.5, 20, side)))
+    rng = np.random.default_rng(seed)
+    measured = torque(load, speed, 1.3, 0.4) + hidden(load, speed) + noise * rng.standard_normal(load.size)
+    model = Model.from_function(
+        torque,
+        conditions={"load": ("N", 1, 12), "speed": ("rad/s", 0.5, 20)},
+        observables={"torque": ("N*m", noise)},
+        parameters={"stiffness": (1.0, 0.1, 5), "drag": (1.0, 0.01, 5)},
+    )
+    table = {"load": load, "speed": speed}
+    covariance = np.diag(np.full(load.size, noise**2)) + (noise**2 / 4 if correlated else 0.0)
+    names = np.full(load.size, "torque")
+    observed = TableObservation("machine", names, measured, table, covariance, labels=table)
+    problem = base_problem(model, [observed])
+    return Refit(frozenset(), problem, fit(problem, starts=2))
+
+
+LAWS = {
+    "gaussian of speed": (lambda f, n: 0.5 * np.exp(-((n / 3) ** 2)), (3.0,)),
+    "onset of load": (lambda f, n: 0.3 * np.maximum(f - 7.3, 0), (7.3,)),
+    "saturation of speed": (lambda f, n: 2.0 * n / (n + 1.5), (1.5,)),
+    "resonance of speed": (lambda f, n: 0.2 / np.hypot(1 - (n / 8) ** 2, 0.2 * n / 8), (8.0, 0.1)),
+    "power of load, power of speed": (lambda f, n: 0.02 * f**2 / np.sqrt(n), None),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("correlated", [False, True])
+def test_the_law_that_was_built_in_is_proposed(law: str, correlated: bool) -> None:
+    hidden, shapes = LAWS[law]
+    found = search_laws(machine(hidden, correlated=correlated))
+    families = [", ".join(one.formula.family) for one in found.laws]
+    assert law in families
+    assert len(families) <= 4
+    assert found.p_value < 1e-6
+    if shapes is not None:
+        mine = next(one for one in found.laws if ", ".join(one.formula.family) == law)
+        assert mine.shapes == pytest.approx(shapes, rel=0.15)
+
+
+def test_noise_gives_no_law_and_a_uniform_p() -> None:
+    found = [search_laws(machine(lambda f, n: 0 * f, seed, side=6)) for seed in range(12)]
+    assert not any(one.laws for one in found)
+    p = np.sort([one.p_value for one in found])
+    # Kolmogorov's distance of 12 uniform values exceeds 0.45 in 1 of 100.
+    assert np.max(np.abs(p - (np.arange(12) + 0.5) / 12)) < 0.45
+
+
+def test_what_the_model_can_do_itself_is_no_law() -> None:
+    found = search_laws(machine(lambda f, n: 0.7 * n))
+    assert found.laws == ()
+
+
+def test_too_few_rows_are_told() -> None:
+    with pytest.raises(ComputationError, match="9 rows are too few"):
+        search_laws(machine(lambda f, n: 0 * f, side=3))
+
+
+def test_every_formula_says_the_same_in_numpy_and_in_its_file() -> None:
+    x = {"load": np.linspace(0, 5, 11), "speed": np.linspace(-3, 3, 11)}
+    spreads = [Spread.of("load", "N", x["load"]), Spread.of("speed", "rad/s", x["speed"])]
+    assert None not in spreads
+    many = formulas([s for s in spreads if s is not None], relative=True)
+    assert {f.factors[0].family for f in many} >= {"power", "signed power", "sign", "step", "signed gaussian"}
+    for formula in many:
+        shapes = next(iter(formula.scan()))
+        names = {s.name: v for s, v in zip(formula.shapes, shapes)}
+        code = " * ".join(f"({f.code})" for f in formula.factors)
+        with np.errstate(all="ignore"):
+            theirs = eval(code, {"np": np, **x, **names})
+            assert np.allclose(formula.value(x, shapes), theirs, rtol=1e-5, equal_nan=True), code
+
+
+def test_files_are_written_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))
+    monkeypatch.chdir(tmp_path)
+    start = machine(LAWS["onset of load"][0])
+    o = start.problem.observations[0]
+    rows = [f"{f},{n},{y}" for f, n, y in zip(o.conditions["load"], o.conditions["speed"], o.measured)]
+    Path("t.csv").write_text("load [N],speed [rad/s],torque [N*m]\n" + "\n".join(rows))
+    Path("m.py").write_text(
+        "from specan.models import Model\ndef torque(load, speed, stiffness, drag):\n"
+        "    return stiffness * load + drag * speed\n"
+        "model = Model.from_function(torque, conditions={'load': ('N', 1, 12), 'speed': ('rad/s', 0.5, 20)},\n"
+        "    observables={'torque': ('N*m', 0.02)},"
+        " parameters={'stiffness': (1.0, 0.1, 5), 'drag': (1.0, 0.01, 5)})\n"
+    )
+    for words in (
+        "study new s --model m.py --measurement t.csv",
+        "study propose s",
+        "study add s s/laws/law-onset-load.py",
+    ):
+        done = CliRunner().invoke(main, words.split(), catch_exceptions=False, standalone_mode=False)
+        if "propose" in words:
+            assert "law-onset-load: torque + size x max(load - load_onset, 0)" in done.stdout
+    assert "law-onset-load.load_onset" in done.stdout
+    assert "after" in done.stdout
+
+
+def test_a_file_holds_units_and_the_fitted_values() -> None:
+    law = search_laws(machine(LAWS["gaussian of speed"][0])).laws[0]
+    text = source_of(law, "mine")
+    assert 'neutral={"size": 0.0}' in text
+    assert f'size=Parameter({law.size:.6g}, "N*m"' in text
+    assert '"rad/s"' in text
