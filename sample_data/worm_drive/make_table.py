@@ -3,9 +3,9 @@
     python make_table.py DIRECTORY > steady_runs.csv
 
 DIRECTORY is `experiments/driveNo3` of https://github.com/RViMLab/TRO2021-Dynamic-Modelling. A run has some lines
-about the controller, then time in ms, speed in rpm and torque in per cent of the motor's 9.84 mN m. Torques and speeds of this
-table have the opposite sign: negative while the load is lifted. In three runs the first torque was overwritten by
-a value far outside and the reading kept as a remark, `was -8.9`: the reading is taken.
+about the controller, then time in ms, speed in rpm and torque in per cent of the motor's 9.84 mN m. Torques and
+speeds of this table have the opposite sign: negative while the load is lifted. In three runs the first torque was
+overwritten by a value far outside and the reading kept as a remark, `was -8.9`: the reading is taken.
 """
 
 import re
