@@ -494,7 +494,7 @@ def test_smallest_visible_size_is_seen_four_times_in_five(toy):
     assert np.mean(gains > needed) == pytest.approx(0.8, abs=0.025)
 
 
-def test_the_family_wise_level_holds_for_the_traces_of_a_model(toy):
+def test_the_family_wise_level_holds_for_the_signatures_of_a_model(toy):
     problem = toy.problem(nothing, ["square", "cross", "wave", "saturating"])
     start = Refit(frozenset(), problem, fit(problem))
     step = Search(Refits(start)).step(start)
