@@ -206,7 +206,7 @@ def _run(load: Callable[[], None], path: Path, what: str) -> None:
             f"the {what} file {path}{_line_in(path, fault)}: {fault.found}",
             expected=fault.expected, remedy=fault.remedy,
         ) from None  # fmt: skip
-    except Exception as fault:  # whatever a user's file raises is the file's fault, and is said as such
+    except (Exception, SystemExit) as fault:  # whatever a user's file raises is said as the file's fault
         raise RequestError(
             f"the {what} file {path}{_line_in(path, fault)} fails when it is loaded "
             f"({type(fault).__name__}: {fault})",
