@@ -257,7 +257,13 @@ class Study:
         return NextMeasurements(tuple(self.diagnose().to_json()["next_measurement"]))
 
     def propose(self) -> ProposedLaws:
-        """Laws for what no effect of the catalogue explains, written as effect files that `add` takes."""
+        """Laws for what no effect of the catalogue explains, written as effect files that `add` takes.
+
+        Returns
+        -------
+        ProposedLaws
+            The likeliest first.
+        """
         from specan.study.propose import propose_laws
 
         return propose_laws(self._opened)
