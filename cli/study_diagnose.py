@@ -103,7 +103,7 @@ def _print_next(found: Diagnosis) -> None:
             [*conditions, *(f"{name}{unit}" for name in rivals), "sigma", "apart"],
             [
                 [
-                    *(f"{row['conditions'][name]:g}" for name in conditions),
+                    *(v if isinstance(v, str) else f"{v:g}" for v in map(row["conditions"].get, conditions)),
                     *(f"{row['predictions'][name]:.4g}" for name in rivals),
                     f"{row['sigma']:.2g}" if row.get("sigma") else "",
                     f"{row['separation_sigma']:.1f} sigma" if row["separation_sigma"] else "",

@@ -22,6 +22,8 @@ FILE = click.Path(path_type=Path)
 @click.option("--column", "columns", multiple=True, metavar="NAME=HEADER",
               help="Header of a column of the model in the table, with its unit: \"speed_rpm=n [1/min]\"; repeatable. "
               "Unknown columns are passed over then.")  # fmt: skip
+@click.option("--group", "groups", multiple=True, metavar="NAME",
+              help="A column of names, such as specimen: is a parameter different for each? Repeatable.")  # fmt: skip
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
               help="Measured data that are only ever predicted; repeatable.")  # fmt: skip
 @click.option("--hold-out", multiple=True, metavar="KEY=V,V...",
@@ -37,6 +39,7 @@ def command(
     rig: Path | None,
     measurements: tuple[Path, ...],
     columns: tuple[str, ...],
+    groups: tuple[str, ...],
     validations: tuple[Path, ...],
     hold_out: tuple[str, ...],
     calibration: Path | None,
@@ -67,6 +70,7 @@ def command(
         calibration=calibration,
         effects=chosen,
         columns=_named_columns(columns),
+        groups=groups,
     )
     _show(begun, as_json)
     if plot is not None:

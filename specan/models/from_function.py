@@ -201,7 +201,9 @@ def _condition(name: str, given: Any) -> Condition:
     _require_unit(unit, f"the condition {name!r}")
     offset = convert(0.0, unit, base_unit(unit)) != 0.0  # a scale whose zero is arbitrary: no percentages
     usual = SettingError(absolute=1.0) if offset else SettingError(relative=0.02)
-    return Condition(name, unit, name.replace("_", " "), name, unit, usual_setting=usual)
+    return Condition(
+        name, unit, name.replace("_", " "), name, unit, usual_setting=usual, setting_assumed=True
+    )
 
 
 def _observable(name: str, given: Any, function: Callable[..., Any]) -> Observable:

@@ -43,3 +43,17 @@ def call(function: Callable[..., Any], name: str, /, *given: Any, **parameters: 
             f"({type(fault).__name__}: {fault})",
             remedy="correct that line",
         ) from fault
+
+
+class Instead:
+    """What is called in place of a user's own function; messages name that one's file and line."""
+
+    def __init__(self, function: Callable[..., Any], own: Callable[..., Any]) -> None:
+        self._called = function
+        self.function = getattr(own, "function", own)
+        self.__code__ = getattr(own, "__code__", None)
+        self.__module__ = str(own.__module__)
+
+    def __call__(self, *given: Any, **parameters: Any) -> Any:
+        """Its value."""
+        return self._called(*given, **parameters)

@@ -11,6 +11,7 @@ from typing import Any
 from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
+from specan.models.groups import with_groups
 from specan.models.rig_file import read_rig_file
 from specan.study.build_problem import undetermined
 from specan.study.commit import changing, commit
@@ -47,6 +48,7 @@ def begin(
     calibration: Path | None = None,
     effects: Sequence[str] | None = None,
     columns: Mapping[str, str] | None = None,
+    groups: Sequence[str] = (),
 ) -> Begun:
     """Make a study directory.
 
@@ -67,6 +69,8 @@ def begin(
         Effects to begin with; the model's base effects by default.
     columns : mapping, optional
         ``{column of the model: header of the table}`` where the tables have names of their own.
+    groups : sequence of str, optional
+        Columns of names (``specimen``) by which parameters may differ, beside those of the model.
 
     Raises
     ------
@@ -85,11 +89,14 @@ def begin(
         content["calibration"] = relative_to(directory, calibration)
     if columns:
         content["columns"] = dict(columns)
+    if groups:
+        content["groups"] = list(groups)
     content["measurement"] = [_data_entry(directory, path, model) for path in measurements]
     if validations:
         content["validation"] = [_data_entry(directory, path, model) for path in validations]
     if hold_out:
         content["hold_out"] = [{"where": where} for where in hold_out]
+    model = with_groups(model, groups)
     content["effect"] = _effects(model, model.base_effects if effects is None else effects)
     existed = directory.exists()
     directory.mkdir(parents=True, exist_ok=True)

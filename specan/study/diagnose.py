@@ -11,7 +11,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.design.operating_points import Proposal, explore, propose
-from specan.study.estimation.fit import Fit, fit, profile_interval
+from specan.study.estimation.fit import NORMAL_95, Fit, fit, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import MOST_ROWS
@@ -33,11 +33,10 @@ from specan.study.selection.search import Progress, Search
 from specan.study.selection.suspect_rows import odd_repeat, rows_of_two_kinds, suspect_rows
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
-LEAST_DOF = 3.0
-STARTS = 3
-MOST_PLACES = 12
-MOST_OTHERS = 3
-WIDTH = 1.96
+LEAST_DOF = 3.0  # degrees of freedom below which no test is made
+STARTS = 3  # of the fit of the base
+MOST_PLACES = 12  # where the model fails, that are told
+MOST_OTHERS = 3  # sets behind the best between which a measurement is proposed
 MOST_PULLS = 3  # values or rivals in one sentence
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
@@ -458,7 +457,7 @@ def _interval(refit: Refit, k: int, profiled: bool) -> tuple[float, float]:
             pass
     low, high = refit.problem.bounds()
     value = float(refit.fit.theta[k])
-    reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
+    reach = NORMAL_95 * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
     return float(max(value - reach, low[k])), float(min(value + reach, high[k]))
 
 

@@ -9,7 +9,7 @@ from specan.models import SettingError
 from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
-GROUPS = 8
+GROUPS = 8  # of neighbours, into which values without set-points are divided
 CHANCE = 1e-3  # probability below which gaps of two sizes are no accident
 
 

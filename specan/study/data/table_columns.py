@@ -87,7 +87,7 @@ class ColumnNames:
             self.units.setdefault(name, cell_unit)
         for name, header in self.chosen.items():
             column = self._column_called(name)
-            if column not in self.units and column in self._targets:
+            if column not in self.units and column in self._targets and column not in self.model.groups:
                 known = self._targets[column]
                 unit = known.column_unit or known.unit
                 self.notes.append(
@@ -96,6 +96,8 @@ class ColumnNames:
         if self.passed_over:
             self.notes.append(f"columns passed over: {', '.join(self.passed_over)}")
         for name, unit in self.units.items():
+            if name in self.model.groups:
+                continue
             target = self._targets.get(name)
             wanted = (target.column_unit or target.unit) if target is not None else unit
             if wanted == unit:

@@ -104,6 +104,7 @@ class Uncertainty:
             parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},
             available=frozenset(rows.conditions),
             known=self.known,
+            groups=rows.groups,
             lines=rows.lines,
             replicate_group=rows.replicate_group,
         )
@@ -171,7 +172,10 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
     ranges = {
         name: (float(x.min()), float(x.max()))
         for name, x in rows.conditions.items()
-        if np.ptp(x) > 0 and name != TIME and model.conditions[name].varies
+        if np.ptp(x) > 0
+        and name != TIME
+        and model.conditions[name].varies
+        and not model.conditions[name].group
     }
     found = Uncertainty(model, centre, noise, ranges)
     percent = found.discrepancy_percent
@@ -187,7 +191,7 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
     found = {"the reading": np.where(np.isfinite(predicted), predicted, rows.measured) ** 2}
     for name, x in rows.conditions.items():
         condition = model.conditions[name]
-        if name == TIME or not condition.varies or not np.ptp(rows.levels[name]) > 0:
+        if name == TIME or condition.group or not condition.varies or not np.ptp(rows.levels[name]) > 0:
             continue
         size = 1.0 if condition.usual_setting.absolute else x
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
@@ -335,7 +339,11 @@ def _slopes(rows: Rows, predicted: Array) -> Array:
     linear in the deviation, and in the condition, is left to be fitted. Time went on: a machine runs in,
     quickly at first, by an amount or by a share of the reading.
     """
-    scaled = [(x - x.mean()) / x.std() for n, x in rows.levels.items() if np.ptp(x) > 0 and n != TIME]
+    scaled = [
+        (x - x.mean()) / x.std()
+        for n, x in rows.levels.items()
+        if np.ptp(x) > 0 and n != TIME and n not in rows.groups
+    ]
     deviations = {
         n: x - rows.levels[n] for n, x in rows.conditions.items() if n != TIME and not rows.is_set[n]
     }
@@ -402,7 +410,11 @@ def _about_conditions(model: Model, rows: Rows) -> list[str]:
             continue
         distinct = np.unique(rows.levels[name]).size
         kind = "set values" if rows.is_set[name] else "read values (their scatter is known, no noise)"
-        if np.ptp(x) > 0:
+        if condition.group:
+            names = rows.groups[name]
+            shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+            said.append(f"{name}: {len(names)} groups of rows, {shown}")
+        elif np.ptp(x) > 0:
             said.append(f"{condition.column}: {kind}, {distinct} levels")
     return said
 

@@ -15,6 +15,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.estimation.refinement import MOST_JACOBIANS, refine
 from specan.study.observation import Array
 
+NORMAL_95 = 1.96  # standard deviations on either side of 95 % of a normal law
 FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
 

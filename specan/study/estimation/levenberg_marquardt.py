@@ -23,10 +23,10 @@ STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still pr
 STALL_TOLERANCE = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
 POOR_FIT = 10.0  # reduced chi-square above which the exact minimum of a frugal fit is of no interest
 FAR_TOLERANCE = 0.05  # share by which five Jacobians have to lower chi-square there to be worth going on
-MOST_JACOBIANS = 25
+MOST_JACOBIANS = 25  # of one descent, before it counts as not converged
 SCREENING_JACOBIANS = 3  # Jacobians that each of several starts is led by before the others are left
-MOST_SECANTS = 12
-MOST_DOUBLINGS = 8
+MOST_SECANTS = 12  # steps between two exact Jacobians
+MOST_DOUBLINGS = 8  # of a step that keeps paying
 LEAST_DAMPING = 1e-6  # damping with which a minimum is confirmed: a large one must not pass for it
 
 

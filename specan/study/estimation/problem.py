@@ -26,6 +26,7 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
+from specan.models.groups import grouped
 from specan.models.parameter_name import ParameterName
 from specan.study.estimation.finite_differences import fine_stencil, usual_stencil
 from specan.study.estimation.pseudo_measurements import KnownRanges, PseudoMeasurements
@@ -92,7 +93,7 @@ class Problem:
         for name, parameter in self.assembly.parameters.items():
             if parameter.per == "recording":
                 found[name] = self.recordings
-            elif parameter.per:
+            elif parameter.per and parameter.per not in self.assembly.model.groups:
                 found[name] = tuple(self.assembly.model.axes[parameter.per])
         return found
 
@@ -401,9 +402,19 @@ def base_problem(
     uses : iterable of Use or str, optional
         Effects instead of the model's base effects.
     """
+    model = grouped_by(model, observations)
     assembly = model.assemble(model.base_effects if uses is None else uses)
     free = assembly.free(varying(o.conditions for o in observations))
     return _with_nuisances(Problem(assembly, tuple(observations), free))
+
+
+def grouped_by(model: Model, observations: Iterable[Observation]) -> Model:
+    """The model with the names of the groups that the observations hold."""
+    names: dict[str, dict[str, None]] = {}
+    for one in observations:
+        for axis, own in getattr(one, "groups", {}).items():
+            names.setdefault(axis, {}).update(dict.fromkeys(own))
+    return grouped(model, {axis: tuple(own) for axis, own in names.items()})
 
 
 def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:

@@ -24,7 +24,7 @@ from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
 
 Complex = NDArray[np.complex128]
-DB = 20 / np.log(10)
+DB = 20 / np.log(10)  # decibels of a relative change
 
 
 @dataclass(frozen=True, eq=False)

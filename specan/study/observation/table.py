@@ -38,6 +38,8 @@ class TableObservation:
         Conditions of the whole table that these rows were taken from, and their places in it.
     lines, replicate_group : array of int
         Line of each row in its file; rows that were meant to be alike share a replicate group.
+    groups : mapping
+        Names of the groups whose numbers stand in `conditions`.
     """
 
     name: str
@@ -57,6 +59,7 @@ class TableObservation:
     series: tuple[Mapping[str, Array], NDArray[np.intp]] | None = None
     position: NDArray[np.intp] | None = None
     lines: NDArray[np.int_] | None = None
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     replicate_group: NDArray[np.intp] | None = None
     kind: ClassVar[str] = "table"
     strategy: ClassVar[Strategy] = TABLE

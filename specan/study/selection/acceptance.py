@@ -15,10 +15,9 @@ from specan.study.selection.refits import FORM_TOLERANCE, Refit
 
 LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
 DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
-DRAWS = 20_000
-COINCIDENCE = (
-    0.2  # part of a difference in chi-square, of which what the better of two sets may leave at most
-)
+DRAWS = 20_000  # of the bootstrap
+# Part of a difference in chi-square, of which what the better of two sets may leave at most.
+COINCIDENCE = 0.2
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from specan.study.selection.f_test import improvement_probability
 from specan.study.selection.pulls import Pull, pulls
 from specan.study.selection.refits import Refit
 
-STARTS = 3
+STARTS = 3  # of the fit without known ranges
 # chi-square that a freed value has to gain to predict better (Akaike 1974, IEEE Trans. AC-19:716)
 PRICE = 2.0
 # Twice the logarithm of the ratio of cross-validated predictive densities (pseudo-Bayes factor, Geisser and Eddy 1979,

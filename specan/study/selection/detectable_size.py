@@ -16,8 +16,8 @@ from specan.study.selection.f_test import detectable_noncentrality, needed_reduc
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import Point, changes, default_value
 
-POWER = 0.8
-ROUNDS = 4
+POWER = 0.8  # of repetitions that would find the effect; the usual one (Cohen 1988)
+ROUNDS = 4  # of the secant
 
 
 @dataclass(frozen=True)

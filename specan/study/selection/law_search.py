@@ -28,12 +28,12 @@ Array = NDArray[np.float64]
 
 LEVEL = 0.005  # family-wise: of two hundred models that lack nothing, one gets a law
 INDISTINGUISHABLE = 6.0  # BIC: posterior odds of twenty to one
-MOST_LAWS = 4
+MOST_LAWS = 4  # that are proposed
 REFINED = 40  # formulas whose shapes are fitted after the scan
-SIMULATIONS = 200
+SIMULATIONS = 200  # of data without a law, for the family-wise level
 MOST_VALUES = 4_000_000  # of columns held at a time
 STEP = 1e-3  # of a quantity's typical size: by how much it is changed to see what the observables do
-LEAST_ROWS = 12
+LEAST_ROWS = 12  # below which no law is looked for
 NAME = "proposed-shift"
 
 

@@ -16,7 +16,7 @@ from specan.study.estimation.fit import fit
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.refits import Refit
 
-STARTS = 3
+STARTS = 3  # of the fit of each form
 
 
 @dataclass(frozen=True, eq=False)

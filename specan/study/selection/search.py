@@ -29,11 +29,9 @@ from specan.study.selection.starting_values import promised, scan_promising
 
 SCANNED = 6  # candidates with few signatures that are looked at closer before, beside the best place of every effect
 WINDOW = 10.0  # and all whose BIC lies within this of the best
-STARTS = 2
-STANDS_OUT, LOUDER = (
-    5.0,
-    1.2,
-)  # standard deviations of a chi-square, and times the middle receiver's mean square
+STARTS = 2  # signatures of a candidate from which it is refitted
+# Standard deviations of a chi-square, and times the middle receiver's mean square.
+STANDS_OUT, LOUDER = 5.0, 1.2
 MOST_OUTSTANDING = 3  # receivers
 HALF = 0.5  # of what a set leaves, that a further effect must promise to be refitted whatever the form of the others
 

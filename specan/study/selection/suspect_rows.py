@@ -13,8 +13,8 @@ from specan.study.selection.refits import Refit
 
 # Family-wise probability below which rows stand out, as of a lack of fit; and that above which the rest is whole.
 STANDS_OUT, WHOLE = 1e-3, 0.05
-MOST_LINES = 6
-LEAST_ROWS = 3
+MOST_LINES = 6  # of a table that a sentence names
+LEAST_ROWS = 3  # of each kind, below which kinds are not compared
 LEAST_REPEATED = 20  # rows whose repeats tell what is usual
 ODD = 6.0  # usual deviations beyond which a repeat is shown
 KINDS = "coupled"  # condition that tells runs with the brake from those without it
