@@ -611,6 +611,7 @@ KEYS = {
     "verdict", "reason", "alternatives", "effects", "at", "unknown_possible", "ranking", "lack_of_fit",
     "model_discrepancy_percent", "fails_at", "residual_law", "smallest_visible", "not_testable",
     "next_measurement", "pulls", "error", "remarks",
+        "other_form",
 }  # fmt: skip
 ROW = {
     "effects", "at", "delta_bic", "p_value", "held_out_gain", "error_after", "parameters", "plausible",

@@ -77,7 +77,8 @@ def odd_repeat(refit: Refit) -> str:
     group = np.flatnonzero(index == index[worst])
     lines = group if group.size == 2 else np.array([worst])
     what = "two repeats differ" if group.size == 2 else "a repeat lies off"
-    return f"{_where(observation, lines)}: {what} by {off[worst] / usual:.0f} times the usual scatter; check it, the scatter of all repeats is stated larger for it"
+    times = f"{off[worst] / usual:.0f} times the usual scatter"
+    return f"{_where(observation, lines)}: {what} by {times}; check it, the scatter of all repeats is stated larger for it"
 
 
 def rows_of_two_kinds(refit: Refit) -> str:
