@@ -78,7 +78,7 @@ def odd_repeat(refit: Refit) -> str:
     lines = group if group.size == 2 else np.array([worst])
     what = "two repeats differ" if group.size == 2 else "a repeat lies off"
     times = f"{off[worst] / usual:.0f} times the usual scatter"
-    return f"{_where(observation, lines)}: {what} by {times}; check it, the scatter of all repeats is stated larger for it"
+    return f"{_where(observation, lines)}: {what} by {times}; check it, the stated scatter is larger for it"
 
 
 def rows_of_two_kinds(refit: Refit) -> str:
