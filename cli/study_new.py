@@ -14,7 +14,7 @@ FILE = click.Path(path_type=Path)
 
 @click.command("new", cls=Verb)
 @click.argument("directory", type=FILE, metavar="DIR")
-@click.option("--model", "model_name", required=True, metavar="NAME|FILE.py",
+@click.option("--model", "model_name", required=True, metavar="NAME|FILE.py|FILE.fmu",
               help="A model (see specan model list), or a Python file with one of your own.")  # fmt: skip
 @click.option("--rig", type=FILE, help="What is known of the set-up (TOML).")
 @click.option("--measurement", "measurements", multiple=True, type=FILE, required=True, metavar="FILE",

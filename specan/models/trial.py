@@ -107,6 +107,10 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
         if node.collection or node.opaque or node.axes or name not in found.values:
             continue
         values = found.values[name]
+        if values is None:
+            raise RequestError(
+                f"{place_of(node.function)}: {name!r} gives nothing", remedy="return its value"
+            )
         try:
             numbers = np.asarray(values, dtype=complex)
         except (TypeError, ValueError):

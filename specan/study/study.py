@@ -189,6 +189,12 @@ class Study:
             self.content = self.content.with_hashes(now)
         return tuple(name for name, _ in changed)
 
+    def _path(self, file: str) -> Path:
+        """A measured file as messages should show it: from where the user is, where that is shorter."""
+        whole = Path(os.path.normpath(self.directory.resolve() / file))
+        here = Path.cwd()
+        return whole.relative_to(here) if whole.is_relative_to(here) else whole
+
     def _measured_files(self) -> dict[str, MeasuredFiles]:
         everything = (*self.content.measurement, *self.content.validation)
         short = [Path(e.file).name for e in everything]
@@ -196,9 +202,7 @@ class Study:
 
         def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
             return [
-                DataFile(
-                    names[e.file], self.directory / e.file, e.estimator, e.conditions, self.content.columns
-                )
+                DataFile(names[e.file], self._path(e.file), e.estimator, e.conditions, self.content.columns)
                 for e in entries
                 if e.kind == kind
             ]

@@ -9,7 +9,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from specan.errors import RequestError, nearest
+from specan.errors import InputError, RequestError, nearest
 from specan.models import Model
 from specan.study.observation import Observation
 
@@ -97,9 +97,13 @@ def kind_of(path: Path, model: Model) -> str:
 
     Raises
     ------
+    InputError
+        The file is empty.
     RequestError
         The file is of no kind that the model can be held against.
     """
+    if path.is_file() and not path.stat().st_size:
+        raise InputError(f"{path.name} is empty", remedy="export it again")
     for kind in model.kinds:
         if kind_named(kind).reads(path):
             return kind

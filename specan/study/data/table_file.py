@@ -126,7 +126,9 @@ def _text_sheet(path: Path, raw: bytes) -> _Sheet:
         text = raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError as fault:
         raise InputError(
-            f"the table {path} cannot be read ({fault})", expected="a text file in UTF-8"
+            f"the table {path} cannot be read ({fault})",
+            expected="a text file in UTF-8",
+            remedy="save it as UTF-8 (spreadsheets call it CSV UTF-8)",
         ) from None
     numbered = [
         (n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")
