@@ -10,7 +10,7 @@ from specan.study.selection.refits import Refit
 from specan.units import printed_unit
 
 TIME = "elapsed_time"
-LEAST_DOF = 8.0
+LEAST_DOF = 8.0  # of the differences between repeats, below which no drift is told
 
 
 def drift_over_rows(base: Refit) -> str:
