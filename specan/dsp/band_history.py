@@ -139,7 +139,7 @@ class BandHistory:
         first = half * LENGTH
         self._waiting[stage.number] = (first + ready, length - ready)
         places = [(first, ready)] if not waiting else [(first - waiting, waiting + ready)]
-        if places[0][0] < 0:  # the block before stands behind this one
+        if places[0][0] < 0:  # the block before is behind this one
             places = [(2 * LENGTH - waiting, waiting), (0, ready)]
         both = transform if previous is None else previous + transform
         return self._differentiated(both, stage), places

@@ -63,7 +63,7 @@ class LagSpectrum:
         """Take the next block: the transform of 2 L samples, shape (rows, L + 1), of which `n_samples` are the block's.
 
         `end` is the transform of what a fade takes away from the block, None for nothing. Successive
-        blocks stand in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
+        blocks are in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
         without a factor, since the correlation is circular.
         """
         if self._previous is not None:

@@ -59,7 +59,7 @@ class Sections:
     def of(self, block: NDArray[np.float64]) -> Iterator[tuple[int, NDArray[np.complex128]]]:
         """New samples and transform of each section; the next one is written over it.
 
-        The new samples stand behind `before` others.
+        The new samples are behind `before` others.
         """
         known, hop, taken = self._known, self.shape.hop, 0
         while taken < block.shape[1]:

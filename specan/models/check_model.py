@@ -83,7 +83,11 @@ def check_model(model: Model, progress: Callable[[str], None] | None = None) -> 
     """
     say = progress or (lambda text: None)
     conditions = _plan(model)
-    lacking = [c.name for c in model.conditions.values() if c.default is None and c.name not in conditions]
+    lacking = [
+        c.name
+        for c in model.conditions.values()
+        if c.default is None and c.name not in conditions and not c.group
+    ]
     if lacking:
         raise RequestError(
             f"the condition {lacking[0]!r} has no limits to check over",

@@ -107,11 +107,15 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
         if node.collection or node.opaque or node.axes or name not in found.values:
             continue
         values = found.values[name]
+        if values is None:
+            raise RequestError(
+                f"{place_of(node.function)}: {name!r} gives nothing", remedy="return its value"
+            )
         try:
             numbers = np.asarray(values, dtype=complex)
         except (TypeError, ValueError):
             raise RequestError(
-                f"{place_of(node.function)}: {name!r} gives {type(values).__name__}, which is no number"
+                f"{place_of(node.function)}: {name!r} gives {type(values).__name__}, which is not a number"
             ) from None
         if numbers.shape not in ((), (size,)):
             raise RequestError(

@@ -1,4 +1,4 @@
-"""A study: a directory that holds a model against measurements, step by step."""
+"""A study: a directory that compares a model with measurements, step by step."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from specan import __version__
 from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
+from specan.models.groups import with_groups
 from specan.models.rig_file import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
@@ -27,7 +28,7 @@ from specan.study.estimation.prediction_error import (
     held_out_error,
     observable_errors,
 )
-from specan.study.estimation.problem import Problem
+from specan.study.estimation.problem import Problem, grouped_by
 from specan.study.history import History, Step, line_of
 from specan.study.kept_results import KeptResults
 from specan.study.localisation.frf_errors import FrfErrors
@@ -59,14 +60,14 @@ STARTS = 3  # of every fit that a study reports: the same each time, so that a n
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """A model fitted and held against the measurement.
+    """A model fitted and compared with the measurement.
 
     Attributes
     ----------
     errors : tuple of ObservableError
         The observable with most values first.
     localisation : Localisation or None
-        Where the model fails; None where nothing tells the uncertainty.
+        Where the model fails; None where the uncertainty is unknown.
     """
 
     fit: Fit
@@ -119,6 +120,7 @@ class Study:
         named = [read_effect_file(path) for path in effects]
         self.model = self._load_model(named)
         self.data = open_data(self.model, self._measured_files())
+        self.model = grouped_by(self.model, self.data.fitted)
         self._assembled = assemble(self.model, self.content, self.data.fitted)
         for file in named:
             try_effects(file, self.model, self.data.fitted)
@@ -141,8 +143,10 @@ class Study:
         content = self.content
         rig = read_rig_file(self.directory / content.rig) if content.rig else {}
         if is_file(content.model):
-            return load_own_model(self.directory, content.model, content.model_sha256, rig)
-        return load_model(content.model, rig)
+            model = load_own_model(self.directory, content.model, content.model_sha256, rig)
+        else:
+            model = load_model(content.model, rig)
+        return with_groups(model, content.groups)
 
     def _keep(self, named: Sequence[EffectFile]) -> None:
         """Write what opening the study has changed: accepted data, effect files that were named and work."""
@@ -185,6 +189,12 @@ class Study:
             self.content = self.content.with_hashes(now)
         return tuple(name for name, _ in changed)
 
+    def _path(self, file: str) -> Path:
+        """A measured file as messages should show it: from where the user is, where that is shorter."""
+        whole = Path(os.path.normpath(self.directory.resolve() / file))
+        here = Path.cwd()
+        return whole.relative_to(here) if whole.is_relative_to(here) else whole
+
     def _measured_files(self) -> dict[str, MeasuredFiles]:
         everything = (*self.content.measurement, *self.content.validation)
         short = [Path(e.file).name for e in everything]
@@ -192,9 +202,7 @@ class Study:
 
         def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
             return [
-                DataFile(
-                    names[e.file], self.directory / e.file, e.estimator, e.conditions, self.content.columns
-                )
+                DataFile(names[e.file], self._path(e.file), e.estimator, e.conditions, self.content.columns)
                 for e in entries
                 if e.kind == kind
             ]
@@ -316,7 +324,7 @@ class Study:
         Raises
         ------
         RequestError
-            Nothing tells how uncertain the measurement is.
+            The uncertainty of the measurement is unknown.
         """
         self.require_uncertainty("diagnose")
 
@@ -329,7 +337,7 @@ class Study:
         return self.kept.get("bootstrap" if bootstrap else "diagnosis", Diagnosis, compute)
 
     def require_uncertainty(self, verb: str) -> None:
-        """Refuse to conclude anything where nothing tells the uncertainty."""
+        """Refuse to conclude anything where the uncertainty is unknown."""
         if not self.data.known:
             raise RequestError(
                 f"{verb} needs to know how uncertain the measurement is, and nothing tells",

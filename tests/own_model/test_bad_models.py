@@ -65,6 +65,15 @@ CASES = {
         HEAD + "seen = []\ndef f(x, a):\n    seen.append(1)\n    return a * x\n" + MODEL,
         r"changes the variable 'seen' of .*m\.py",
     ),
+    "nothing returned": (body("a * x"), r"m\.py, line 3: 'y' gives nothing; return its value"),
+    "a function of single numbers": (
+        HEAD + "import math\ndef f(x, a):\n    return a * math.sqrt(x)\n" + MODEL,
+        r"m\.py, line 5: 'y' fails \(TypeError.*functions receive arrays.*np\.sqrt",
+    ),
+    "an if over rows": (
+        body("if x > 3:\n    return a\nreturn x"), r"m\.py, line 4: 'y' fails \(ValueError.*np\.where for if",
+    ),
+    "an end of the program": ("import sys\nsys.exit(0)\n", r"m\.py, line 2 fails when it is loaded \(SystemExit"),
     "changed arguments": (body("x += 1\nreturn a * x"), r"m\.py, line 4: 'y' fails .*read-only"),
 }  # fmt: skip
 
@@ -75,6 +84,7 @@ def test_a_study_of_a_faulty_model_is_not_begun(place, case):
     (place / "m.py").write_text(content, encoding="utf-8")
     said = refused("study", "new", "s", "--model", "m.py", "--measurement", "t.csv")
     assert re.search(expected, said), said
+    assert "s/model" not in said  # the study's own copy is gone with the study
     assert not (place / "s").exists()
 
 

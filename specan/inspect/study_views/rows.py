@@ -134,7 +134,7 @@ class TableAgreement:
         )
 
     def _beside(self, levels: list[str]) -> Any:
-        """Points of different levels side by side, so that they can be told apart."""
+        """Points of different levels side by side, so that they can be distinguished."""
         x = np.unique(self.labels[self.abscissa.value])
         order = list(dict.fromkeys(sorted(levels, key=_number)))
         if x.size < 2 or len(order) < 2 or len(order) > _MOST:
@@ -168,7 +168,8 @@ def _number(text: str) -> float:
 
 def _labels(tables: list[TableObservation]) -> dict[str, Any]:
     """Operating variables of the rows that vary over them; the number of the row where none does."""
-    names = [n for n in tables[0].labels if n != "measurement" and all(n in o.labels for o in tables)]
+    numbers = [n for n, v in tables[0].labels.items() if v.dtype.kind in "fiu"]
+    names = [n for n in numbers if all(n in o.labels for o in tables)]
     found = {n: np.concatenate([np.asarray(o.labels[n], dtype=float) for o in tables]) for n in names}
     varying = {n: v for n, v in found.items() if np.unique(v).size > 1}
     return varying or {"row": np.arange(sum(o.n for o in tables), dtype=float)}

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 EACH_WAY = 11  # places along an edge, corners among them: a sixth of a wavelength where an edge holds two
 FROM_EDGE = 0.04  # of an edge
-MOST = 3  # places of one element
+MOST = 2  # places of one element
 LEAST = 0.7  # share of what the best place explains, below which another is no place to begin
 
 
@@ -40,13 +40,10 @@ class Found:
     ----------
     shapes : mapping
         Values of the two parameters that are the place.
-    step : float
-        Distance to the next place that was tried.
     """
 
     shapes: dict[str, float]
     share: float
-    step: float
 
 
 def likely_places(refit: Refit, found: Sequence[Candidate]) -> dict[Use, list[Found]]:
@@ -73,7 +70,6 @@ def likely_places(refit: Refit, found: Sequence[Candidate]) -> dict[Use, list[Fo
             Found(
                 dict(zip(names, (float(grid[i]), float(grid[j])), strict=True)),
                 float(share[i, j]),
-                float(grid[1] - grid[0]),
             )
             for i, j in peaks[:MOST]
         ]

@@ -100,24 +100,26 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     found = {c.use: c for c in candidates(refit.problem)[0] if c.use in uses}
     if not found:
         return {}
+    points = shape_grid(refit.problem, refit.fit, list(found.values()), known)
+    scored = best_of_each(_scored(refit, list(found.values()), points, known))
     places = likely_places(refit, list(found.values()))
-    rest = [c for use, c in found.items() if use not in places]
-    scored = _scored(refit, rest, shape_grid(refit.problem, refit.fit, rest, known), known)
-    peaks = {
-        use: [*_coordinate_optima(refit, found[use], items[0], known), *different(items, STARTS)[1:]]
-        for use, items in best_of_each(scored).items()
-    }
-    placed = {use: _at_places(refit, found[use], likely, known) for use, likely in places.items()}
-    return peaks | {use: items for use, items in placed.items() if items}
+    peaks = {}
+    for use, items in scored.items():
+        optima = _coordinate_optima(refit, found[use], items[0], known)
+        optima += _at_places(refit, found[use], places.get(use, ()), known)
+        optima.sort(key=lambda s: -s.chi2_reduction)
+        peaks[use] = [*optima[:STARTS], *different(items, STARTS)[1:]]
+    return peaks
 
 
 def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
-    """Points at which candidates are to be tried, those that act at one place at the likeliest of each element."""
+    """Points at which candidates are to be tried, for those that act at one place the likeliest of each element too."""
     places = likely_places(refit, found)
-    points = shape_grid(refit.problem, refit.fit, [c for c in found if c.use not in places], known)
+    points = shape_grid(refit.problem, refit.fit, found, known)
     for candidate in found:
         if candidate.use in places:
-            points[candidate.use] = _at_place(candidate, places[candidate.use][0], _sizes(candidate)[:1])
+            more = _at_place(candidate, places[candidate.use][0], _sizes(candidate)[:1])
+            points[candidate.use] = [*points.get(candidate.use, []), *more]
     return points
 
 
@@ -129,11 +131,7 @@ def _at_places(refit: Refit, candidate: Candidate, places: Sequence[Found], know
         scored = _scored(refit, [candidate], {candidate.use: points}, known)
         if scored:
             best = max(scored, key=lambda s: s.chi2_reduction)
-            near = {
-                name: [float(v) for v in np.clip([at - place.step, at, at + place.step], 0.0, 1.0)]
-                for name, at in place.shapes.items()
-            }
-            peaks.append(_coordinate_search(refit, candidate, best, known, near))
+            peaks.append(_coordinate_search(refit, candidate, best, known))
     return sorted(peaks, key=lambda s: -s.chi2_reduction)
 
 
@@ -174,23 +172,15 @@ def _coordinate_optima(refit: Refit, candidate: Candidate, best: Scored, known: 
     return sorted(peaks, key=lambda s: -s.chi2_reduction)
 
 
-def _coordinate_search(
-    refit: Refit,
-    candidate: Candidate,
-    best: Scored,
-    known: Known,
-    near: Mapping[str, Sequence[float]] | None = None,
-) -> Scored:
+def _coordinate_search(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> Scored:
     """The best signature that is reached by moving one shape at a time: over its range, then about the best.
 
     A resonator's place shows near its resonance only, and the resonance where the place is not a node. Each round is
-    at the size that the one before promises: a large resonator changes a mode otherwise than a small one. Of shapes in
-    `near` only these values are tried.
+    at the size that the one before promises: a large resonator changes a mode otherwise than a small one.
     """
     if candidate.without_prior or not best.signature.shapes:
         return best
-    tried: dict[str, Sequence[float]] = {name: _range_of(candidate, name) for name in best.signature.shapes}
-    tried |= near or {}
+    tried = {name: _range_of(candidate, name) for name in best.signature.shapes}
     for _ in range(ROUNDS):
         size = _promised_size(best)
         for name, values in tried.items():
@@ -199,7 +189,7 @@ def _coordinate_search(
             found = _scored(refit, [candidate], {candidate.use: points}, known)
             best = max([best, *found], key=lambda s: s.chi2_reduction)
             tried[name] = _between(values, best.signature.shapes[name])
-        symmetric = [] if near else [{**size, **image} for image in _symmetric_places(best.signature.shapes)]
+        symmetric = [{**size, **image} for image in _symmetric_places(best.signature.shapes)]
         best = max(
             [best, *_scored(refit, [candidate], {candidate.use: symmetric}, known)],
             key=lambda s: s.chi2_reduction,
