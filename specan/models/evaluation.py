@@ -17,7 +17,7 @@ from specan.models.quantity import Condition, Quantity
 from specan.models.user_code import call, place_of
 from specan.units import convert
 
-BASE = "base"  # the name of the part of a quantity that is no effect's
+BASE = "base"  # the name of the part of a quantity that is not an effect's
 
 
 class Parts(Protocol):

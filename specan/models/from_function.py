@@ -62,7 +62,7 @@ def fields_from_functions(
         for argument in reads:
             if argument not in known and argument not in named and argument not in shared:
                 raise RequestError(
-                    f"{place_of(function)}: {name!r} reads {argument!r}, which is no condition and no parameter",
+                    f"{place_of(function)}: {name!r} reads {argument!r}, which is not a condition and no parameter",
                     expected="each argument in conditions=, in parameters=, or a function of that name",
                     remedy=nearest(argument, [*known, *starts, *named]),
                 )
@@ -168,7 +168,7 @@ def _of_parameter(name: str, parameter: Parameter) -> Quantity:
 
 
 def _stated(observables: Mapping[str, Any]) -> dict[str, float]:
-    """Uncertainties that stand beside the observables' units, as a rig file would say them."""
+    """Uncertainties that are beside the observables' units, as a rig file would say them."""
     found = {}
     for name, given in observables.items():
         if isinstance(given, tuple) and len(given) > 1:

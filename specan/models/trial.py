@@ -114,7 +114,7 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
             numbers = np.asarray(values, dtype=complex)
         except (TypeError, ValueError):
             raise RequestError(
-                f"{place_of(node.function)}: {name!r} gives {type(values).__name__}, which is no number"
+                f"{place_of(node.function)}: {name!r} gives {type(values).__name__}, which is not a number"
             ) from None
         if numbers.shape not in ((), (size,)):
             raise RequestError(
