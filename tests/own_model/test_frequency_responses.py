@@ -1,4 +1,4 @@
-"""A model of a user's own held against transfer functions: from recordings, universal files and tables.
+"""A model of a user's own compared with transfer functions: from recordings, universal files and tables.
 
 The truth is a state-space system of three masses stepped in time (`truth.three_masses`); the model knows two, and
 formulas over frequency.
