@@ -98,7 +98,7 @@ def columns(model: Model, seen: Sequence[OrderLinesObservation]) -> tuple[list[A
             parts.append(one.stack((ends[1] - ends[0]) / (2 * step)))
         slopes.append(np.column_stack(parts))
         here = lines()
-        own = [one.stack(np.where(group, turn * here, 0.0)) for group in one.groups for turn in (1, 1j)]
+        own = [one.stack(np.where(group, turn * here, 0.0)) for group in one.of_one_gain for turn in (1, 1j)]
         gains.append(np.column_stack(own))
     return slopes, gains
 

@@ -132,6 +132,7 @@ def run(kind: str, seed: int, arguments: argparse.Namespace) -> dict[str, Any]:
         said = study.diagnose().to_json()
         record["cpu_s"] = round(time.process_time() - start, 1)
         record["verdict"] = {**said, "ranking": said["ranking"][:6]}
+        record["values"] = study.problem.n_data
         record["chi2"] = _compared(study.problem, record["at_truth"], said)
     return record
 

@@ -10,7 +10,7 @@ from typing import Any
 from hidden_effects.gear_cases import Case
 from specan.models.planetary_gear.build import build
 from specan.study.data.open_orders import open_data
-from specan.study.data.sources import DataFile, DataRequest
+from specan.study.data.sources import DataFile, MeasuredFiles
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem, base_problem
@@ -36,4 +36,4 @@ def _problem(case: Case, directory: Path) -> Problem:
     model = build(tomllib.loads((directory / "rig.toml").read_text(encoding="utf-8")))
     gear = case.simulate()
     paths = [directory / f"run_{run.sun_hz:.0f}Hz_{run.torque:.0f}Nm.tdms" for run in gear.runs]
-    return base_problem(model, open_data(model, DataRequest([DataFile(p.name, p) for p in paths])).fitted)
+    return base_problem(model, open_data(model, MeasuredFiles([DataFile(p.name, p) for p in paths])).fitted)

@@ -104,7 +104,12 @@ def begin(
         if is_file(model_name):
             own, sha256 = take_in_model(directory, Path(model_name))
             content = {"schema": 1, "model": own, "model_sha256": sha256, **dict(list(content.items())[2:])}
-        study, held = hold_undetermined(Study(directory, draft=StudyText.begin(directory / NAME, content)))
+        try:
+            study, held = hold_undetermined(
+                Study(directory, draft=StudyText.begin(directory / NAME, content))
+            )
+        except RequestError as fault:
+            raise _about_own_file(fault, directory, content["model"], model_name) from None
         step = study.step("new")
         with changing(directory):
             if (directory / NAME).exists():
@@ -116,6 +121,12 @@ def begin(
             shutil.rmtree(directory, ignore_errors=True)
         raise
     return Begun(study, step, held)
+
+
+def _about_own_file(fault: RequestError, directory: Path, copy: str, own: str) -> RequestError:
+    """A fault in the study's copy of a model file, told of the file that the user has: the copy goes."""
+    fault.found = fault.found.replace(str(directory / copy), own)
+    return type(fault)(fault.found, expected=fault.expected, remedy=fault.remedy)
 
 
 def _data_entry(directory: Path, path: Path, model: Model) -> dict[str, Any]:

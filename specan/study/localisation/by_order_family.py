@@ -71,7 +71,7 @@ class _Lines:
 def _middle(o: OrderLinesObservation) -> Array:
     """Root mean square of the strongest line of each row's sensor and harmonic, over its two parts."""
     strongest = np.zeros(o.kept.shape)
-    for group in o.groups:
+    for group in o.of_one_gain:
         strongest[group] = np.abs(o.amplitude[group]).max() / np.sqrt(2)
     return o.stack((strongest * (1 + 1j)).astype(complex))
 
