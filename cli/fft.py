@@ -48,12 +48,16 @@ if TYPE_CHECKING:
     help="Average or hold over the blocks; none: the first block alone.  [default: linear]",
 )
 @click.option("--blocks", "n_exponential", type=int, help="Blocks of an exponential average.  [default: 10]")
-@click.option("--reference", metavar="CH", help="Give phases over this channel; an average has no others.")
+@click.option(
+    "--reference",
+    metavar="CH",
+    help="Reference channel of the phase; averaged spectra have no absolute phase.",
+)
 @click.option(
     "--weighting",
     type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
     metavar="A|B|C|Z",
-    help="Of the magnitudes of sound pressure; phases stay.  [default: Z]",
+    help="Weighting of the magnitudes of sound pressure; phases are not changed.  [default: Z]",
 )
 @click.option("--fmin", "fmin_hz", type=float, metavar="HZ", help="Lowest line.")
 @click.option("--fmax", "fmax_hz", type=float, metavar="HZ", help="Highest line.")
@@ -61,7 +65,7 @@ if TYPE_CHECKING:
     "--peaks", type=click.IntRange(min=1), default=1, show_default=True, help="Highest lines printed."
 )
 @click.option("--spectrogram", is_flag=True, help="Spectra against time.")
-@click.option("--columns", type=int, help="Most columns of a spectrogram.  [default: 1000]")
+@click.option("--columns", type=int, help="Maximum number of columns of a spectrogram.  [default: 1000]")
 @limit_option()
 @plot_option()
 @result_options("all lines")

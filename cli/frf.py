@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "--estimator",
     type=click.Choice(["H1", "H2", "Hv", "H3c"], case_sensitive=False),
-    help="H1: noise in the responses; H2: in the reference; Hv: in both alike; H3c: the generator as "
+    help="H1: noise in the responses; H2: in the reference; Hv: in both; H3c: the generator as "
     "instrument, for a noisy vibrometer.  [default: H1]",
 )
 @click.option("--instrument", metavar="CH", help="Instrument of H3c [default: the generator].")
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 )
 @click.option("--window", help="Window of the blocks.  [default: hann]")
 @click.option("--overlap", type=float, help="Overlap of the blocks, 0 to 0.95.  [default: 0.5]")
-@click.option("--no-align", is_flag=True, help="Leave delayed responses as they are.")
+@click.option("--no-align", is_flag=True, help="Do not compensate delayed responses.")
 @click.option("--fmin", type=float, default=0.0, metavar="HZ", help="Lowest line shown.")
 @click.option("--fmax", type=float, metavar="HZ", help="Highest line shown.")
 @click.option("--at", "at_hz", type=float, multiple=True, metavar="HZ", help="Print this line; repeatable.")

@@ -44,16 +44,18 @@ class _Averaging(click.ParamType):
     "--weighting",
     type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
     metavar="A|B|C|Z",
-    help="Of the band levels; A, B and C of sound pressure only.  [default: Z]",
+    help="Weighting of the band levels; A, B and C for sound pressure only.  [default: Z]",
 )
 @click.option(
     "--averaging",
     type=_Averaging(),
     metavar="linear|fast|slow|impulse|SECONDS",
-    help="Over the section, or exponential.  [default: linear]",
+    help="Average over the section, or exponential.  [default: linear]",
 )
-@click.option("--hold", type=click.Choice(["max", "min"]), help="Of an exponential average.")
-@click.option("--interval", "interval_s", type=float, metavar="S", help="Between readings of the history.")
+@click.option(
+    "--hold", type=click.Choice(["max", "min"]), help="Highest or lowest value of an exponential average."
+)
+@click.option("--interval", "interval_s", type=float, metavar="S", help="Interval of the level history.")
 @click.option("--fmin", type=float, metavar="HZ", help="From the band that contains it.  [default: 20]")
 @click.option("--fmax", type=float, metavar="HZ", help="To the band that contains it.  [default: 20000]")
 @click.option("--band", type=float, metavar="HZ", help="One band: the one that contains HZ.")
@@ -62,7 +64,7 @@ class _Averaging(click.ParamType):
     "--background",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Take the levels of this recording of the background off.",
+    help="Subtract the levels of this recording of the background.",
 )
 @click.option(
     "--velocity-reference",

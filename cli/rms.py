@@ -24,9 +24,13 @@ if TYPE_CHECKING:
     "--weighting",
     type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
     metavar="A|B|C|Z",
-    help="Of the time-weighted levels of sound pressure.  [default: A]",
+    help="Weighting of the time-weighted levels of sound pressure.  [default: A]",
 )
-@click.option("--averaging", type=click.Choice(["fast", "slow"]), help="Of these levels.  [default: fast]")
+@click.option(
+    "--averaging",
+    type=click.Choice(["fast", "slow"]),
+    help="Time weighting of these levels.  [default: fast]",
+)
 @click.option(
     "--percentile", "percentiles", type=float, multiple=True, metavar="N",
     help="Level exceeded during N % of the time; repeatable.  [default: 5, 10, 50, 90, 95]",

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @study_options
 @plot_option("measured and model")
 @click.option("--channel", metavar="NAME", help="Recordings: the channel whose curves --plot shows.")
-@click.option("--accept-changes", is_flag=True, help="Go on although measured files have changed.")
+@click.option("--accept-changes", is_flag=True, help="Continue although measured files have changed.")
 def command(
     directory: Path,
     effects: tuple[Path, ...],

@@ -60,7 +60,7 @@ def _print(found: Diagnosis, directory: Path) -> None:
     for remark in found.remarks:
         click.echo(f"But: {remark}.")
     if found.residual_law is not None:
-        click.echo(f"What is left goes like {found.residual_law.text.lstrip('~ ')}.")
+        click.echo(f"What is left follows {found.residual_law.text.lstrip('~ ')}.")
     _print_pulls(found)
     _print_next(found)
     if found.verdict in ("effect", "group"):

@@ -100,9 +100,10 @@ def drawn(entry: Entry, target: Path | None = None) -> list[str]:
 
 def texts_of(figure: Any) -> list[str]:
     """Heading, titles, labels of axes and legends; no ticks."""
-    from specan.report.figure_style import heading_text
+    from matplotlib.text import Annotation
 
-    found = [heading_text(figure)]
+    below = [a.get_text() for a in figure.artists if isinstance(a, Annotation)]
+    found = [" ".join([figure.get_suptitle(), *below]).replace("\n", " ")]
     for axes in figure.axes:
         found += [axes.get_title(loc="left"), axes.get_xlabel(), axes.get_ylabel()]
     for legend in [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]:

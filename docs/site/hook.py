@@ -38,7 +38,7 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 
 
 def _moved(text: str, directory: str, page: str) -> str:
-    """Links of a text that stood in a directory of the project, as links of a page of the site."""
+    """Links of a text that was in a directory of the project, as links of a page of the site."""
 
     def link(found: re.Match[str]) -> str:
         words, target, anchor = found[1], found[2], found[3] or ""

@@ -349,7 +349,7 @@ def diagnose(study: Study | str | Path, *, bootstrap: bool = False) -> Diagnosis
     Raises
     ------
     RequestError
-        Nothing tells how uncertain the measurement is.
+        The uncertainty of the measurement is unknown.
     """
     opened = study if isinstance(study, Study) else Study(study)
     return opened.diagnose(bootstrap=bootstrap)

@@ -34,7 +34,7 @@ def folder() -> Path:
 
 
 def place_of(recording: Recording, channel: Channel, step: int) -> Path | None:
-    """The file of a channel's overview; None for what is short, or is no file."""
+    """The file of a channel's overview; None for what is short, or is not a file."""
     source = recording.source
     if channel.n_samples < LEAST or not isinstance(source, WatchedSource):
         return None

@@ -42,7 +42,7 @@ class KeptStudy:
         return [stamp_of(self.directory / name) for name in files]
 
     def current(self) -> Study:
-        """The study as it stands in its directory.
+        """The study as it is in its directory.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class KeptStudy:
         Superseded
             `tell` said not to go on.
         RequestError
-            Nothing tells how uncertain the measurement is.
+            The uncertainty of the measurement is unknown.
         """
 
         def progress(text: str) -> None:

@@ -1,4 +1,4 @@
-"""Figures of the page: octave ticks, lines told apart by every kind of vision, names as text."""
+"""Figures of the page: octave ticks, lines distinguished by every kind of vision, names as text."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ class StudyPage:
         self._begin(refused, self.view.tried)
 
     def _first_view(self) -> tuple[StudyView, str]:
-        """What the address asks for, and why it cannot be had."""
+        """What the address asks for, and why it is not available."""
         context = self.document.session_context
         arguments = context.request.arguments if context is not None and context.request else {}
         try:

@@ -82,7 +82,7 @@ def model_from_file(path: Path, rig: Mapping[str, Any], content: bytes | None = 
     Raises
     ------
     RequestError
-        The file is missing, is no valid Python, fails, or holds no model or several.
+        The file is missing, is not a valid Python, fails, or holds no model or several.
     """
     if path.suffix == FMU:
         from specan.models.fmu.build import model_from_fmu
@@ -165,7 +165,7 @@ def effects_from_file(path: Path, content: bytes | None = None) -> list[Effect]:
     Raises
     ------
     RequestError
-        The file is missing, is no valid Python, fails on import, or holds no effect.
+        The file is missing, is not a valid Python, fails on import, or holds no effect.
     """
     module = _module_from(path, "effect", content)
     effects = _effects_of(module)

@@ -245,6 +245,7 @@ def check_groups(model: Any) -> None:
     for parameter in (p for owned in owners for p in owned.values()):
         if parameter.per and parameter.per not in known:
             raise RequestError(
-                f"a parameter ({parameter.doc or 'undocumented'}) is declared per {parameter.per!r}, which is no group",
+                f"a parameter ({parameter.doc or 'undocumented'}) is declared per {parameter.per!r}, "
+                "which is not a group",
                 expected=f'groups=("{parameter.per}",)', remedy=nearest(parameter.per, known),
             )  # fmt: skip

@@ -177,7 +177,7 @@ class Model:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of measurement that the model can be held against: ``("table",)``."""
+        """Kinds of measurement that the model can be compared with: ``("table",)``."""
         return tuple(dict.fromkeys(o.kind for o in self.observables.values()))
 
     def with_effect(self, *more: Effect) -> Model:
@@ -347,7 +347,7 @@ class Model:
         for use in parsed:
             effect = self.effects.get(use.name)
             if use.name in self.unsuited:
-                raise RequestError(f"{use.name} is no effect of this rig: {self.unsuited[use.name]}")
+                raise RequestError(f"{use.name} is not an effect of this rig: {self.unsuited[use.name]}")
             if effect is None:
                 raise RequestError(
                     f"{self.name} knows no effect {use.name!r}", remedy=nearest(use.name, self.effects)

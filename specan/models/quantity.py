@@ -165,7 +165,7 @@ def quantity(
     collection : bool
         It returns a tuple that effects append to (`joins`).
     opaque : bool
-        Its value is no number or array: units and finiteness are not checked.
+        Its value is not a number or array: units and finiteness are not checked.
 
     Returns
     -------

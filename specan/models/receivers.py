@@ -106,7 +106,7 @@ class PlacedEffects:
 
 @dataclass(frozen=True, eq=False)
 class Receivers:
-    """Channels at places in a field, held against a reference channel.
+    """Channels at places in a field, compared with a reference channel.
 
     Attributes
     ----------

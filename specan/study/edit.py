@@ -171,7 +171,7 @@ def drop_effect_file(directory: Path, name: str) -> str:
         if len(files) != 1:
             known = [Path(e.file).name for e in content.effect_file]
             raise RequestError(
-                f"{name!r} is no effect file of the study",
+                f"{name!r} is not an effect file of the study",
                 expected="one of " + ", ".join(known) if known else "",
             )
         source = _source(directory / files[0])

@@ -1,4 +1,4 @@
-"""A study: a directory that holds a model against measurements, step by step."""
+"""A study: a directory that compares a model with measurements, step by step."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ STARTS = 3  # of every fit that a study reports: the same each time, so that a n
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """A model fitted and held against the measurement.
+    """A model fitted and compared with the measurement.
 
     Attributes
     ----------
     errors : tuple of ObservableError
         The observable with most values first.
     localisation : Localisation or None
-        Where the model fails; None where nothing tells the uncertainty.
+        Where the model fails; None where the uncertainty is unknown.
     """
 
     fit: Fit
@@ -324,7 +324,7 @@ class Study:
         Raises
         ------
         RequestError
-            Nothing tells how uncertain the measurement is.
+            The uncertainty of the measurement is unknown.
         """
         self.require_uncertainty("diagnose")
 
@@ -337,7 +337,7 @@ class Study:
         return self.kept.get("bootstrap" if bootstrap else "diagnosis", Diagnosis, compute)
 
     def require_uncertainty(self, verb: str) -> None:
-        """Refuse to conclude anything where nothing tells the uncertainty."""
+        """Refuse to conclude anything where the uncertainty is unknown."""
         if not self.data.known:
             raise RequestError(
                 f"{verb} needs to know how uncertain the measurement is, and nothing tells",

@@ -136,7 +136,7 @@ def test_rows_outside_the_validity_are_told(tmp_path):
     [
         (("-e", "seal-drug=1"), "did you mean 'seal-drag'"),
         (("-e", "seal-drag.torqe=1"), "did you mean 'seal-drag.torque'"),
-        (("-e", "seal-drag=much"), "is no number"),
+        (("-e", "seal-drag=much"), "is not a number"),
         (("-e", "seal-drag=-3"), "outside its domain"),
         (("-e", "seal-drag=2 degC"), "cannot be read"),
         (("-e", "seal-drag.torque"), "without a value"),

@@ -13,7 +13,7 @@ DECISIONS = Path(__file__).parents[2] / "docs" / "decisions"
 
 
 def figures(path: Path) -> list[tuple[str, bool]]:
-    """Numeric constants of a module, and whether a comment stands beside each or above its block."""
+    """Numeric constants of a module, and whether a comment is beside each or above its block."""
     text = path.read_text(encoding="utf-8")
     lines, found = text.splitlines(), []
     for node in ast.parse(text).body:
@@ -25,7 +25,7 @@ def figures(path: Path) -> list[tuple[str, bool]]:
         )
         if names and number:
             own = lines[node.lineno - 1 : node.end_lineno]
-            above = []  # the block that it stands in, up to an empty line
+            above = []  # the block that it is in, up to an empty line
             while node.lineno - 2 - len(above) >= 0 and lines[node.lineno - 2 - len(above)].strip():
                 above.append(lines[node.lineno - 2 - len(above)])
             told = any(line.startswith("#") for line in above) or any("#" in line for line in own)

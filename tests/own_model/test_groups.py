@@ -171,7 +171,9 @@ def test_without_the_column_it_is_said(place):
 
 
 def test_what_is_no_group(place):
-    with pytest.raises(RequestError, match=r"declared per 'batch', which is no group.*groups=\(\"batch\",\)"):
+    with pytest.raises(
+        RequestError, match=r"declared per 'batch', which is not a group.*groups=\(\"batch\",\)"
+    ):
         spring(Parameter(2.0, per="batch"))
     with pytest.raises(RequestError, match="'stretch' is a group and something else"):
         spring(groups="stretch")

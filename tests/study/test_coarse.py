@@ -207,7 +207,7 @@ def test_what_is_easily_taken_for_an_effect_acts_at_its_place(model):
 
 
 def test_a_panel_is_a_wall_of_resistance_mass_and_stiffness(model):
-    """So that data cannot tell them apart, and of coverage and mass they show the ratio only."""
+    """So that data cannot distinguish them, and of coverage and mass they show the ratio only."""
     omega0, conditions = 2 * np.pi * 140.0, {"frequency": FREQUENCY, "velocity_psd": np.ones(FREQUENCY.size)}
     panel = {"coverage": 0.4, "mass": 8.0, "resonance": 140.0, "loss_factor": 0.2}
     base = model.assemble().evaluate(conditions)

@@ -17,7 +17,7 @@ from specan.models.parameter_name import ParameterName
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked
 
-MOST_ROWS = 24  # candidates with a line of their own; the others stand in a list to choose from
+MOST_ROWS = 24  # candidates with a line of their own; the others are in a list to choose from
 _WIDTH = 322
 _WRAPPED = ".bk-btn { white-space: normal; text-align: left; padding: 4px; }"
 Uses = tuple[str, ...]

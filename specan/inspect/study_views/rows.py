@@ -134,7 +134,7 @@ class TableAgreement:
         )
 
     def _beside(self, levels: list[str]) -> Any:
-        """Points of different levels side by side, so that they can be told apart."""
+        """Points of different levels side by side, so that they can be distinguished."""
         x = np.unique(self.labels[self.abscissa.value])
         order = list(dict.fromkeys(sorted(levels, key=_number)))
         if x.size < 2 or len(order) < 2 or len(order) > _MOST:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from bokeh.models import ColumnDataSource, FactorRange, LabelSet, Range1d
+from bokeh.models import ColumnDataSource, FactorRange, HoverTool, LabelSet, Range1d
 from bokeh.plotting import figure
 
 from specan.inspect.look import COLOURS
@@ -16,21 +16,25 @@ from specan.units import printed_unit
 
 _KINDS = (("fitted", "fit_error", COLOURS[0]), ("held out", "held_out_error", COLOURS[1]))
 _MOST = 7  # steps on screen: the latest
+_NAMES = 24  # characters of effects that fit below the bars
 
 
 class Staircase:
     """Errors on fitted and on held-out data, as bars that carry their numbers."""
 
     def __init__(self) -> None:
-        self._bars = ColumnDataSource({"x": [], "top": [], "colour": [], "text": [], "alpha": []})
+        self._bars = ColumnDataSource(
+            {"x": [], "top": [], "colour": [], "text": [], "alpha": [], "about": []}
+        )
         self.sheet = figure(
             title="Fitted (blue), held out (orange)", sizing_mode="stretch_both",
             tools="save", x_range=FactorRange(), y_range=Range1d(0, 1), min_height=120,
             styles={"flex": "2 1 0", "min-height": "0", "background": "var(--paper)"},
         )  # fmt: skip
-        self.sheet.vbar(
+        bars = self.sheet.vbar(
             "x", top="top", width=0.9, source=self._bars, color="colour", alpha="alpha", line_color=None
         )
+        self.sheet.add_tools(HoverTool(renderers=[bars], tooltips=[("", "@about"), ("RMS", "@text")]))
         self.sheet.add_layout(
             LabelSet(
                 x="x", y="top", text="text", source=self._bars, text_align="center", y_offset=2,
@@ -56,18 +60,38 @@ class Staircase:
 
     def tried(self, name: str, error: Mapping[str, Any] | None) -> None:
         """Show what a trial leaves on the fitted data, as a pale step; None takes it away."""
-        self._tried = None if error is None else (f"try\n{name}", error)
+        self._tried = (
+            None if error is None else (f"try\n{name if len(name) <= _NAMES // 2 else ''}".strip(), error)
+        )
         self._draw()
 
     def _draw(self) -> None:
+        # Long names would run into one another: the mouse shows them.
+        room = sum(len(s.effect) for s in self._steps) <= _NAMES
         rows = [
-            (plain(f"{s.step} {s.action}\n{s.effect}".strip()), kind, error["value"], colour, 1.0)
+            (
+                plain(f"{s.step} {s.action}\n{s.effect if room else ''}".strip()),
+                kind,
+                error["value"],
+                colour,
+                1.0,
+                plain(f"{s.action} {s.effect}".strip()),
+            )
             for s in self._steps
             for kind, attribute, colour in _KINDS
             if (error := getattr(s, attribute)) is not None
         ]
         if self._tried is not None:
-            rows.append((plain(self._tried[0]), "fitted", self._tried[1]["value"], COLOURS[0], 0.45))
+            rows.append(
+                (
+                    plain(self._tried[0]),
+                    "fitted",
+                    self._tried[1]["value"],
+                    COLOURS[0],
+                    0.45,
+                    plain(self._tried[0]),
+                )
+            )
         known = [r for r in rows if r[2] is not None and np.isfinite(r[2])]
         self.sheet.x_range.factors = [(name, kind) for name, kind, *_ in known]
         self.sheet.y_range.end = 1.15 * max((r[2] for r in known), default=1.0)
@@ -77,6 +101,7 @@ class Staircase:
             "text": [f"{r[2]:.3g}" for r in known],
             "colour": [r[3] for r in known],
             "alpha": [r[4] for r in known],
+            "about": [r[5] for r in known],
         }
         if self._steps:
             error = self._steps[-1].fit_error

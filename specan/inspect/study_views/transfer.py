@@ -71,7 +71,7 @@ class TransferAgreement:
         self.microphones.value = [key for key, _ in self._keys if key in wanted]
 
     def show(self, trial: Trial) -> None:
-        """Show another fit; a tried one stands beside the model as it is."""
+        """Show another fit; a tried one is beside the model as it is."""
         found = [
             measured_transfer(o, trial.predictions[k])
             for k in self._chosen

@@ -76,7 +76,7 @@ class FrfTab(Tab):
         return self.of_each(view, analyse, "a response")
 
     def draw(self, found: Found, view: View) -> None:
-        """Three strips over one axis, with the bands of 95 % where they can be told apart."""
+        """Three strips over one axis, with the bands of 95 % where they can be distinguished."""
         magnitude: list[Curve] = []
         phase: list[Curve] = []
         coherence: list[Curve] = []

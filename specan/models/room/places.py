@@ -1,4 +1,4 @@
-"""Places in a box: where microphones stand near a wall, and where further ones can stand."""
+"""Places in a box: where microphones are near a wall, and where further ones can stand."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STEP_K = 0.02  # of a difference quotient by the temperature
 
 
 def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
-    """The microphones of a room, held against the vibrometer."""
+    """The microphones of a room, compared with the vibrometer."""
     given, dims = rig.uncertainty, rig.room.dims_m
     nominal_K = rig.air.nominal_temperature_C + 273.15
     positions = np.array(rig.mics.position_m)

@@ -1,4 +1,4 @@
-"""From a recording of receivers and a reference channel to transfer functions that a model is held against."""
+"""From a recording of receivers and a reference channel to transfer functions that a model is compared with."""
 
 from __future__ import annotations
 

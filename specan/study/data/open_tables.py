@@ -20,7 +20,7 @@ from specan.study.data.table_reader import Measurement, read_measurement
 from specan.units import convert
 
 TITLE = "a table (text with a header line, .xlsx, Parquet)"
-WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is no table
+WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is not a table
 
 
 def reads(path: Path) -> bool:
@@ -125,7 +125,7 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
             value = float(convert(float(word), condition.column_unit, condition.unit))
         except ValueError:
             raise RequestError(
-                f"{word!r} in {where!r} is no number", expected=f"{condition.column}=value,value,..."
+                f"{word!r} in {where!r} is not a number", expected=f"{condition.column}=value,value,..."
             ) from None
         found |= _at_level(rows, name, value, setting)
         if not np.any(_at_level(rows, name, value, setting)):

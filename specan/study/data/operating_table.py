@@ -42,7 +42,7 @@ class Rows:
     setup : array of int
         Rows that were read without setting anything in between share a number.
     setups_from : str
-        How set-ups were told apart: ``setup``, ``repeat`` or ``order``.
+        How set-ups were distinguished: ``setup``, ``repeat`` or ``order``.
     groups : mapping
         Names of each group; the rows' conditions hold their numbers.
     """
@@ -122,7 +122,7 @@ class Rows:
 
 
 def grouping_of(model: Model, condition: Condition) -> SettingError:
-    """Uncertainty of setting by which levels are told apart: the rig's, or what is usual for the condition."""
+    """Uncertainty of setting by which levels are distinguished: the rig's, or what is usual for the condition."""
     return model.rig.setting.get(condition.name, condition.usual_setting)
 
 

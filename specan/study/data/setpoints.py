@@ -128,7 +128,7 @@ def apart_in_rounds(values: Array, level: Array, rounds: NDArray[np.intp], scatt
     """Levels of a column that was read, parted where one round of a plan holds several rows of a level.
 
     A round of a plan sets each condition once. Neighbouring set values that scatter into each other look like one
-    level; their order in each round tells them apart.
+    level; their order in each round distinguishes them.
 
     Parameters
     ----------

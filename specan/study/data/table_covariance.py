@@ -4,7 +4,7 @@ V = reading + setting anew + declared discrepancy of the model. What all rows sh
 zero of a sensor) is not in it: those are nuisance parameters with a prior. Repeats that were set anew
 each time hold reading and setting together and are believed first; back-to-back repeats hold the reading
 only, so that the setting's scatter must come from the rig file - taken for the whole, they would make
-every model fail. A condition that was read and stands in the table is known, however it scatters.
+every model fail. A condition that was read and is in the table is known, however it scatters.
 
 Decisions: docs/decisions/covariance.md.
 """
@@ -55,7 +55,7 @@ class Uncertainty:
     noise : mapping
         `Noise` of each observable.
     known : bool
-        False where nothing tells the uncertainty: residuals can then be shown, but nothing be concluded.
+        False where the uncertainty is unknown: residuals can then be shown, but nothing be concluded.
     statements : tuple of str
         What was found and assumed, for a person.
     """
@@ -374,7 +374,7 @@ def _check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array,
         return
     size = np.maximum(np.abs(part.measured), 1e-300)
     limit = np.maximum(0.1 * size, OUTRAGEOUS * np.sqrt(declared))
-    moved = repeated & (off > 0)  # the one in the middle of three is no measure of their scatter
+    moved = repeated & (off > 0)  # the one in the middle of three is not a measure of their scatter
     if np.sum(counts > 1) >= 4 and np.any(moved):
         usual, usual_share = np.median(off[moved]), np.median((off / size)[moved])
         limit = np.maximum(limit, OUTRAGEOUS * 1.4826 * np.maximum(usual, usual_share * size))

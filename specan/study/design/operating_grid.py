@@ -136,7 +136,7 @@ def inside_block(problem: Problem, planned: TableObservation, block: Block) -> N
             inside &= values == model.group_elements[condition.name].index(str(block.where[condition.column]))
             continue
         level = _level(condition, block)
-        assert level is not None, "it stands in the block"
+        assert level is not None, "it is in the block"
         gap = np.sort(np.unique(np.abs(values - level)))
         spread = np.ptp(values)
         measured = np.concatenate([o.conditions[condition.name] for o in problem.observations])

@@ -307,7 +307,7 @@ def profile_interval(
         Widen by the root of the reduced chi-square where that exceeds one.
     """
     if name not in problem.names:
-        raise RequestError(f"{name!r} is no free parameter", remedy=nearest(name, problem.names))
+        raise RequestError(f"{name!r} is not a free parameter", remedy=nearest(name, problem.names))
     quantile = _quantile(level, problem.noise_dof)
     if inflate and best.dof > 0:
         quantile *= max(1.0, best.reduced_chi2)

@@ -87,7 +87,7 @@ class FrfErrors:
             clear = np.nan_to_num(np.abs(self.level_dB) / self.u_level_dB).max(axis=1)
             return int(np.argmax(clear))
         if channel not in used:
-            raise RequestError(f"{channel!r} is no channel that is fitted", remedy=nearest(channel, used))
+            raise RequestError(f"{channel!r} is not a channel that is fitted", remedy=nearest(channel, used))
         return self.channels.index(channel)
 
     def as_dict(self) -> dict[str, Any]:

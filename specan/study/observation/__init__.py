@@ -1,4 +1,4 @@
-"""What was measured, in the form in which a model can be held against it.
+"""What was measured, in the form in which a model can be compared with it.
 
 Decisions: docs/decisions/covariance.md, docs/decisions/leakage.md.
 """

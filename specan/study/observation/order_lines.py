@@ -1,4 +1,4 @@
-"""Complex order lines of vibration sensors, held against a model's.
+"""Complex order lines of vibration sensors, compared with a model's.
 
 Rows are the real parts of all sensors (one after the other, each over its lines), then the imaginary parts. What lies
 between machine and sensor is unknown: each sensor has a free complex gain for every harmonic, so that nothing rests on

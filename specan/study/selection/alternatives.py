@@ -1,4 +1,4 @@
-"""Which explanations the data cannot tell apart.
+"""Which explanations the data cannot distinguish.
 
 D is the chi-square that a rival leaves on the noise-free data of another: the criterion of T-optimal designs
 (Atkinson & Fedorov 1975, Biometrika 62:57) on the measured design. With D = 9 one is mistaken for the other in
@@ -19,7 +19,7 @@ from specan.study.selection.score_test import best_of_each, score, score_pairs
 from specan.study.selection.search import Search
 from specan.study.selection.starting_values import scan_shapes
 
-DISTINGUISHABLE = 10.0  # D below which two explanations are not told apart
+DISTINGUISHABLE = 10.0  # D below which two explanations are not distinguished
 WIDE = 30.0  # D of the linearised distance within which a rival is refitted
 
 

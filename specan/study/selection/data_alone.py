@@ -1,4 +1,4 @@
-"""What the data alone would take of a model, held against what is known of its values."""
+"""What the data alone would take of a model, compared with what is known of its values."""
 
 from __future__ import annotations
 

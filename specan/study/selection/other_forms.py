@@ -26,7 +26,7 @@ class OtherForm:
     Attributes
     ----------
     parts : mapping
-        Base effect, and what stands in its place.
+        Base effect, and what is in its place.
     start : Refit
     """
 

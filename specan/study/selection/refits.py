@@ -181,7 +181,7 @@ class Refits:
         Returns
         -------
         Refit or None
-            None where no start converged; the reason stands in `failed`.
+            None where no start converged; the reason is in `failed`.
         """
         uses = start.uses | {s.use for s in signatures[0]}
         before = self.done.get(uses)

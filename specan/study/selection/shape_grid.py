@@ -25,7 +25,7 @@ MOST_PLACES = 60  # places of its shapes that one candidate is tried at
 # Evaluations for all candidates together: for a small table, and where there are very many rows.
 MOST_EVALUATIONS, LEAST_EVALUATIONS = 4000, 400
 ROWS = 175  # of a small table
-FEW = 10  # places below which sizes are not told apart
+FEW = 10  # places below which sizes are not distinguished
 COLLINEAR = 1e-6  # share of a signature, in chi-square, that is no more than rounding
 
 

@@ -28,7 +28,9 @@ def exponential_churning(
         needs=("oil_level",),
     ),
 ):  # fmt: skip
-    """What turns in the oil throws it about: a torque that grows exponentially with speed and knows no viscosity.
+    """Rotating parts throw the oil about:
+
+    a torque that grows exponentially with speed and does not depend on viscosity.
 
     A published form of the same part as `churning`, not an effect beside it.
     """
