@@ -28,8 +28,9 @@ from specan.study.selection.other_forms import other_forms
 from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_would_tell
 from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
 from specan.study.selection.residual_law import residual_law
+from specan.study.selection.row_drift import drift_over_rows
 from specan.study.selection.search import Progress, Search
-from specan.study.selection.suspect_rows import rows_of_two_kinds, suspect_rows
+from specan.study.selection.suspect_rows import odd_repeat, rows_of_two_kinds, suspect_rows
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
 LEAST_DOF = 3.0  # degrees of freedom below which no test is made
@@ -199,6 +200,8 @@ def _conclude(whole: _Searched, form: str) -> Diagnosis:
             for r in (
                 suspect_rows(base),
                 rows_of_two_kinds(base),
+                drift_over_rows(base),
+                odd_repeat(base),
                 *_better_but_too_far(search, sets),
                 *_too_good(base),
             )
