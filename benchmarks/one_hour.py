@@ -1,6 +1,7 @@
 """A recording of one hour, 26 channels at 51.2 kHz: what a batch takes for it, CPU seconds and memory over start-up.
 
-``python benchmarks/one_hour.py [--seconds 3600]``
+``python benchmarks/one_hour.py [--seconds 3600]``; with ``--page`` what the page needs to draw four waveforms of a
+file that takes no room on the disk, the first time and again.
 
 Its 19 GB are not written: samples are made when they are asked for, noise over and over.
 """
@@ -8,9 +9,12 @@ Its 19 GB are not written: samples are made when they are asked for, noise over 
 from __future__ import annotations
 
 import argparse
+import os
 import resource
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,10 +63,45 @@ def peak() -> float:
     )
 
 
+def silence(path: Path, seconds: float, channels: int = 4) -> None:
+    """A WAV file whose samples are a hole in the disk."""
+    size, rate = round(seconds * RATE) * channels * 2, round(RATE)
+    head = b"RIFF" + (36 + size).to_bytes(4, "little") + b"WAVEfmt " + (16).to_bytes(4, "little")
+    numbers = ((1, 2), (channels, 2), (rate, 4), (2 * channels * rate, 4), (2 * channels, 2), (16, 2))
+    head += b"".join(n.to_bytes(width, "little") for n, width in numbers)
+    with path.open("wb") as file:
+        file.write(head + b"data" + size.to_bytes(4, "little"))
+        file.truncate(len(head) + 8 + size)
+
+
+def page(seconds: float) -> None:
+    """Print CPU seconds until the waveforms are drawn."""
+    from specan.inspect.envelope import Waveform, read_overviews
+    from specan.inspect.opened import watched
+    from specan.io.open import open_recording
+
+    with tempfile.TemporaryDirectory() as place:
+        os.environ["SPECAN_CONFIG_DIR"] = place
+        path = Path(place, "hour.wav")
+        silence(path, seconds)
+        for time_of in ("first", "second"):
+            start = time.process_time()
+            opened = watched(open_recording(path), path)
+            waveforms = [Waveform(opened, channel) for channel in opened.channels]
+            read_overviews(waveforms, lambda part: True)
+            for waveform in waveforms:
+                waveform.part(0.0, seconds, 1500)
+            print(f"{time_of} time: {time.process_time() - start:.2f} CPU s")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=3600.0)
+    parser.add_argument("--page", action="store_true")
     asked = parser.parse_args()
+    if asked.page:
+        page(asked.seconds)
+        return
     hour = recording(asked.seconds)
     before, start = peak(), time.process_time()
     found = _noise(hour, BatchSettings(), FileResult("hour.tdms", "done", ""))

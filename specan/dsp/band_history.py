@@ -102,7 +102,8 @@ class BandHistory:
             way: Way = "none" if one.identity else working.shape
             self._working.setdefault((stage.number, way), []).append((number, working))
             if isinstance(way, Shape) and (stage.number, way) not in self._sections:
-                self._sections[stage.number, way] = Sections(rows, way)
+                alike = (s.spectrum for (_, other), s in self._sections.items() if other == way)
+                self._sections[stage.number, way] = Sections(rows, way, next(alike, None))
         # Used again and again: fresh memory costs more than the arithmetic.
         self._product = np.zeros((min(rows, ROWS), LENGTH + 1), dtype=np.complex128)
         self._output = np.empty((min(rows, ROWS), 2 * LENGTH))

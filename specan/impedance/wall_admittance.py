@@ -263,7 +263,7 @@ class Space:
         for k, scale in enumerate(self.problem.scale):
             theta = state.theta.copy()
             theta[k] += 1e-3 * scale
-            name = self.problem.names[k].split("[")[0]
+            name = self.problem.names[k].whole
             value = self.problem.seen_by(observation, self.problem.values_at(theta))[name]
             own.append(observation.folding(change(name, value, 1e-3 * scale)))
         columns = [*own, *walls, *(1j * c for c in walls)]

@@ -15,7 +15,7 @@ from specan.models.observable import Observable
 from specan.models.parameter import Parameter
 from specan.models.quantity import Condition, Quantity, SettingError
 from specan.models.rig_statement import rig_statement
-from specan.models.user_code import PREFIX
+from specan.models.user_code import PREFIX, place_of
 from specan.units import base_unit, convert
 
 _FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"
@@ -101,13 +101,6 @@ def title_of(function: Callable[..., Any]) -> str:
     file = getattr(function, "__globals__", {})
     own = file.get("__doc__") if str(function.__module__).startswith(PREFIX) else None
     return ((own or function.__doc__ or "").strip().split("\n")[0]).rstrip(".")
-
-
-def place_of(function: Any) -> str:
-    """File and line of a function, for messages."""
-    function = getattr(function, "function", function)
-    code = getattr(function, "__code__", None)
-    return f"{code.co_filename}, line {code.co_firstlineno}" if code else repr(function)
 
 
 def _named(functions: Sequence[Callable[..., Any]], observables: Mapping[str, Any]) -> dict[str, Any]:

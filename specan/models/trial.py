@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models.evaluation import Evaluation
-from specan.models.from_function import place_of
 from specan.models.model import Assembly, Model
-from specan.models.user_code import PREFIX
+from specan.models.user_code import PREFIX, place_of
 from specan.units import convert
 
 LIMIT_S = 20.0  # of one evaluation: a diagnosis takes hundreds

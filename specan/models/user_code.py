@@ -66,3 +66,10 @@ class Instead:
     def __call__(self, *given: Any, **parameters: Any) -> Any:
         """Its value."""
         return self._called(*given, **parameters)
+
+
+def place_of(function: Any) -> str:
+    """File and line of a function, for messages."""
+    function = getattr(function, "function", function)
+    code = getattr(function, "__code__", None)
+    return f"{code.co_filename}, line {code.co_firstlineno}" if code else repr(function)

@@ -28,7 +28,7 @@ MODEL = "Bokeh.documents[0].get_model_by_name"
     [
         View(fraction=12, weighting="A", start=0.5, stop=2.0),
         View(averaging="fast", hold="max", fmin=100.0),
-        View(tab="fft", lines=400, window="flat-top", spectrum_averaging="max", reference="Mic 1"),
+        View(tab="fft", lines=400, window="flat-top", spectrum_averaging="exponential", reference="Mic 1"),
         View(tab="frf", lines=400, estimator="H3c", overlap=0.75, unwrapped=True),
         View(tab="levels", level_weighting="A", level_averaging="slow"),
         View(tab="spectrogram", lines=200, of="Measurement/Mic 2"),

@@ -156,3 +156,37 @@ def test_an_effect_that_the_base_does_itself_is_named(place):
 def test_a_faulty_effect_is_told_with_its_line(place):
     said = checked(place, ("bend", "size * x**2 + 1"))
     assert re.search(r"m\.py, line 6: the effect 'bend' changes y though it is neutral", said), said
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("size * x[:3]", r"m\.py, line 6: bend gives the shape \(3,\) for 'y', which has the shape"),
+        ("size * np.log(x - 4)", r"m\.py, line 6: with the effect 'bend', .*'y' is not finite"),
+        (
+            "size * x**2 * np.random.rand()",
+            r"m\.py, line 6: with the effect 'bend', .*gives other values when",
+        ),
+        ("size * x**2 * (1 / 0)", r"m\.py, line 9: 'bend' fails \(ZeroDivisionError"),
+    ],
+)
+def test_what_an_effect_does_is_told_with_its_own_line(place, body, said):
+    found = checked(place, ("bend", body))
+    assert re.search(said, found), found
+
+
+def test_parameters_of_an_effect_that_only_count_together_are_named(place):
+    (place / "m.py").write_text(
+        HEAD + "def f(x, a):\n    return a * x\n"
+        '@effect("bend", adds_to="y", neutral={"size": 0.0})\n'
+        "def bend(x, *, size=Parameter(1.0, min=0.1, max=9, lower=0, upper=99), p=Parameter(1.0, min=0.1, max=3),\n"
+        "         q=Parameter(1.0, min=0.1, max=3)):\n"
+        '    "Does something."\n'
+        "    return size * np.exp(-p * q * x)\n" + MODEL.replace(")\n", ", effects=[bend])\n"),
+        encoding="utf-8",
+    )
+    found = CliRunner().invoke(main, ["model", "check", "m.py"])
+    assert re.search(
+        r"m\.py, line 5: no measurement within the limits determines the parameter bend\.p; only together with bend\.q",
+        str(found.exception),
+    )

@@ -21,7 +21,7 @@ from specan.study.estimation.problem import base_problem
 from specan_cli.main import main
 from truth.three_masses import ThreeMasses, as_text, simulate
 
-TWO_MASS = Path("sample_data/two_mass/two_mass.py").resolve()
+TWO_MASS = Path(__file__).parents[2] / "sample_data" / "two_mass" / "two_mass.py"
 RATE = 256.0
 
 

@@ -192,7 +192,7 @@ def test_messages_name_the_file_as_the_user_did(tmp_path, monkeypatch):
     run = CliRunner().invoke
     assert run(main, ["model", "new", "pump.py"]).exit_code == 0
     (tmp_path / "t.csv").write_text("flow,speed,head\n1,2900,x\n2,1450,4\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"^t\.csv, line 2: 'x' in the column 'head' is no number"):
+    with pytest.raises(InputError, match=r"^t\.csv, line 2: 'x' in the column 'head' is not a number"):
         run(
             main,
             ["study", "new", "s", "--model", "pump.py", "--measurement", "t.csv"],

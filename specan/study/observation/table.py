@@ -239,8 +239,10 @@ class TableObservation:
         """Values with one element a row for parameters of each recording, rows repeated `times` times."""
         prepared = dict(values)
         for name, value in values.items():
-            if self._is_vector(assembly, name, value) and np.size(value) != self.n * times:
-                prepared[name] = np.tile(self._per_row(value), times)
+            if np.ndim(value) != 1 or assembly.parameters[name].per != "recording":
+                continue
+            if np.size(value) != self.n * times:
+                prepared[name] = np.tile(np.asarray(value, dtype=float)[self._recording], times)
         return prepared
 
     def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
