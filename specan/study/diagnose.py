@@ -30,7 +30,7 @@ from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.row_drift import drift_over_rows
 from specan.study.selection.search import Progress, Search
-from specan.study.selection.suspect_rows import odd_repeat, rows_of_two_kinds, suspect_rows
+from specan.study.selection.suspect_rows import copied_rows, odd_repeat, rows_of_two_kinds, suspect_rows
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
 LEAST_DOF = 3.0  # degrees of freedom below which no test is made
@@ -198,6 +198,7 @@ def _conclude(whole: _Searched, form: str) -> Diagnosis:
         remarks=tuple(
             r
             for r in (
+                copied_rows(base),
                 suspect_rows(base),
                 rows_of_two_kinds(base),
                 drift_over_rows(base),

@@ -71,6 +71,22 @@ def test_an_idle_row_needs_its_input_torque(whole, read):
         read(columns)
 
 
+@pytest.mark.parametrize("reading", [-0.8, -0.02, 0.0, 0.8])
+def test_an_idle_brake_that_reads_off_zero_agrees_with_an_efficiency_of_zero(whole, read, reading):
+    whole["output_torque_Nm"][0], whole["efficiency"][0] = reading, 0.0
+    found = read(whole)
+    assert found.observable[0] == "input_torque"
+    assert found.measured[0] == pytest.approx(whole["input_torque_Nm"][0], rel=1e-6)
+
+
+@pytest.mark.parametrize(("torque", "efficiency"), [(20.0, 0.0), (-0.8, 0.2), (0.8, 0.4)])
+def test_an_efficiency_that_no_idle_row_has_contradicts_the_torques(whole, read, torque, efficiency):
+    whole["output_torque_Nm"][0], whole["efficiency"][0] = torque, efficiency
+    whole["input_torque_Nm"][0] = max(whole["input_torque_Nm"][0], 1.2 * torque / RATIO)
+    with pytest.raises(InputError, match=r"line 2.*contradict each other"):
+        read(whole)
+
+
 def fault(**changes):
     """The exact table with some columns replaced, renamed or taken out."""
 

@@ -37,6 +37,31 @@ def test_a_repeat_that_lies_off_is_named_by_its_lines(tables, tmp_path):
     assert "lines 22, 72" in said
 
 
+def copies_told(tables, tmp_path, columns):
+    return [r for r in verdict(tables, tmp_path, columns).remarks if "copied row" in r]
+
+
+def test_copied_rows_are_named_by_their_lines(tables, tmp_path):
+    columns = tables.bench(8, repeats=2, points=tables.grid(**GRID))
+    assert not copies_told(tables, tmp_path, columns)
+    rows = columns["speed_rpm"].size
+    twice = {name: np.tile(values, 2) for name, values in columns.items()}
+    (said,) = copies_told(tables, tmp_path, twice)
+    assert said.startswith(
+        f"lines {rows + 2} and 2, {rows + 3} and 3, {rows + 4} and 4, and {rows - 3} more pairs"
+    )
+    one = {name: np.append(values, values[:1]) for name, values in columns.items()}
+    assert not copies_told(tables, tmp_path, one)
+
+
+def test_coarse_readings_at_set_conditions_agree_by_chance(tables, tmp_path):
+    columns = tables.bench(9, repeats=4, setting="set", points=tables.grid(**GRID))
+    columns["input_torque_Nm"] = np.round(columns["input_torque_Nm"] / 0.05) * 0.05
+    table = np.column_stack([v for n, v in columns.items() if n not in ("repeat", "setup")])
+    assert np.unique(table, axis=0).shape[0] < 0.9 * table.shape[0]
+    assert not copies_told(tables, tmp_path, columns)
+
+
 def test_a_condition_that_is_wrong_in_all_repeats_is_named(tables, tmp_path):
     columns = tables.bench(5, repeats=2, points=tables.grid(**GRID))
     columns["input_torque_Nm"][[20, 70]] *= 1.06
