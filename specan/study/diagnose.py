@@ -30,7 +30,13 @@ from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.row_drift import drift_over_rows
 from specan.study.selection.search import Progress, Search
-from specan.study.selection.suspect_rows import copied_rows, odd_repeat, rows_of_two_kinds, suspect_rows
+from specan.study.selection.suspect_rows import (
+    WHOLE,
+    copied_rows,
+    odd_repeat,
+    rows_of_two_kinds,
+    suspect_rows,
+)
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
 LEAST_DOF = 3.0  # degrees of freedom below which no test is made
@@ -257,6 +263,9 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         reasons.append("something is left: its form is not exact, or another effect is there too")
     elif len(best.uses) > 1 and not search.of_one_instrument(best):
         reasons.append("one unknown effect would explain the data as well")
+    second = [] if left else _second_possible(search)
+    if second:
+        reasons.append(f"a second effect may be there too, such as {' or '.join(second)}")
     if stretched(best):
         reasons.append(
             f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well"
@@ -265,10 +274,30 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
     doubt = (
         left
+        or bool(second)
         or (len(best.uses) > 1 and not search.of_one_instrument(best))
         or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
     )
     return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
+
+
+def _second_possible(search: Search) -> list[str]:
+    """Effects that improve a single one decisively by BIC and in cross-validation, but too little to be named.
+
+    The family-wise probability is above the level of a name and below `WHOLE`, above which the rest is called whole.
+    """
+    best = search.best
+    if len(best.uses) != 1:
+        return []
+    found = [
+        (decision.p_value, ", ".join(sorted(map(str, refit.uses - best.uses))))
+        for refit in search.refits.of_size(2)
+        if best.uses < refit.uses
+        and (decision := search.decision(refit)).p_value < WHOLE
+        and decision.delta_bic > DECISIVE
+        and decision.held_out_gain > 0
+    ]
+    return [f"{name} (p = {p:.1g})" for p, name in sorted(found)[:MOST_OTHERS]]
 
 
 def _with_form(found: _Found, form: str) -> _Found:

@@ -121,6 +121,23 @@ def test_two_effects_are_named_together_with_the_doubt(toy):
     assert found.unknown_possible
 
 
+@pytest.mark.parametrize(
+    ("size", "alternatives", "said"),
+    [
+        (0.6, (("square",),), ""),
+        (0.82, (("square",),), "a second effect may be there too, such as wave"),
+        (0.95, (("square",), ("square", "wave")), "another effect is there too"),
+    ],
+)
+def test_a_second_effect_that_is_not_sure_is_a_doubt(toy, size, alternatives, said):
+    """Without noise the wave takes at most 24 size^2 off chi-square: 8.6, 16 and 22; BIC asks for 6 + ln 48 = 9.9."""
+    names = ["square", "wave", "cross", "zero-error", "saturating"]
+    found = diagnose(toy.problem(lambda x, z: 5 * x**2 + size * np.cos(7 * x), names, noise=0.0))
+    assert found.alternatives == alternatives
+    assert found.unknown_possible == bool(said)
+    assert said in found.reason
+
+
 def test_two_effects_that_hide_each_other_are_found(toy):
     def truth(x, z):
         return 40 * x * z - 40.2 * x * (z + 0.1 * z**2) + 0.85 * x * z
