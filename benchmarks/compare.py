@@ -70,6 +70,15 @@ LEVELS = {
         "    found = pyfar.dsp.filter.fractional_octave_bands(pyfar.Signal(row, rate), 3, None, (20, mid[-1]))\n"
         "    np.mean(found.time**2, axis=-1)",
     ),
+    # The successor of PyOctaveBand; from version 3 on it needs Python 3.13.
+    "phonometry": (
+        "import phonometry",
+        "for row in x:\n    phonometry.octavefilter(row, fs=int(rate), fraction=3, order=4, limits=[20, mid[-1]])",
+    ),
+    "MoSQITo": (
+        "from mosqito.sound_level_meter import noct_spectrum",
+        "for row in x:\n    noct_spectrum(row, int(rate), 20, mid[-1], n=3)",
+    ),
     "python-acoustics": (
         "from acoustics.signal import bandpass",
         # Its own octaves() and bandpass_frequencies() end in an error with numpy 2.4.
@@ -78,15 +87,26 @@ LEVELS = {
         "        np.mean(bandpass(row, f * 10**-0.05, f * 10**0.05, rate, order=8) ** 2)",
     ),
 }
+OURS = (
+    "from specan.dsp import bands\n"
+    "from specan.dsp.band_history import BandHistoryAccumulator\n"
+    "from specan.dsp.history_filters import band_filter, weighting_filter\n"
+    "index = bands.band_range(20.0, mid[-1], {fraction})\n"
+    "filters = [band_filter(int(k), {fraction}) for k in index] + [weighting_filter(w) for w in '{totals}']",
+    "times = np.arange(1, 8 * x.shape[1] / rate) / 8\n"
+    "fed(BandHistoryAccumulator(len(x), rate, x.shape[1], filters, 0.125, None, times))",
+)
+
+
+def ours(fraction: int, totals: str) -> tuple[str, str]:
+    """Histories of the bands, and of the whole signal with these weightings."""
+    return OURS[0].format(fraction=fraction, totals=totals), OURS[1]
+
+
 HISTORIES = {
-    "specan": (
-        "from specan.dsp.band_history import BandHistoryAccumulator\n"
-        "from specan.dsp.history_filters import band_filter, weighting_filter\n"
-        "import scipy.signal",
-        "filters = [band_filter(k - 17, 3) for k in range(len(mid))] + [weighting_filter(w) for w in 'ABCZ']\n"
-        "times = np.arange(1, 8 * x.shape[1] / rate) / 8\n"
-        "fed(BandHistoryAccumulator(len(x), rate, x.shape[1], filters, 0.125, None, times))",
-    ),
+    "specan, bands": ours(3, ""),
+    "specan, bands and A, B, C, Z": ours(3, "ABCZ"),
+    "specan, 1/24 octave bands and A, B, C, Z": ours(24, "ABCZ"),
     "scipy sosfilt and lfilter": (
         "from scipy import signal",
         "keep = np.exp(-1 / (rate * 0.125))\n"
@@ -131,7 +151,20 @@ READING = {
     ),
     "np.fromfile and a gain": ("", "np.fromfile(place + '/samples.i4', dtype='<i4') * 1e-9"),
 }
+WHOLE = {
+    "specan fft --whole": (
+        "from specan.analysis.spectrum import FourierSpectrum, single_blocks\n"
+        "from specan.io.open import open_recording",
+        "for part, lines in single_blocks(open_recording(place + '/samples.tdms'), FourierSpectrum(whole=True)):\n"
+        "    pass",
+    ),
+    "numpy rfft of a windowed channel": (
+        "window = np.hanning(x.shape[1])",
+        "for row in x:\n    np.abs(np.fft.rfft((row - row.mean()) * window))",
+    ),
+}
 TASKS = {
+    "spectrum of the whole recording": WHOLE,
     "1/3 octave levels": LEVELS,
     "1/3 octave Fast histories": HISTORIES,
     "PSD, H1, coherence": TRANSFER,
@@ -229,7 +262,7 @@ def plot(
 
     figure, (bars, lines) = plt.subplots(1, 2, figsize=(10, 4.5), layout="constrained")
     entries = [(t, n, r["cpu"] / yardstick) for t, p in found.items() for n, r in p.items() if r is not None]
-    colours = ["tab:orange" if name == "specan" else "tab:gray" for _, name, _ in entries]
+    colours = ["tab:orange" if name.startswith("specan") else "tab:gray" for _, name, _ in entries]
     bars.barh(
         [f"{task}: {name}" for task, name, _ in entries], [value for *_, value in entries], color=colours
     )

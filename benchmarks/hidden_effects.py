@@ -36,11 +36,14 @@ def chosen(bench: Bench, arguments: argparse.Namespace) -> list[Case]:
     }
     only = tuple(arguments.effects or ())
     rig = {key: float(value) for key, _, value in (word.partition("=") for word in arguments.rig)}
-    noise = {} if arguments.noise is None else {"noise_percent": arguments.noise}
+    noise: dict[str, object] = {} if arguments.noise is None else {"noise_percent": arguments.noise}
+    noise |= {"drawn": True} if arguments.drawn else {}
     return [
         replace(case, rig=rig, **noise)
         for kind in kinds
-        for case in bench.planned(kind, counts[kind], reserved=arguments.reserved, only=only)
+        for case in bench.planned(
+            kind, arguments.first + counts[kind], reserved=arguments.reserved, only=only
+        )[arguments.first :]
     ]
 
 
@@ -66,6 +69,12 @@ def main() -> int:
         metavar="PERCENT",
         help="worm gear: noise of the input torque, percent of the reading",
     )
+    parser.add_argument(
+        "--drawn",
+        action="store_true",
+        help="worm gear: every part of the truth has a published form, drawn by the seed",
+    )
+    parser.add_argument("--first", type=int, default=0, help="cases of every kind to leave out")
     parser.add_argument("--out", type=Path, help="result file; hidden_effects_MODEL.jsonl here by default")
     parser.add_argument(
         "--cache",

@@ -1,6 +1,6 @@
 """Many short files: `specan batch` beside a plain loop of npTDMS and scipy, CPU seconds of whole processes.
 
-``python benchmarks/small_files.py [--files 40] [--channels 4]``
+``python benchmarks/small_files.py [--files 40] [--channels 4]``; with ``--jobs`` one process beside two instead.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -84,12 +85,38 @@ def table(files: int = 40, channels: int = 4) -> list[str]:
     ]
 
 
+def scaling(files: int = 200, channels: int = 4) -> list[str]:
+    """Lines of a table: wall and CPU seconds with one and two processes, the smaller of two runs each."""
+    found: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
+    with tempfile.TemporaryDirectory() as place:
+        data = Path(place, "data")
+        data.mkdir()
+        for number in range(files):
+            write(data / f"f{number:03d}.tdms", channels, number)
+        specan = str(Path(sys.executable).with_name("specan"))
+        for run in range(2):
+            for jobs, runs in found.items():
+                start = time.monotonic()
+                used = cpu([specan, "batch", str(data), "-o", f"{place}/{run}{jobs}", "--jobs", str(jobs)])
+                runs.append((time.monotonic() - start, used))
+    best = {jobs: [min(column) for column in zip(*runs, strict=True)] for jobs, runs in found.items()}
+    return [
+        f"| {files} files of {channels} channels, processes | wall s | of one process | CPU s |",
+        "|---|---|---|---|",
+        *(f"| {jobs} | {w:.2f} | {w / best[1][0]:.2f} | {c:.2f} |" for jobs, (w, c) in best.items()),
+    ]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--files", type=int, default=40)
+    parser.add_argument("--files", type=int)
     parser.add_argument("--channels", type=int, default=4)
+    parser.add_argument("--jobs", action="store_true", help="one process beside two")
     asked = parser.parse_args()
-    print("\n".join(table(asked.files, asked.channels)))
+    if asked.jobs:
+        print("\n".join(scaling(asked.files or 200, asked.channels)))
+    else:
+        print("\n".join(table(asked.files or 40, asked.channels)))
 
 
 if __name__ == "__main__":

@@ -36,23 +36,28 @@ SHOWN = 20  # failures named on the screen
 @click.option(
     "--excitation",
     type=click.Choice(["sine", "noise", "sweep"]),
-    help="Of all files [default: recognised].",
+    help="Excitation of all files [default: recognised].",
 )
 @click.option(
     "--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities of all files."
 )
-@click.option("--sampling-rate", type=float, metavar="HZ", help="Of all files, instead of what they say.")
+@click.option(
+    "--sampling-rate",
+    type=float,
+    metavar="HZ",
+    help="Sampling rate of all files, instead of those in the files.",
+)
 @click.option("--lines", type=int, help="Lines of a transfer function up to fs/2.56 [default: 3200].")
 @click.option("--fraction", type=click.Choice(["1", "3", "6", "12", "24"]), help="1/N octave [default: 3].")
 @click.option(
     "--weighting",
     type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
     metavar="A|B|C|Z",
-    help="Of the band levels of sound pressure [default: Z].",
+    help="Weighting of the band levels of sound pressure [default: Z].",
 )
-@click.option("--jobs", type=int, help="Number of processes [default: as many as are worth it].")
+@click.option("--jobs", type=int, help="Number of processes [default: chosen from the amount of data].")
 @click.option("--cluster", metavar="ADDRESS", help="Work on a dask cluster: tcp://host:8786.")
-@click.option("--verify", is_flag=True, help="Look at every byte to see whether a file has changed.")
+@click.option("--verify", is_flag=True, help="Compare every byte to detect changed files.")
 @click.option("--report", "with_report", is_flag=True, help="Write report.html, one page to pass on.")
 @click.option("--json", "as_json", is_flag=True, help="Print a summary as JSON.")
 def command(

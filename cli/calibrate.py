@@ -27,10 +27,12 @@ if TYPE_CHECKING:
     help="The calibration to write.",
 )
 @click.option(
-    "--level", type=float, help="Level of the calibrator in dB re 20 uPa [default: the file's, else 94]."
+    "--level",
+    type=float,
+    help="Level of the calibrator in dB re 20 uPa [default: that of the file, else 94].",
 )
 @click.option(
-    "--frequency", type=float, help="Tone of the calibrator in Hz [default: the file's, else found]."
+    "--frequency", type=float, help="Tone of the calibrator in Hz [default: that of the file, else searched]."
 )
 @click.option(
     "--u-level", type=float, default=0.1, show_default=True, help="Standard uncertainty of the level, dB."
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
     default=(0.05, 0.12),
     show_default=True,
     metavar="DB DEG",
-    help="Standard uncertainty by which insertions differ, where the recordings do not tell: level in dB, "
+    help="Standard uncertainty by which insertions differ, if the recordings do not determine it: level in dB, "
     "phase between two microphones in degrees.",
 )
 @click.option("--windows", type=int, default=20, show_default=True, help="Number of measurement windows.")
@@ -51,7 +53,7 @@ if TYPE_CHECKING:
     type=click.Choice(["delay", "constant"]),
     default="delay",
     show_default=True,
-    help="How the phase goes on to other frequencies.",
+    help="Extrapolation of the phase to other frequencies.",
 )
 @click.option("--channel-table", type=click.Path(path_type=Path), help="A channel table for all files.")
 @click.option("--budget", is_flag=True, help="Print where each uncertainty comes from.")

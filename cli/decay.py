@@ -9,9 +9,9 @@ import click
 
 from specan import __version__
 from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, table
-from specan_cli.output_file import OutputFile, say_written, to_standard_output
-from specan_cli.recording_input import given, opening_options, say_notes, section_options
+from specan_cli.output import table
+from specan_cli.recording_input import given, say_notes, section_options
+from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
@@ -31,9 +31,7 @@ if TYPE_CHECKING:
 @click.option("--fmax", type=float, metavar="HZ", help="To this band.  [default: 4000; 5000 for thirds]")
 @section_options
 @plot_option()
-@click.option("-o", "--output", type=OutputFile(), help="Write everything as text.")
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
-@opening_options
+@result_options()
 def command(
     file: Path,
     reference: str | None,
@@ -41,9 +39,7 @@ def command(
     plot: Path | None,
     output: Path | None,
     as_json: bool,
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
+    opening: dict[str, Any],
     **options: Any,
 ) -> int:
     """Find reverberation times, clarity, definition and centre time (ISO 3382-1).
@@ -56,28 +52,27 @@ def command(
     """
     from specan.api.recordings import decay, read
 
-    recording = read(file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate)
+    recording = read(file, **opening)
     found = decay(
         recording, reference, **given(fraction=None if fraction is None else int(fraction), **options)
     )
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_decay import figure_decay
-
-        save_figure(figure_decay(found), plot)
-    if output is not None:
-        write_text(found, output)
-    if as_json:
-        emit_json(content(found))
-    elif not to_standard_output(output):
-        show(found)
-        say_written(plot, output)
+    deliver(
+        plot, output, as_json, draw=lambda path: _draw(found, path), write=lambda path: write_text(found, path),
+        content=lambda: content(found), show=lambda: show(found),
+    )  # fmt: skip
     say_notes(found.notes, {})
     return 0
 
 
 _TIMES = ("edt_s", "t20_s", "u_t20_s", "t30_s", "u_t30_s")
 _RATIOS = ("c50_dB", "c80_dB", "d50_percent", "centre_time_s", "range_dB", "nonlinearity_permille")
+
+
+def _draw(found: DecayTimes, path: Path) -> None:
+    from specan.report.figure_style import save_figure
+    from specan.report.figures_decay import figure_decay
+
+    save_figure(figure_decay(found), path)
 
 
 def content(found: DecayTimes) -> dict[str, Any]:

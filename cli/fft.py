@@ -13,9 +13,10 @@ import click
 from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
-from specan_cli.output import emit_json, table
-from specan_cli.output_file import OutputFile, say_written, to_standard_output
-from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.output import table
+from specan_cli.output_file import say_written, to_standard_output
+from specan_cli.recording_input import feed, given, say_notes, section_options
+from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 PIECE = 1 << 15  # lines of a table at once
@@ -47,12 +48,16 @@ if TYPE_CHECKING:
     help="Average or hold over the blocks; none: the first block alone.  [default: linear]",
 )
 @click.option("--blocks", "n_exponential", type=int, help="Blocks of an exponential average.  [default: 10]")
-@click.option("--reference", metavar="CH", help="Give phases over this channel; an average has no others.")
+@click.option(
+    "--reference",
+    metavar="CH",
+    help="Reference channel of the phase; averaged spectra have no absolute phase.",
+)
 @click.option(
     "--weighting",
     type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
     metavar="A|B|C|Z",
-    help="Of the magnitudes of sound pressure; phases stay.  [default: Z]",
+    help="Weighting of the magnitudes of sound pressure; phases are not changed.  [default: Z]",
 )
 @click.option("--fmin", "fmin_hz", type=float, metavar="HZ", help="Lowest line.")
 @click.option("--fmax", "fmax_hz", type=float, metavar="HZ", help="Highest line.")
@@ -60,12 +65,10 @@ if TYPE_CHECKING:
     "--peaks", type=click.IntRange(min=1), default=1, show_default=True, help="Highest lines printed."
 )
 @click.option("--spectrogram", is_flag=True, help="Spectra against time.")
-@click.option("--columns", type=int, help="Most columns of a spectrogram.  [default: 1000]")
+@click.option("--columns", type=int, help="Maximum number of columns of a spectrogram.  [default: 1000]")
 @limit_option()
 @plot_option()
-@click.option("-o", "--output", type=OutputFile(), help="Write all lines as text.")
-@click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
-@opening_options
+@result_options("all lines")
 def command(
     file: Path,
     peaks: int,
@@ -75,9 +78,7 @@ def command(
     plot: Path | None,
     output: Path | None,
     as_json: bool,
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
+    opening: dict[str, Any],
     **options: Any,
 ) -> int:
     """Find magnitude and phase spectra.
@@ -92,9 +93,7 @@ def command(
     from specan.errors import RequestError
     from specan.io.open import open_recording
 
-    recording = open_recording(
-        file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
-    )
+    recording = open_recording(file, **opening)
     single = options["whole"] or options["averaging"] == "none"
     if limit is not None and spectrogram:
         raise RequestError("a spectrogram has no limits", remedy="leave out --limit or --spectrogram")
@@ -102,16 +101,16 @@ def command(
         return _single(recording, options, peaks, output)
     found = _spectrogram(recording, columns, options) if spectrogram else _spectrum(recording, options)
     kept = [] if limit is None else _held(found, limit)
-    if plot is not None:
-        _draw(found, plot)
-    if output is not None:
-        write_text(found, output)
-    if as_json:
-        emit_json({**content(found), **({"limits": limit_content(kept)} if kept else {})})
-    elif not to_standard_output(output):
+
+    def shown() -> None:
         show(found, peaks)
         show_limit("" if limit is None else limit.name, kept)
-        say_written(plot, output)
+
+    deliver(
+        plot, output, as_json,
+        draw=lambda path: _draw(found, path), write=lambda path: write_text(found, path), show=shown,
+        content=lambda: {**content(found), **({"limits": limit_content(kept)} if kept else {})},
+    )  # fmt: skip
     say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
     return limit_code(kept)
 

@@ -9,9 +9,9 @@ import click
 
 from specan import __version__
 from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, table
-from specan_cli.output_file import OutputFile, say_written, to_standard_output
-from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.output import table
+from specan_cli.recording_input import feed, given, say_notes, section_options
+from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "--estimator",
     type=click.Choice(["H1", "H2", "Hv", "H3c"], case_sensitive=False),
-    help="H1: noise in the responses; H2: in the reference; Hv: in both alike; H3c: the generator as "
+    help="H1: noise in the responses; H2: in the reference; Hv: in both; H3c: the generator as "
     "instrument, for a noisy vibrometer.  [default: H1]",
 )
 @click.option("--instrument", metavar="CH", help="Instrument of H3c [default: the generator].")
@@ -36,15 +36,13 @@ if TYPE_CHECKING:
 )
 @click.option("--window", help="Window of the blocks.  [default: hann]")
 @click.option("--overlap", type=float, help="Overlap of the blocks, 0 to 0.95.  [default: 0.5]")
-@click.option("--no-align", is_flag=True, help="Leave delayed responses as they are.")
+@click.option("--no-align", is_flag=True, help="Do not compensate delayed responses.")
 @click.option("--fmin", type=float, default=0.0, metavar="HZ", help="Lowest line shown.")
 @click.option("--fmax", type=float, metavar="HZ", help="Highest line shown.")
 @click.option("--at", "at_hz", type=float, multiple=True, metavar="HZ", help="Print this line; repeatable.")
 @plot_option()
 @click.option("--unwrap", is_flag=True, help="Draw the phase without jumps.")
-@click.option("-o", "--output", type=OutputFile(), help="Write all lines as text.")
-@click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
-@opening_options
+@result_options("all lines")
 def command(
     file: Path,
     reference: str | None,
@@ -64,9 +62,7 @@ def command(
     unwrap: bool,
     output: Path | None,
     as_json: bool,
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
+    opening: dict[str, Any],
 ) -> int:
     """Find the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
 
@@ -95,26 +91,24 @@ def command(
         ),
         "frf",
     )
-    recording = open_recording(
-        file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
-    )
+    recording = open_recording(file, **opening)
     accumulator = settings.accumulator(recording)
     feed(accumulator, recording)
     found = accumulator.result().between(fmin, float("inf") if fmax is None else fmax)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_spectra import figure_frequency_response
-
-        save_figure(figure_frequency_response(found, unwrapped=unwrap), plot)
-    if output is not None:
-        write_text(found, output)
-    if as_json:
-        emit_json(content(found))
-    elif not to_standard_output(output):
-        show(found, at_hz)
-        say_written(plot, output)
+    deliver(
+        plot, output, as_json,
+        draw=lambda path: _draw(found, path, unwrap), write=lambda path: write_text(found, path),
+        content=lambda: content(found), show=lambda: show(found, at_hz),
+    )  # fmt: skip
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return 0
+
+
+def _draw(found: FrequencyResponse, path: Path, unwrap: bool) -> None:
+    from specan.report.figure_style import save_figure
+    from specan.report.figures_spectra import figure_frequency_response
+
+    save_figure(figure_frequency_response(found, unwrapped=unwrap), path)
 
 
 def content(found: FrequencyResponse) -> dict[str, Any]:

@@ -153,7 +153,7 @@ def _headline(recording: Recording, path: Path) -> str:
 
 
 def _show_channels(recording: Recording, quality: dict[int, tuple[float, Quality]], show_all: bool) -> None:
-    """One table a group; what all channels of a group share stands in its title."""
+    """One table a group; what all channels of a group share is in its title."""
     for group in dict.fromkeys(c.group for c in recording.channels):
         places = [k for k, c in enumerate(recording.channels) if c.group == group]
         columns: dict[str, list[Any]] = {}

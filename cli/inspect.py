@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     "--overlay",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="A second recording, laid over the first.",
+    help="A second recording, shown together with the first.",
 )
 @click.option("--address", default="127.0.0.1", show_default=True, help="Where to listen.")
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page.  [default: a free one]"
 )
-@click.option("--no-browser", is_flag=True, help="Print the address, open no browser.")
+@click.option("--no-browser", is_flag=True, help="Print the address only; do not open a browser.")
 @click.option(
     "--effect",
     "effects",
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Of a study: take in, and trust, a Python file with own effects; repeatable.",
+    help="For a study: add and trust a Python file with your own effects; repeatable.",
 )
 @opening_options
 def command(
@@ -48,7 +48,7 @@ def command(
 ) -> int:
     """Look at one recording, or at a study, in the browser of this machine.
 
-    The page is served to this machine only, and holds nothing but what it was opened for. Its settings stand in
+    The page is served to this machine only, and holds nothing but what it was opened for. Its settings are in
     its address. It ends with Ctrl-C.
 
     \b

@@ -20,7 +20,7 @@ def limit_option() -> Callable[[Any], Any]:
         "--limit",
         type=click.Path(path_type=Path),
         metavar="FILE",
-        help="Hold the levels against limits (CSV: band_hz, upper_dB, lower_dB); exit code 5 beyond one.",
+        help="Compare the levels with limits (CSV: band_hz, upper_dB, lower_dB); exit code 5 beyond one.",
     )
 
 

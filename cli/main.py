@@ -16,7 +16,7 @@ from specan.errors import SpecanError, unforeseen
 
 # verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
 VERBS: dict[str, tuple[str, str]] = {
-    "info": ("info", "What is in a recording: channels, roles, rates, units, excitation, notes."),
+    "info": ("info", "Contents of a recording: channels, roles, rates, units, excitation, notes."),
     "octave": ("octave", "Levels in octave bands, and overall levels; against time."),
     "fft": ("fft", "Magnitude and phase spectra, spectrograms."),
     "frf": ("frf", "Transfer functions: magnitude, phase, coherence, uncertainty."),
@@ -29,8 +29,8 @@ VERBS: dict[str, tuple[str, str]] = {
     "inspect": ("inspect", "One recording, or a study, on an interactive page in the browser."),
     "export": ("export", "Samples for other tools: CSV, UFF58, WAV, Parquet."),
     "model": ("model", "The models: their quantities, effects, parameters and sources."),
-    "simulate": ("simulate", "What a model predicts, as a table, a look-up map or a figure."),
-    "study": ("study", "Model against measurement: where it fails, what is missing, what to add."),
+    "simulate": ("simulate", "Predictions of a model as a table, a look-up map, a recording or a figure."),
+    "study": ("study", "Compare a model with measurements: where it fails, what is missing, what to add."),
     "conformance": ("conformance", "Clauses of IEC 61260-1, IEC 61672-1, IEEE 1057: expected, found."),
     "demo": ("demo", "The sample data of the examples, written to a directory."),
     "completion": ("completion", "Tab completion for bash, zsh, fish and PowerShell."),
@@ -60,7 +60,7 @@ class LazyGroup(click.Group):
         return module.command
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb; who reads its output may stop early (``| head``), and that is no error message."""
+        """Run the verb; who reads its output may stop early (``| head``), and that is not an error message."""
         try:
             return super().invoke(ctx)
         except BrokenPipeError:
@@ -103,7 +103,7 @@ class LazyGroup(click.Group):
 @click.option("--debug", is_flag=True, help="Show a traceback with an error.")
 @click.pass_context
 def main(ctx: click.Context, debug: bool) -> None:
-    """Spectral analysis of TDMS recordings, and models held against them."""
+    """Spectral analysis of TDMS recordings, and models compared with them."""
     ctx.obj = {"debug": debug}
     if ctx.invoked_subcommand is None:
         from specan_cli.first_steps import first_steps

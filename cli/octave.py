@@ -10,9 +10,9 @@ import click
 from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
-from specan_cli.output import emit_json, table
-from specan_cli.output_file import OutputFile, say_written, to_standard_output
-from specan_cli.recording_input import fed, given, opening_options, say_notes, section_options
+from specan_cli.output import table
+from specan_cli.recording_input import fed, given, say_notes, section_options
+from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
@@ -44,16 +44,18 @@ class _Averaging(click.ParamType):
     "--weighting",
     type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
     metavar="A|B|C|Z",
-    help="Of the band levels; A, B and C of sound pressure only.  [default: Z]",
+    help="Weighting of the band levels; A, B and C for sound pressure only.  [default: Z]",
 )
 @click.option(
     "--averaging",
     type=_Averaging(),
     metavar="linear|fast|slow|impulse|SECONDS",
-    help="Over the section, or exponential.  [default: linear]",
+    help="Average over the section, or exponential.  [default: linear]",
 )
-@click.option("--hold", type=click.Choice(["max", "min"]), help="Of an exponential average.")
-@click.option("--interval", "interval_s", type=float, metavar="S", help="Between readings of the history.")
+@click.option(
+    "--hold", type=click.Choice(["max", "min"]), help="Highest or lowest value of an exponential average."
+)
+@click.option("--interval", "interval_s", type=float, metavar="S", help="Interval of the level history.")
 @click.option("--fmin", type=float, metavar="HZ", help="From the band that contains it.  [default: 20]")
 @click.option("--fmax", type=float, metavar="HZ", help="To the band that contains it.  [default: 20000]")
 @click.option("--band", type=float, metavar="HZ", help="One band: the one that contains HZ.")
@@ -62,7 +64,7 @@ class _Averaging(click.ParamType):
     "--background",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Take the levels of this recording of the background off.",
+    help="Subtract the levels of this recording of the background.",
 )
 @click.option(
     "--velocity-reference",
@@ -77,9 +79,7 @@ class _Averaging(click.ParamType):
 @limit_option()
 @plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")
-@click.option("-o", "--output", type=OutputFile(), help="Write all levels as text.")
-@click.option("--json", "as_json", is_flag=True, help="Print all levels as JSON.")
-@opening_options
+@result_options("all levels")
 def command(
     file: Path,
     fraction: str | None,
@@ -90,9 +90,7 @@ def command(
     history: bool,
     output: Path | None,
     as_json: bool,
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
+    opening: dict[str, Any],
     **options: Any,
 ) -> int:
     """Find levels in octave and fractional-octave bands (IEC 61260-1 class 1), and overall levels.
@@ -120,27 +118,22 @@ def command(
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
         )
-    known: dict[str, Any] = {
-        "channel_table": channel_table,
-        "calibration": calibration,
-        "sampling_rate": sampling_rate,
-    }
-    recording = open_recording(file, **known)
+    recording = open_recording(file, **opening)
     found = joined_levels([fed(part, recording) for part in settings.groups(recording)])
     if background is not None:
         whole = settings.model_copy(update={"start_s": 0.0, "stop_s": None})
-        found = without_background(found, whole(open_recording(background, **known)))
+        found = without_background(found, whole(open_recording(background, **opening)))
     kept = [] if limit is None else _held(found, limit)
-    if plot is not None:
-        _draw(found, plot, history)
-    if output is not None:
-        write_text(found, output)
-    if as_json:
-        emit_json({**content(found), **({"limits": limit_content(kept)} if kept else {})})
-    elif not to_standard_output(output):
+
+    def shown() -> None:
         show(found)
         show_limit("" if limit is None else limit.name, kept)
-        say_written(plot, output)
+
+    deliver(
+        plot, output, as_json,
+        draw=lambda path: _draw(found, path, history), write=lambda path: write_text(found, path), show=shown,
+        content=lambda: {**content(found), **({"limits": limit_content(kept)} if kept else {})},
+    )  # fmt: skip
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return limit_code(kept)
 

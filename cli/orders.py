@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, say, table
-from specan_cli.recording_input import feed, given, opening_options, say_notes, section_options
+from specan_cli.output import say, table
+from specan_cli.recording_input import feed, given, say_notes, section_options
+from specan_cli.results import deliver, result_options
 
 if TYPE_CHECKING:
     from specan.data.orders import OrderSpectrum
@@ -54,9 +55,7 @@ if TYPE_CHECKING:
 )
 @click.option("--map", "as_map", is_flag=True, help="Orders against speed: in --plot, -o and --json.")
 @plot_option()
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write all lines as text.")
-@click.option("--json", "as_json", is_flag=True, help="Print all lines as JSON.")
-@opening_options
+@result_options("all lines")
 def command(
     file: Path,
     envelope: str | None,
@@ -66,9 +65,7 @@ def command(
     plot: Path | None,
     output: Path | None,
     as_json: bool,
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
+    opening: dict[str, Any],
     **options: Any,
 ) -> int:
     """Find order spectra, complex amplitudes of given orders, and synchronous averages.
@@ -86,27 +83,20 @@ def command(
 
     wanted = given(envelope_hz=_band(envelope), **options)
     settings = parse(Orders, wanted, "orders")
-    recording = open_recording(
-        file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
-    )
+    recording = open_recording(file, **opening)
     if settings.envelope_hz is None:
         accumulator = settings.accumulator(recording)
         feed(accumulator, recording)
         found = accumulator.result()
     else:
         found = settings(recording)
-    if plot is not None:
-        _draw(found, plot, as_map)
-    if output is not None:
-        write_text(found, output, as_map)
     impulsive = _kurtosis(recording, found, settings) if kurtosis else None
-    if as_json:
-        emit_json({**content(found, as_map), **({"kurtosis": impulsive} if impulsive else {})})
-    else:
-        show(found, peaks, impulsive)
-        for written in (plot, output):
-            if written is not None:
-                click.echo(f"Written to {written}.")
+    deliver(
+        plot, output, as_json,
+        draw=lambda path: _draw(found, path, as_map), write=lambda path: write_text(found, path, as_map),
+        content=lambda: {**content(found, as_map), **({"kurtosis": impulsive} if impulsive else {})},
+        show=lambda: show(found, peaks, impulsive),
+    )  # fmt: skip
     say_notes(found.notes, {})
     return 0
 

@@ -27,7 +27,9 @@ def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
     options = [
         click.option("--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities."),
         click.option("--calibration", type=click.Path(path_type=Path), help="A calibration.toml to apply."),
-        click.option("--sampling-rate", type=float, metavar="HZ", help="Instead of what the file says."),
+        click.option(
+            "--sampling-rate", type=float, metavar="HZ", help="Sampling rate, instead of that in the file."
+        ),
     ]
     for option in reversed(options):
         command = option(command)
@@ -38,8 +40,10 @@ def section_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options for a time section and the channels."""
     options = [
         click.option("--channel", "channels", multiple=True, help="A channel or a pattern; repeatable."),
-        click.option("--start", "start_s", type=float, default=0.0, metavar="S", help="Begin there."),
-        click.option("--stop", "stop_s", type=float, metavar="S", help="End there."),
+        click.option(
+            "--start", "start_s", type=float, default=0.0, metavar="S", help="Start of the section."
+        ),
+        click.option("--stop", "stop_s", type=float, metavar="S", help="End of the section."),
     ]
     for option in reversed(options):
         command = option(command)

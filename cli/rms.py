@@ -9,9 +9,9 @@ import click
 
 from specan import __version__
 from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, table
-from specan_cli.output_file import OutputFile, say_written, to_standard_output
-from specan_cli.recording_input import fed, given, opening_options, say_notes, section_options
+from specan_cli.output import table
+from specan_cli.recording_input import fed, given, say_notes, section_options
+from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
@@ -24,9 +24,13 @@ if TYPE_CHECKING:
     "--weighting",
     type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
     metavar="A|B|C|Z",
-    help="Of the time-weighted levels of sound pressure.  [default: A]",
+    help="Weighting of the time-weighted levels of sound pressure.  [default: A]",
 )
-@click.option("--averaging", type=click.Choice(["fast", "slow"]), help="Of these levels.  [default: fast]")
+@click.option(
+    "--averaging",
+    type=click.Choice(["fast", "slow"]),
+    help="Time weighting of these levels.  [default: fast]",
+)
 @click.option(
     "--percentile", "percentiles", type=float, multiple=True, metavar="N",
     help="Level exceeded during N % of the time; repeatable.  [default: 5, 10, 50, 90, 95]",
@@ -43,18 +47,14 @@ if TYPE_CHECKING:
     help="The cut at the ends of the section, in equivalent levels.  [default: left-out]",
 )
 @plot_option()
-@click.option("-o", "--output", type=OutputFile(), help="Write everything as text.")
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
-@opening_options
+@result_options()
 def command(
     file: Path,
     weighting: str | None,
     plot: Path | None,
     output: Path | None,
     as_json: bool,
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
+    opening: dict[str, Any],
     **options: Any,
 ) -> int:
     """Find RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
@@ -71,24 +71,21 @@ def command(
     settings = parse(
         Levels, given(weighting=None if weighting is None else weighting.upper(), **options), "rms"
     )
-    recording = open_recording(
-        file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
-    )
+    recording = open_recording(file, **opening)
     found = joined_values([fed(part, recording) for part in settings.groups(recording)])
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_levels import figure_levels
-
-        save_figure(figure_levels(found), plot)
-    if output is not None:
-        write_text(found, output)
-    if as_json:
-        emit_json(content(found))
-    elif not to_standard_output(output):
-        show(found)
-        say_written(plot, output)
+    deliver(
+        plot, output, as_json, draw=lambda path: _draw(found, path), write=lambda path: write_text(found, path),
+        content=lambda: content(found), show=lambda: show(found),
+    )  # fmt: skip
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return 0
+
+
+def _draw(found: SignalLevels, path: Path) -> None:
+    from specan.report.figure_style import save_figure
+    from specan.report.figures_levels import figure_levels
+
+    save_figure(figure_levels(found), path)
 
 
 def content(found: SignalLevels) -> dict[str, Any]:

@@ -31,7 +31,7 @@ from specan_cli.output_file import OutputFile, Verb
     "settings",
     multiple=True,
     metavar="TABLE.KEY=VALUE",
-    help="Take a value of the rig file to be another: model.mesh=article, oil.viscosity_40C_mm2_s=320.",
+    help="Change a value of the rig file: model.mesh=article, oil.viscosity_40C_mm2_s=320.",
 )
 @click.option(
     "--effect-file",
@@ -50,7 +50,7 @@ from specan_cli.output_file import OutputFile, Verb
     help="Values of a condition: speed_rpm=1200,1500 or speed_rpm=300:3000:10 (ten values); repeatable.",
 )
 @click.option(
-    "--conditions", type=click.Path(path_type=Path), help="Take the conditions from a table's rows."
+    "--conditions", type=click.Path(path_type=Path), help="Use the conditions of the rows of a table."
 )
 @click.option(
     "--noise",

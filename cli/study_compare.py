@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @study_options
 @plot_option("measured and model")
 @click.option("--channel", metavar="NAME", help="Recordings: the channel whose curves --plot shows.")
-@click.option("--accept-changes", is_flag=True, help="Go on although measured files have changed.")
+@click.option("--accept-changes", is_flag=True, help="Continue although measured files have changed.")
 def command(
     directory: Path,
     effects: tuple[Path, ...],
@@ -88,7 +88,8 @@ def _content(study: Study, found: Comparison) -> dict[str, Any]:
 
 
 def _print(study: Study, found: Comparison) -> None:
-    from specan.study.diagnose import LEAST_DOF
+    from specan.study.diagnose import untestable
+    from specan.study.selection.refits import Refit
     from specan_cli.output import table
     from specan_cli.study_output import error_table, parameter_table, probability
 
@@ -107,8 +108,9 @@ def _print(study: Study, found: Comparison) -> None:
     )
     verdict = "The model fits." if best.p_value > 1e-3 else "The model does not fit."
     outside = [name for name, p in found.parameters.items() if not p["plausible"]]
-    if best.dof - study.problem.pure_error_dof < LEAST_DOF:
-        verdict = "These data cannot tell whether the model fits: too few values beside its parameters."
+    why = untestable(Refit(frozenset(), study.problem, best))
+    if why:
+        verdict = f"These data cannot tell whether the model fits: {why}."
     elif best.p_value > 1e-3 and outside:
         verdict = f"The model fits, but only with values outside what is known: {', '.join(outside)}."
     elif best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):

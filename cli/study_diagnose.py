@@ -60,7 +60,7 @@ def _print(found: Diagnosis, directory: Path) -> None:
     for remark in found.remarks:
         click.echo(f"But: {remark}.")
     if found.residual_law is not None:
-        click.echo(f"What is left goes like {found.residual_law.text.lstrip('~ ')}.")
+        click.echo(f"What is left follows {found.residual_law.text.lstrip('~ ')}.")
     _print_pulls(found)
     _print_next(found)
     if found.verdict in ("effect", "group"):
@@ -103,7 +103,7 @@ def _print_next(found: Diagnosis) -> None:
             [*conditions, *(f"{name}{unit}" for name in rivals), "sigma", "apart"],
             [
                 [
-                    *(f"{row['conditions'][name]:g}" for name in conditions),
+                    *(v if isinstance(v, str) else f"{v:g}" for v in map(row["conditions"].get, conditions)),
                     *(f"{row['predictions'][name]:.4g}" for name in rivals),
                     f"{row['sigma']:.2g}" if row.get("sigma") else "",
                     f"{row['separation_sigma']:.1f} sigma" if row["separation_sigma"] else "",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @study_options
 @click.option("--wall", metavar="NAME", help="Show this wall only: x0, x1, y0 ...")
 @click.option("--accuracy", default=0.1, show_default=True, metavar="ALPHA",
-              help="What counts as determined: half-width of the absorption coefficient's 95 % interval.")  # fmt: skip
+              help="Half-width of the 95 % interval up to which absorption counts as determined.")  # fmt: skip
 @click.option("--plot", type=OutputFile(), help="Draw impedance and absorption into this file.")
 def command(
     directory: Path,

@@ -14,21 +14,23 @@ FILE = click.Path(path_type=Path)
 
 @click.command("new", cls=Verb)
 @click.argument("directory", type=FILE, metavar="DIR")
-@click.option("--model", "model_name", required=True, metavar="NAME|FILE.py",
+@click.option("--model", "model_name", required=True, metavar="NAME|FILE.py|FILE.fmu",
               help="A model (see specan model list), or a Python file with one of your own.")  # fmt: skip
-@click.option("--rig", type=FILE, help="What is known of the set-up (TOML).")
+@click.option("--rig", type=FILE, help="Rig file: description of the set-up (TOML).")
 @click.option("--measurement", "measurements", multiple=True, type=FILE, required=True, metavar="FILE",
               help="Measured data to fit; repeatable.")  # fmt: skip
 @click.option("--column", "columns", multiple=True, metavar="NAME=HEADER",
               help="Header of a column of the model in the table, with its unit: \"speed_rpm=n [1/min]\"; repeatable. "
               "Unknown columns are passed over then.")  # fmt: skip
+@click.option("--group", "groups", multiple=True, metavar="NAME",
+              help="A column of names, such as specimen: is a parameter different for each? Repeatable.")  # fmt: skip
 @click.option("--validation", "validations", multiple=True, type=FILE, metavar="FILE",
-              help="Measured data that are only ever predicted; repeatable.")  # fmt: skip
+              help="Measured data that are predicted and never fitted; repeatable.")  # fmt: skip
 @click.option("--hold-out", multiple=True, metavar="KEY=V,V...",
-              help="Conditions of the measurement to put aside: torque=60, speed_rpm=2400; repeatable.")  # fmt: skip
+              help="Conditions to hold out of the fit: torque=60, speed_rpm=2400; repeatable.")  # fmt: skip
 @click.option("--calibration", type=FILE, help="A calibration.toml for recordings.")
 @click.option("--effects", metavar="NAME,NAME...|none",
-              help="Effects to begin with [default: those of the model's base; none: without effects].")  # fmt: skip
+              help="Initial effects [default: those of the model's base; none: without effects].")  # fmt: skip
 @plot_option("measured and model")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def command(
@@ -37,6 +39,7 @@ def command(
     rig: Path | None,
     measurements: tuple[Path, ...],
     columns: tuple[str, ...],
+    groups: tuple[str, ...],
     validations: tuple[Path, ...],
     hold_out: tuple[str, ...],
     calibration: Path | None,
@@ -67,6 +70,7 @@ def command(
         calibration=calibration,
         effects=chosen,
         columns=_named_columns(columns),
+        groups=groups,
     )
     _show(begun, as_json)
     if plot is not None:
@@ -145,7 +149,7 @@ def _show(begun: object, as_json: bool) -> None:
     error_table("Error of the fitted model", study.errors)
     if not study.data.known:
         click.echo(
-            "\nNothing tells how uncertain the measurement is: compare shows errors, diagnose will refuse."
+            "\nThe uncertainty of the measurement is unknown: compare shows errors, diagnose will refuse."
         )
     click.echo(f"\nStep 0 is kept ({step.fit_error['metric']} {amount(step.fit_error)}). ", nl=False)
     click.echo(f"Go on with: specan study compare {study.directory}")

@@ -19,7 +19,7 @@ from specan_cli.study_output import open_study, study_options
 def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None) -> None:
     """Propose the measurements, within the rig's limits, that best separate what could be missing.
 
-    Of a room these are places for microphones: inside the box, off its walls, off those that stand there.
+    Of a room these are places for microphones: inside the box, off its walls, off those that are there.
 
     \b
     specan study next my_study

@@ -25,7 +25,7 @@ def study_options(function: Callable[..., Any]) -> Callable[..., Any]:
             multiple=True,
             type=click.Path(path_type=Path),
             metavar="FILE",
-            help="Take in, and trust, a Python file with own effects; repeatable.",
+            help="Add and trust a Python file with your own effects; repeatable.",
         ),
         click.argument("directory", type=click.Path(path_type=Path), metavar="DIR"),
     ):
@@ -42,7 +42,7 @@ def open_study(directory: Path, effects: Sequence[Path] = (), accept_changes: bo
         say(f"{name}: the changed data are accepted.")
     if not study.data.known:
         say(
-            "Nothing tells how uncertain the measurement is: errors are shown, but no conclusion can be drawn. "
+            "The uncertainty of the measurement is unknown: errors are shown, but no conclusion can be drawn. "
             "Repeat conditions, or give [uncertainty] in the rig file."
         )
     return study

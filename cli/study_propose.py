@@ -37,7 +37,7 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
 
 
 def show(found: ProposedLaws, directory: Path) -> None:
-    """The laws, what they do to the error, and what would tell them apart."""
+    """The laws, what they do to the error, and what would distinguish them."""
     if not found.laws:
         click.echo(
             f"No law. Noise explains what is left: over {found.tried} laws, p = {found.p_value:.2g}."
@@ -75,5 +75,5 @@ def show(found: ProposedLaws, directory: Path) -> None:
         "(error after: RMS once it is added. left out: RMS on conditions left out in turn. evidence: fall in BIC.)"
     )
     for row in found.next_measurement:
-        click.echo(f"To tell them apart: {row['text']}")
+        click.echo(f"To distinguish them: {row['text']}")
     click.echo(f"\nTry it: specan study add {directory} {directory / found.laws[0].file}")

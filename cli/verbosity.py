@@ -27,7 +27,7 @@ def add_options(command: click.Command) -> None:
             is_flag=True,
             expose_value=False,
             callback=_keep,
-            help="Also say what is read, and how long it took.",
+            help="Print also what is read and how long it takes.",
         ),
     ]
 

@@ -91,7 +91,7 @@ class Result:
 
 
 def full_names(names: Sequence[str], groups: Sequence[str]) -> list[str]:
-    """Names of channels, with their group where a name stands in several.
+    """Names of channels, with their group where a name is in several.
 
     Examples
     --------

@@ -19,6 +19,11 @@ _SPELLINGS = {
     "µm": "micrometer", "mm2/s": "mm^2/s", "mm²/s": "mm^2/s", "cst": "cSt", "rpm": "revolutions_per_minute",
     "1/min": "revolutions_per_minute", "-": "dimensionless", "": "dimensionless", "1": "dimensionless",
     "%": "percent", "hz": "Hz", "s": "s",
+    # turns a minute, as the world writes them: a plain 1/min would be taken for radians
+    **dict.fromkeys(
+        ("/min", "min-1", "min^-1", "min**-1", "min⁻¹", "r/min", "rev/min", "u/min", "tr/min", "obr/min", "obr./min"),
+        "revolutions_per_minute",
+    ),
 }  # fmt: skip
 
 

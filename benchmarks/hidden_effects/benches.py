@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
-from hidden_effects import cases, judge, judge_rooms, room_cases
+from hidden_effects import cases, gear_cases, judge, judge_gears, judge_rooms, room_cases
 
 
 class Case(Protocol):
@@ -54,5 +54,6 @@ class Bench:
 
 BENCHES = {
     "worm-gear": Bench(cases.FULL, cases.planned, judge.ROWS),
+    "planetary-gear": Bench(gear_cases.FULL, gear_cases.planned, judge_gears.ROWS),
     "room": Bench(room_cases.FULL, room_cases.planned, judge_rooms.ROWS),
 }

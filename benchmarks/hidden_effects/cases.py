@@ -84,6 +84,8 @@ class Case:
         Values that the rig file gets instead: ``{"oil.vogel_constant_C": 145.0}``.
     noise_percent : float, optional
         Noise of the input torque in percent of the reading, instead of the rig's.
+    drawn : bool
+        A truth whose parts each have a published form drawn by the seed.
     """
 
     kind: str
@@ -93,6 +95,7 @@ class Case:
     without: tuple[str, ...] = ()
     rig: dict[str, float] = field(default_factory=dict)
     noise_percent: float | None = None
+    drawn: bool = False
 
     engine: ClassVar[str] = "hidden_effects.engine"
 
@@ -108,7 +111,7 @@ class Case:
 
     def simulate(self, cache: Path | None = None) -> TruthCase:
         """The data; a gear is simulated so quickly that nothing is kept."""
-        case = simulate(self.seed, self.effects, self.design, self.noise_percent)
+        case = simulate(self.seed, self.effects, self.design, self.noise_percent, self.drawn)
         for key, value in self.rig.items():
             table, _, name = key.partition(".")
             case.rig[table][name] = value

@@ -16,6 +16,7 @@ from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem, base_problem
+from specan.study.selection.other_forms import other_forms
 from specan.study.selection.refits import EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, score_pairs
 from specan.study.selection.search import Search
@@ -33,6 +34,8 @@ def diagnose(case: Case, directory: Path) -> dict[str, Any]:
 def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
     """lambda, D, conditional lambda and the planted sizes, from a refit of noise-free data, whatever the verdict is.
 
+    The base is in that of its published forms which leaves least.
+
     Returns
     -------
     dict
@@ -43,7 +46,9 @@ def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str,
         ``planted``: amplitude that each true candidate takes, in the unit of its parameter.
     """
     problem = _noise_free(_problem(directory), truth)
-    refits = Refits(Refit(frozenset(), problem, fit(problem, starts=STARTS)))
+    bases = [Refit(frozenset(), problem, fit(problem, starts=STARTS))]
+    bases += [other.start for other in other_forms(bases[0])]
+    refits = Refits(min(bases, key=lambda base: base.chi2))
     found = {"lambda": refits.base.chi2, "left": None, "d": None, "rival": None, "conditional_lambda": None}
     found["planted"] = {}
     names = frozenset(Use(name) for name in case.truth)

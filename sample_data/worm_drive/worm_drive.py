@@ -5,49 +5,52 @@ import numpy as np
 from specan.models import Model, Parameter, effect
 
 
-def torque(speed, friction, load):
-    """Torque of the motor."""
-    return np.sign(speed) * friction - load
+def torque(speed, bearing, viscous, grip, teeth):
+    """Torque of the motor, negative while it lifts. The teeth rub by the load that they carry."""
+    return np.sign(speed) * (bearing + viscous * np.abs(speed) + grip * np.abs(teeth)) - teeth
 
 
-def friction(speed, coulomb, viscous):
-    """Friction of the whole drive, felt at the motor."""
-    return coulomb + viscous * np.abs(speed)
+def teeth(speed, load, shaft):
+    """Load of the teeth, felt at the motor: friction of the wheel's shaft adds to it while lifting, and relieves."""
+    return load - np.sign(speed) * shaft
 
 
-@effect("stribeck", adds_to="friction", neutral={"rise": 0.0})
-def stribeck(
-    speed,
-    *,
-    rise=Parameter(0.3, "mN*m", min=0.03, max=2, lower=0, upper=5),
-    speed_scale=Parameter(5, "rpm", min=0.5, max=50),
-):
-    """Below a certain speed the oil film breaks and friction rises."""
+RISE = Parameter(0.3, "mN*m", min=0.03, max=2, lower=0, upper=5)
+SCALE = Parameter(5, "rpm", min=0.5, max=50)
+
+
+@effect("stribeck-teeth", scales="grip", neutral={"rise": 0.0})
+def stribeck_teeth(speed, *, rise=Parameter(0.5, min=0.05, max=2, lower=0, upper=10), speed_scale=SCALE):
+    """Below a certain speed the oil film between the teeth breaks."""
+    return 1 + rise * np.exp(-((speed / speed_scale) ** 2))
+
+
+@effect("stribeck-bearing", adds_to="bearing", neutral={"rise": 0.0})
+def stribeck_bearing(speed, *, rise=RISE, speed_scale=SCALE):
+    """Below a certain speed the oil film in the bearings of motor and worm breaks."""
     return rise * np.exp(-((speed / speed_scale) ** 2))
 
 
-@effect("windage", adds_to="friction", neutral={"size": 0.0})
+@effect("windage", adds_to="bearing", neutral={"size": 0.0})
 def windage(speed, *, size=Parameter(1e-6, "mN*m/rpm^2", min=1e-7, max=1e-4, lower=-1e-3, upper=1e-3)):
     """Air and oil are thrown about, with the square of the speed."""
     return size * speed**2
 
 
-@effect("direction", scales="friction", neutral={"change": 0.0})
-def direction(speed, *, change=Parameter(0.1, min=-0.5, max=0.5, lower=-0.9, upper=0.9)):
-    """The teeth rub harder while the load is lifted (negative speeds) than while it sinks."""
-    return 1 - change * np.sign(speed)
-
-
+LOAD = 0.157  # mN m at the motor: 0.096 kg on a pulley of 20 mm, divided by 60
+GRIP = 0.1 / np.tan(np.radians(2.8625))  # friction of greased steel on bronze over the slope of the thread
 model = Model.from_function(
     torque,
-    friction,
+    teeth,
     conditions={"speed": ("rpm", -200, 200)},
     observables={"torque": ("mN*m", 0.03)},
     parameters={
-        "coulomb": (1.4, 0, 5, "mN*m"),
+        "bearing": (0.9, 0, 5, "mN*m"),
         "viscous": (1e-3, 0, 0.1, "mN*m/rpm"),
-        "load": (0.2, 0, 2, "mN*m"),
+        "shaft": (0.1, 0, 1, "mN*m"),
+        "load": {"value": LOAD, "unit": "mN*m", "vary": False},
+        "grip": {"value": GRIP, "vary": False},
     },
-    units={"friction": "mN*m"},
-    effects=[stribeck, windage, direction],
+    units={"teeth": "mN*m"},
+    effects=[stribeck_teeth, stribeck_bearing, windage],
 )

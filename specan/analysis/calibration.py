@@ -23,7 +23,7 @@ from specan.errors import InputError
 
 
 def calibrate(recordings: Sequence[Recording], settings: CalibrationSettings | None = None) -> Calibration:
-    """Sensitivity and phase of every microphone that stood in the calibrator.
+    """Sensitivity and phase of every microphone that was in the calibrator.
 
     Parameters
     ----------

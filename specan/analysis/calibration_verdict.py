@@ -100,7 +100,9 @@ def _level(
         judged.append(NEIGHBOURS.judge(_dB(mean / typical)))
     low, high = PLAUSIBLE_MV_PER_PA
     if not low <= mean <= high:
-        text = f"{mean:.4g} mV/Pa is no microphone's ({low:g} to {high:g}); is the calibrator's level right?"
+        text = (
+            f"{mean:.4g} mV/Pa is not a microphone's ({low:g} to {high:g}); is the calibrator's level right?"
+        )
         judged.append((2, text))
     assumed = next((i for i, _ in heard if not i.level_confirmed), None)
     if assumed is not None:

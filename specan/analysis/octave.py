@@ -67,7 +67,7 @@ class Octave(Settings):
         What 0 dB of velocity is: that of ISO 1683, or that of building acoustics.
     settling : {"left-out", "counted"}
         Whether what the cut at the two ends of the section does to the filters is left out of a linear average, or
-        counted. What the other choice gives stands beside it.
+        counted. What the other choice gives is beside it.
 
     Examples
     --------
@@ -184,7 +184,7 @@ class OctaveAccumulator:
     Raises
     ------
     RequestError
-        The section is empty, a band is too high, or a weighting is asked for what is no sound pressure.
+        The section is empty, a band is too high, or a weighting is asked for what is not sound pressure.
     InputError
         No channel has samples.
     """

@@ -40,7 +40,7 @@ class _Rail:
 class QualityAccumulator:
     """Finds dead, clipped and non-finite channels in one pass over consecutive blocks.
 
-    A channel is *clipped* where two or more consecutive samples stand at the converter's full scale.
+    A channel is *clipped* where two or more consecutive samples are at the converter's full scale.
     If that is not known: where it rests on its extreme value as `specan.dsp.clipping.is_cut_off` says.
 
     Parameters

@@ -92,7 +92,7 @@ def weightable(
     Raises
     ------
     RequestError
-        A channel that was named, or every channel, is no sound pressure.
+        A channel that was named, or every channel, is not sound pressure.
     """
     chosen, notes = of_one_rate(recording, patterns, like)
     if weighting == "Z":

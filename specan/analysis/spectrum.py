@@ -198,15 +198,18 @@ def single_blocks(
     rate = channels[0].sampling_rate
     scale = scale_of(settings, block, rate)
     transform = AmplitudeTransform(block, settings.window, detrend=settings.detrend)
-    f: NDArray[np.float64] = np.arange(block // 2 + 1, dtype=np.float64) * (rate / block)
-    kept = lines_between(f, settings)
-    mirror = has_mirror(len(f), block)
-    alone = np.flatnonzero(~mirror)
+
+    def frequencies() -> NDArray[np.float64]:
+        # Made anew for each channel: it need not be there while the samples are transformed.
+        return np.asarray(np.arange(block // 2 + 1, dtype=np.float64) * (rate / block))
+
+    kept = lines_between(frequencies(), settings)
+    alone = np.flatnonzero(~has_mirror(kept.size, block))
 
     def spectrum(channel: Channel) -> NDArray[np.complex128]:
         found = transform(recording.read([channel], start, start + block)[0])
         if channel.delay_s or channel.phase is not None or channel.derivatives:
-            found *= channel.correction(f)
+            found *= channel.correction(frequencies())
         return found
 
     turn = None if reference is None else np.conj(spectrum(reference))
@@ -222,7 +225,7 @@ def single_blocks(
             found *= turn
         yield (
             spectrum_of(
-                recording, (channel,), settings, f, density[None], block, None,
+                recording, (channel,), settings, frequencies(), density[None], block, None,
                 n_blocks=1, n_effective=1.0, notes=notes, kept=kept, phased=True,
             ),
             found if kept.all() else found[kept],
@@ -324,18 +327,19 @@ def spectrum_of(
     """The lines that were asked for, with all that belongs to them; `phased` where the phase follows."""
     kept = lines_between(frequency_hz, settings) if kept is None else kept
     rate = channels[0].sampling_rate
-    density = density[:, kept]
+    if not kept.all():  # a copy of all lines of a whole recording is large
+        frequency_hz, density = frequency_hz[kept], density[:, kept]
     if settings.weighting != "Z":
-        density = density * power_weighting(frequency_hz[kept], settings.weighting)
+        density = density * power_weighting(frequency_hz, settings.weighting)
     if settings.averaging in ("linear", "exponential") and phase is None and not phased:
         notes = (*notes, "no phase: an average has one only over a reference")
     return Spectrum(
         label=recording.label,
-        frequency_hz=frequency_hz[kept],
+        frequency_hz=frequency_hz,
         channels=tuple(c.name for c in channels),
         units=tuple(c.target_unit for c in channels),
         density=density,
-        has_mirror=has_mirror(len(frequency_hz), block)[kept],
+        has_mirror=has_mirror(kept.size, block)[kept],
         scale=scale_of(settings, block, rate),
         averaging="none" if n_blocks == 1 and settings.whole else settings.averaging,
         n_blocks=n_blocks,

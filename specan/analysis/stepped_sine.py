@@ -12,7 +12,7 @@ from specan.dsp.transfer_function import u_phase_deg
 from specan.errors import InputError
 
 _SAME_FREQUENCY = 1e-4  # relative: repeats of one step
-# A distorted drive is no step of a transfer function: the reference of a loudspeaker at work has a few percent.
+# A distorted drive is not a step of a transfer function: the reference of a loudspeaker at work has a few percent.
 _DISTORTED_PERCENT = 10.0
 # The mains and twice its frequency, within the 1 % of EN 50160; hum stands 10 dB and more below what drives.
 _MAINS_HZ, _MAINS_WITHIN, _MAINS_BELOW = (50.0, 60.0, 100.0, 120.0), 0.01, 0.316
@@ -80,7 +80,7 @@ def join_stepped_sine(tables: Sequence[ToneTable], label: str = "") -> Frequency
     references = sorted({str(t.reference) for t in usable})
     if len(references) > 1:
         raise InputError(
-            f"{label or 'the sine recordings'} stand over different references: {', '.join(references)}",
+            f"{label or 'the sine recordings'} are over different references: {', '.join(references)}",
             expected="one reference",
         )
     units: dict[str, str] = {}

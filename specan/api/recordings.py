@@ -53,7 +53,7 @@ def read(
     Raises
     ------
     InputError
-        The file is missing or is no recording.
+        The file is missing or is not a recording.
 
     Examples
     --------
@@ -283,7 +283,7 @@ def decay(recording: Source, reference: str | None = None, **settings: Any) -> D
 def calibrate(
     recordings: Source | Sequence[Source], *, output: str | Path | None = None, **settings: Any
 ) -> Calibration:
-    """Sensitivity and phase of every microphone that stood in the calibrator.
+    """Sensitivity and phase of every microphone that was in the calibrator.
 
     Parameters
     ----------

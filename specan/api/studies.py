@@ -91,6 +91,8 @@ class Study:
         hold_out: str | Sequence[str] = (),
         calibration: str | Path | None = None,
         effects: Sequence[str] | None = None,
+        columns: Mapping[str, str] | None = None,
+        groups: str | Sequence[str] = (),
     ) -> Study:
         """Make a study directory and fit the model once.
 
@@ -112,6 +114,10 @@ class Study:
             Of recordings.
         effects : sequence of str, optional
             Effects to begin with; the model's base effects by default.
+        columns : mapping, optional
+            ``{column of the model: header of the table}`` where tables have names of their own.
+        groups : str or sequence of str
+            Columns of names (``specimen``) by which parameters may differ.
 
         Returns
         -------
@@ -129,6 +135,8 @@ class Study:
             hold_out=[hold_out] if isinstance(hold_out, str) else list(hold_out),
             calibration=None if calibration is None else Path(calibration),
             effects=effects,
+            columns=columns,
+            groups=[groups] if isinstance(groups, str) else groups,
         )
         made = cls.__new__(cls)
         made._now(begun.study)
@@ -249,7 +257,13 @@ class Study:
         return NextMeasurements(tuple(self.diagnose().to_json()["next_measurement"]))
 
     def propose(self) -> ProposedLaws:
-        """Laws for what no effect of the catalogue explains, written as effect files that `add` takes."""
+        """Laws for what no effect of the catalogue explains, written as effect files that `add` takes.
+
+        Returns
+        -------
+        ProposedLaws
+            The likeliest first.
+        """
         from specan.study.propose import propose_laws
 
         return propose_laws(self._opened)
@@ -335,7 +349,7 @@ def diagnose(study: Study | str | Path, *, bootstrap: bool = False) -> Diagnosis
     Raises
     ------
     RequestError
-        Nothing tells how uncertain the measurement is.
+        The uncertainty of the measurement is unknown.
     """
     opened = study if isinstance(study, Study) else Study(study)
     return opened.diagnose(bootstrap=bootstrap)

@@ -25,7 +25,7 @@ class Kept:
     place : str
         Band, line or total at which that is.
     compared : int
-        Values that were held against a limit.
+        Values that were compared with a limit.
     """
 
     channel: str

@@ -318,7 +318,7 @@ class Recording(Result):
         RequestError
             None is called so, or several are.
         InputError
-            It is no time signal.
+            It is not time signal.
         """
         found = [c for c in self.channels if name in (c.name, f"{c.group}/{c.name}")]
         found = found or list(_meant(name, self.channels))
@@ -326,9 +326,7 @@ class Recording(Result):
             return found[0]
         if found:
             places = ", ".join(f"{c.group}/{c.name}" for c in found)
-            raise RequestError(
-                f"{self.label}: {name!r} stands in several groups", remedy=f"say one of {places}"
-            )
+            raise RequestError(f"{self.label}: {name!r} is in several groups", remedy=f"say one of {places}")
         for path, reason in self.set_aside.items():
             if name == path or path.endswith(f"/{name}"):
                 raise InputError(f"{self.label}: {path!r} cannot be used: {reason}")

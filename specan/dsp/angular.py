@@ -46,7 +46,7 @@ def _kernel() -> tuple[int, Real]:
 class AngularResampler:
     """Takes samples at equal steps of time in pieces and gives them at equal steps of angle.
 
-    Output sample k stands at the turn ``first_turn + k / per_turn``. It is the sum of the input about it under a
+    Output sample k is at the turn ``first_turn + k / per_turn``. It is the sum of the input about it under a
     low-pass kernel that is as wide as the output steps are there (or the input steps, where those are wider), so that
     at low speed nothing is aliased. Up to 1/2.56 of the output rate the band is kept to 0.01 dB.
 

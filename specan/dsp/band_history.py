@@ -102,7 +102,8 @@ class BandHistory:
             way: Way = "none" if one.identity else working.shape
             self._working.setdefault((stage.number, way), []).append((number, working))
             if isinstance(way, Shape) and (stage.number, way) not in self._sections:
-                self._sections[stage.number, way] = Sections(rows, way)
+                alike = (s.spectrum for (_, other), s in self._sections.items() if other == way)
+                self._sections[stage.number, way] = Sections(rows, way, next(alike, None))
         # Used again and again: fresh memory costs more than the arithmetic.
         self._product = np.zeros((min(rows, ROWS), LENGTH + 1), dtype=np.complex128)
         self._output = np.empty((min(rows, ROWS), 2 * LENGTH))
@@ -138,7 +139,7 @@ class BandHistory:
         first = half * LENGTH
         self._waiting[stage.number] = (first + ready, length - ready)
         places = [(first, ready)] if not waiting else [(first - waiting, waiting + ready)]
-        if places[0][0] < 0:  # the block before stands behind this one
+        if places[0][0] < 0:  # the block before is behind this one
             places = [(2 * LENGTH - waiting, waiting), (0, ready)]
         both = transform if previous is None else previous + transform
         return self._differentiated(both, stage), places

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.windows import WindowName, window
+from specan.dsp.windows import Windowing, WindowName
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -32,15 +32,15 @@ class AmplitudeTransform:
     """
 
     def __init__(self, n: int, window_name: WindowName = "hann", *, detrend: bool = True) -> None:
-        self._shape, self._detrend = window(window_name, n), detrend
-        self._scale = 2 / np.sum(self._shape)
+        self._shape, self._detrend = Windowing(window_name, n), detrend
+        self._scale = 2 / self._shape.sum
         self._single = np.flatnonzero(~has_mirror(n // 2 + 1, n))
 
     def __call__(self, samples: Real) -> Complex:
         """The spectrum of blocks (..., n), whose memory is used for the work."""
         if self._detrend:
             samples -= np.add.reduce(samples, axis=-1, keepdims=True) / samples.shape[-1]
-        samples *= self._shape
+        self._shape(samples)
         spectrum: Complex = np.fft.rfft(samples, axis=-1)
         spectrum *= self._scale
         spectrum[..., self._single] /= 2

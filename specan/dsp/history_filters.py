@@ -41,7 +41,7 @@ class Filter:
     ringing : float
         Seconds until it has fallen by 180 dB.
     identity : bool
-        Whether it is no filter at all.
+        Whether it is not a filter at all.
     silent : float
         Seconds from the beginning of the record in which its output counts as nothing: a filter so short that
         nothing is lost when it is left to settle.

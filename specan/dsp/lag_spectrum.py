@@ -63,7 +63,7 @@ class LagSpectrum:
         """Take the next block: the transform of 2 L samples, shape (rows, L + 1), of which `n_samples` are the block's.
 
         `end` is the transform of what a fade takes away from the block, None for nothing. Successive
-        blocks stand in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
+        blocks are in alternate halves of the 2 L samples. That puts X_{b+1} after X_b
         without a factor, since the correlation is circular.
         """
         if self._previous is not None:
@@ -72,6 +72,14 @@ class LagSpectrum:
         self._previous, self._previous_end = transform, end
         self._blocks += 1
         self._longest = self.length if n_samples is None else n_samples
+        if self._longest < self.length and self._blocks > 1:  # the last one
+            self._close()
+
+    def _close(self) -> None:
+        """Correlate the last block, and let go of its transforms: those of all rates together are large."""
+        self._correlate(None)
+        self._correlate_ends(None, None)
+        self._previous = self._previous_end = None
 
     def _correlate_ends(
         self, following: NDArray[np.complex128] | None, following_end: NDArray[np.complex128] | None
@@ -129,9 +137,7 @@ class LagSpectrum:
             end = self._previous_end if faded else None
             return _squared(self._previous if end is None else self._previous - end)
         if self._previous is not None:
-            self._correlate(None)
-            self._correlate_ends(None, None)
-            self._previous = None
+            self._close()
         more = self._faded_more if faded else None
         fade = _fade(self.length)
         energy = np.empty(self._cross.shape)

@@ -16,7 +16,7 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Lines of a section whose lags are looked at together, per line of the block that is judged: 1/64 of a block
-# is the finest lag that is told apart, where a Hann window costs 0.16 %.
+# is the finest lag that is distinguished, where a Hann window costs 0.16 %.
 SECTION_LINES = 64
 # Lags before and after the aligned arrival, in blocks of the spectrum at hand; a response has hardly anything
 # before its arrival.

@@ -120,7 +120,7 @@ def _check_spacing(orders: Real, turns: int) -> float:
         at = int(np.argmin(gaps))
         low, high = (0.0, *ordered)[at], ordered[at]
         raise InputError(
-            f"the orders {low:g} and {high:g} cannot be told apart in {turns} turns",
+            f"the orders {low:g} and {high:g} cannot be distinguished in {turns} turns",
             expected=f"at least {1.0 / nearest if nearest else np.inf:.0f} turns",
             remedy="analyse a longer section, or leave one out",
         )

@@ -103,7 +103,7 @@ def _thinned(transform: NDArray[np.complex128], count: int) -> NDArray[np.float6
     """One eighth of the rate, with what the low-pass filter rings before and after the `count` samples."""
     low = (transform.shape[1] - 1) // FACTOR
     filtered = np.fft.irfft(transform[:, : low + 1] * low_pass(low), 2 * low)
-    # The transform is circular: what rings ahead stands at the end.
+    # The transform is circular: what rings ahead is at the end.
     return np.concatenate([filtered[:, -_RINGS:], filtered[:, : -(-count // FACTOR) + _RINGS]], axis=1)
 
 

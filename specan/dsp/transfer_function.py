@@ -191,7 +191,7 @@ def smoothed_noise(noise: Real, freedom: float, width: int = SMOOTHED_LINES) -> 
 
     A line's own estimate of its noise, from `freedom` complex degrees of freedom, has heavy tails and goes with
     the line's own error; that of its neighbourhood has neither. The mean is that of the logarithm, which a steep
-    spectrum does not pull up, corrected for its bias psi(freedom) - ln(freedom). A line that stands above its
+    spectrum does not pull up, corrected for its bias psi(freedom) - ln(freedom). A line that is above its
     neighbourhood by five standard deviations (hum) keeps its own value.
     """
     n = noise.shape[-1]

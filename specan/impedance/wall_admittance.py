@@ -34,7 +34,7 @@ CRUDE_SPREAD = 0.1
 STEP = 1e-4  # of an admittance, for its derivative
 LONGEST = 0.1  # that one step may change an admittance by
 SETTLED = 1.0  # fall of chi-square below which a fit has ended; the quadratic about it does the rest
-LEAST = -0.5  # real part: a wall that gives energy is no wall, but the centre of an interval may lie there
+LEAST = -0.5  # real part: a wall that gives energy is not a wall, but the centre of an interval may lie there
 MOST_STEPS = 25
 ROUNDS = 2  # of fit and of linearising the common errors about it
 
@@ -124,7 +124,7 @@ def wall_fit(
     Raises
     ------
     RequestError
-        The problem is no room, or its data are no recordings.
+        The problem is not a room, or its data are no recordings.
     ComputationError
         The fit does not converge.
     """
@@ -263,7 +263,7 @@ class Space:
         for k, scale in enumerate(self.problem.scale):
             theta = state.theta.copy()
             theta[k] += 1e-3 * scale
-            name = self.problem.names[k].split("[")[0]
+            name = self.problem.names[k].whole
             value = self.problem.seen_by(observation, self.problem.values_at(theta))[name]
             own.append(observation.folding(change(name, value, 1e-3 * scale)))
         columns = [*own, *walls, *(1j * c for c in walls)]

@@ -20,6 +20,13 @@ link.download = file.name;
 document.body.appendChild(link); link.click(); link.remove();
 setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 """
+_COPY = """
+if (!cb_obj.value) return;
+const text = JSON.parse(cb_obj.value).text;
+const fall = () => { const t = document.createElement('textarea'); t.value = text; document.body.appendChild(t);
+  t.select(); document.execCommand('copy'); t.remove(); };
+(navigator.clipboard?.writeText(text) ?? Promise.reject()).catch(fall);
+"""
 KINDS = {"txt": "text/plain;charset=utf-8", "png": "image/png", "svg": "image/svg+xml"}
 
 
@@ -28,10 +35,12 @@ class BrowserLink:
 
     def __init__(self) -> None:
         self._address, self._save = TextInput(visible=False), TextInput(visible=False)
+        self._copied = TextInput(visible=False, name="copied")
+        self._copied.js_on_change("value", CustomJS(code=_COPY))
         self._address.js_on_change("value", CustomJS(code=_ADDRESS))
         self._save.js_on_change("value", CustomJS(code=_SAVE))
         self._count = 0
-        self.widgets = [self._address, self._save]
+        self.widgets = [self._address, self._save, self._copied]
 
     def address(self, query: str) -> None:
         """Write the settings into the address; the page stays."""
@@ -43,3 +52,8 @@ class BrowserLink:
         kind = KINDS[name.rpartition(".")[2]]
         text = base64.b64encode(content).decode()
         self._save.value = json.dumps({"name": name, "kind": kind, "content": text, "number": self._count})
+
+    def copy(self, text: str) -> None:
+        """Put a text on the clipboard."""
+        self._count += 1
+        self._copied.value = json.dumps({"text": text, "number": self._count})

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specan.data.recording import Channel, Recording
 from specan.dsp.extremes import low_and_high
+from specan.inspect.kept_overview import keep, load, place_of
 
 STEP = 1024  # samples behind one pair of the overview
 PIECE = STEP * 512
@@ -19,7 +20,10 @@ DIRECT = 2_000_000  # samples that are read for a view; above that the overview 
 
 @dataclass
 class Overview:
-    """Lowest and highest sample of every `STEP` samples of one channel, as far as they were read."""
+    """Lowest and highest sample of every `STEP` samples of one channel, as far as they were read.
+
+    That of a long channel is kept; see `specan.inspect.kept_overview`.
+    """
 
     recording: Recording
     channel: Channel
@@ -28,6 +32,11 @@ class Overview:
         count = -(-self.channel.n_samples // STEP)
         self.low, self.high = np.full(count, np.nan), np.full(count, np.nan)
         self.read_to = 0
+        self._place = place_of(self.recording, self.channel, STEP)
+        kept = None if self._place is None else load(self._place, count)
+        if kept is not None:
+            self.low, self.high = kept
+            self.read_to = self.channel.n_samples
         self._lock = Lock()
 
     @property
@@ -47,6 +56,8 @@ class Overview:
             self.low[pairs] = np.fmin.reduceat(samples, edges)
             self.high[pairs] = np.fmax.reduceat(samples, edges)
             self.read_to = stop
+            if self._place is not None and self.finished:
+                keep(self._place, self.low, self.high)
 
 
 class Waveform:

@@ -5,7 +5,7 @@ Three things are wanted of each request:
 
 - Its ``Host`` is the address that the server is bound to. A foreign name that is made to resolve to this machine (DNS
   rebinding) would otherwise be an origin of its own, whose scripts may read the page.
-- Its path begins with a secret that is drawn anew at each start (128 bits) and stands in the address that is printed.
+- Its path begins with a secret that is drawn anew at each start (128 bits) and is in the address that is printed.
 - A websocket, over which effects are accepted, names its ``Origin``, and that is the page itself.
 
 No answer may be shown in a frame of another page, where a click could be led astray.

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from threading import Lock, RLock
 
 from specan.inspect.opened import stamp_of
 from specan.inspect.superseded import Superseded, Tell
 from specan.inspect.trial import Trial, as_it_is
-from specan.study.diagnose import diagnose
 from specan.study.history import NAME as HISTORY
-from specan.study.kept_diagnoses import keep
+from specan.study.kept_diagnoses import diagnose_and_keep
 from specan.study.study import Study
 from specan.study.study_file import NAME
 from specan.study.verdict import Diagnosis
@@ -44,7 +42,7 @@ class KeptStudy:
         return [stamp_of(self.directory / name) for name in files]
 
     def current(self) -> Study:
-        """The study as it stands in its directory.
+        """The study as it is in its directory.
 
         Raises
         ------
@@ -79,7 +77,7 @@ class KeptStudy:
         Superseded
             `tell` said not to go on.
         RequestError
-            Nothing tells how uncertain the measurement is.
+            The uncertainty of the measurement is unknown.
         """
 
         def progress(text: str) -> None:
@@ -92,12 +90,8 @@ class KeptStudy:
                 raise Superseded
         try:
             study = self.current()
-            study.require_uncertainty("diagnose")
             if self._found is None:
-                now = self.now()
-                found = diagnose(study.problem, base=now.fit, progress=progress)
-                found = replace(found, model_discrepancy_percent=study.data.discrepancy_percent)
-                keep(study, found)
+                found = diagnose_and_keep(study, progress=progress)
                 with self._lock:
                     if study is not self._study:  # changed meanwhile
                         raise Superseded

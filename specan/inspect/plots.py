@@ -1,4 +1,4 @@
-"""Figures of the page: octave ticks, lines told apart by every kind of vision, names as text."""
+"""Figures of the page: octave ticks, lines distinguished by every kind of vision, names as text."""
 
 from __future__ import annotations
 
@@ -27,13 +27,16 @@ from bokeh.models import (
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from specan.report.figure_style import COLOURS, octave_ticks
+from specan.inspect.look import COLOURS
+from specan.report.channel_lines import chosen
+from specan.report.figure_style import octave_ticks
 
 _DASHES = ("solid", "dashed", "dotted", "dotdash")
 _HARMONICS = 10
 _DYNAMICS_DB = 100.0
 WRAPPED = (-190.0, 190.0)  # limits of a wrapped phase
-_LEGEND_MOST = 12  # names that stand in a legend; the channel list tells the others
+FEW = 8  # lines that have a colour each; of more the outer ones have, and the others are pale
+_PALE = "#9aa3ad"
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class Curve:
     y: NDArray[np.float64]
     hue: int | None = None
     dash: int | None = None
+    alpha: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,7 @@ class Band:
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     hue: int
+    alpha: float = 0.25
 
     @property
     def outline(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -98,6 +103,13 @@ def hertz_axis(sheet: Any, axis: Any) -> None:
     axis.major_label_overrides = dict(zip(frequencies, names))
 
 
+def outer_of(curves: Sequence[Curve]) -> list[int]:
+    """Numbers of the lines that are furthest from the median; of lines on different axes, the first ones."""
+    if any(c.y.size != curves[0].y.size for c in curves):
+        return list(range(min(len(curves), 3)))
+    return chosen(np.array([c.y for c in curves]))
+
+
 class HarmonicCursor:
     """Lines at a frequency and its multiples.
 
@@ -109,7 +121,7 @@ class HarmonicCursor:
     colour : str
     """
 
-    def __init__(self, sheet: Any, dimension: str, colour: str = "#555555") -> None:
+    def __init__(self, sheet: Any, dimension: str, colour: str = "#808894") -> None:
         self._spans = [
             Span(dimension=dimension, line_color=colour, line_dash="dashed", line_width=1, visible=False)
             for _ in range(_HARMONICS)
@@ -137,6 +149,14 @@ class Lines:
         Of the vertical axis; otherwise it follows the lines, over the dynamics of a converter at most.
     like : Lines, optional
         Shares its horizontal axis.
+    height, weight : int
+        Pixels; without them a share of the height that there is.
+    named : bool
+        Ticks of the horizontal axis carry numbers.
+    shades : str
+        Name of the data of the bands.
+    coloured : bool
+        Every line has a colour, however many they are.
     """
 
     def __init__(
@@ -145,19 +165,26 @@ class Lines:
         y_label: str,
         *,
         hertz: bool = False,
-        height: int = 300,
+        height: int | None = None,
+        weight: int = 3,
         limits: tuple[float, float] | None = None,
         like: Lines | None = None,
         legend: bool = True,
         tip: tuple[str, str] = ("x", "y"),
         dynamics: float | None = None,
+        coloured: bool = False,
+        named: bool = True,
+        shades: str = "bands",
     ) -> None:
-        self._fixed, self._dynamics = limits is not None, dynamics
+        self._fixed, self._dynamics, self._coloured = limits is not None, dynamics, coloured
         self._limits: tuple[float, float] | None = None
         vertical = Range1d(*limits) if limits else DataRange1d() if dynamics is None else Range1d(0, 1)
         self.sheet: Any = figure(
             height=height,
-            sizing_mode="stretch_width",
+            min_height=56,
+            sizing_mode="stretch_both" if height is None else "stretch_width",
+            styles={"background": "var(--paper)"}
+            | ({"flex": f"{weight} 1 0", "min-height": "0"} if height is None else {}),
             x_axis_type="log" if hertz else "linear",
             x_range=like.sheet.x_range if like else Range1d(20, 20000) if hertz else Range1d(0, 1),
             y_range=vertical,
@@ -166,15 +193,21 @@ class Lines:
             tools=[],
             output_backend="canvas",
         )
-        self._shades = ColumnDataSource({"x": [], "y": [], "colour": []}, name="bands")
+        self._shades = ColumnDataSource({"x": [], "y": [], "colour": [], "alpha": []}, name=shades)
         self.sheet.patches(
-            "x", "y", source=self._shades, fill_color="colour", fill_alpha=0.25, line_color=None
+            "x", "y", source=self._shades, fill_color="colour", fill_alpha="alpha", line_color=None
         )
         self._source = ColumnDataSource(
-            {"x": [], "y": [], "colour": [], "dash": [], "name": []}, name="curves"
+            {"x": [], "y": [], "colour": [], "dash": [], "name": [], "alpha": []}, name="curves"
         )
         glyph = self.sheet.multi_line(
-            "x", "y", source=self._source, line_color="colour", line_dash="dash", line_width=1.3
+            "x",
+            "y",
+            source=self._source,
+            line_color="colour",
+            line_dash="dash",
+            line_width=1.3,
+            line_alpha="alpha",
         )
         hover = HoverTool(
             renderers=[glyph],
@@ -190,40 +223,60 @@ class Lines:
             self.sheet.yaxis[0].ticker = AdaptiveTicker(base=10, mantissas=[1, 2, 4.5, 9], min_interval=1)
             self.sheet.ygrid.ticker = self.sheet.yaxis[0].ticker
         self.sheet.toolbar.logo = None
+        # Figures under one another have their frames in line.
+        self.sheet.update(min_border_left=66, min_border_right=8)
+        if not named:
+            self.sheet.xaxis[0].major_label_text_font_size = "0px"
+        if weight < 3:
+            self.sheet.yaxis[0].ticker.desired_num_ticks = 2 * weight
+        if like is not None:
+            self.sheet.toolbar.visible = False
+            self.sheet.min_border_right = 38  # the width of the toolbar of the first
         self._cursor = HarmonicCursor(self.sheet, "height")
         if hertz:
             hertz_axis(self.sheet, self.sheet.xaxis[0])
             self.sheet.xgrid.ticker = self.sheet.xaxis[0].ticker
         self._glyph = glyph
         self._legend = Legend(
-            items=[], click_policy="none", label_text_font_size="11px", spacing=0, padding=4,
-            background_fill_alpha=0.7, margin=4,
+            items=[], click_policy="none", border_line_color=None, label_text_font_size="11px", spacing=10, padding=4,
+            margin=0, orientation="horizontal", ncols=8, glyph_width=14, glyph_height=12, label_height=12,
         ) if legend else None  # fmt: skip
         if self._legend is not None:
-            self.sheet.add_layout(self._legend, "right")
+            self.sheet.add_layout(self._legend, "above")
 
-    def draw(self, curves: Sequence[Curve], bands: Sequence[Band] = ()) -> None:
-        """Exchange the lines, and the bands behind them."""
+    def draw(
+        self, curves: Sequence[Curve], bands: Sequence[Band] = (), outer: Sequence[int] | None = None
+    ) -> None:
+        """Exchange the lines, and the bands behind them; `outer` are the lines of many that get a colour."""
         n = len(COLOURS)
         outlines = [band.outline for band in bands]
         self._shades.data = {
             "x": [x for x, _ in outlines],
             "y": [y for _, y in outlines],
             "colour": [COLOURS[band.hue % n] for band in bands],
+            "alpha": [band.alpha for band in bands],
         }
+        apart = None if self._coloured or len(curves) <= FEW else list(outer or outer_of(curves))
         hues = [k if c.hue is None else c.hue for k, c in enumerate(curves)]
         dashes = [hue // n if c.dash is None else c.dash for hue, c in zip(hues, curves)]
         self._source.data = {
             "x": [c.x for c in curves],
             "y": [np.where(np.isfinite(c.y), c.y, np.nan) for c in curves],
-            "colour": [COLOURS[hue % n] for hue in hues],
-            "dash": [_DASHES[dash % len(_DASHES)] for dash in dashes],
+            "colour": [
+                COLOURS[(apart.index(k) if apart and curves[k].hue is None else hue) % n]
+                if apart is None or k in apart
+                else _PALE
+                for k, hue in enumerate(hues)
+            ],
+            "dash": [_DASHES[dash % len(_DASHES) if apart is None else 0] for dash in dashes],
             "name": [plain(c.name) for c in curves],
+            "alpha": [c.alpha if apart is None or k in apart else 0.35 for k, c in enumerate(curves)],
         }
         if self._legend is not None:
+            named = range(len(curves)) if apart is None else apart
             self._legend.items = [
-                LegendItem(label={"value": plain(c.name)}, renderers=[self._glyph], index=k)
-                for k, c in enumerate(curves[:_LEGEND_MOST])
+                LegendItem(label={"value": plain(curves[k].name)}, renderers=[self._glyph], index=k)
+                for k in named
             ]
         if self._dynamics is not None:
             self._follow(curves)

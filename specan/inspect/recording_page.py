@@ -8,14 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, Checkbox, Div, MultiSelect, NumericInput, RadioButtonGroup
+from bokeh.models import Button, Checkbox, Div, MultiSelect, NumericInput, RadioButtonGroup, ScrollBox
 
 from specan.errors import RequestError, SpecanError
 from specan.inspect.browser_link import BrowserLink
+from specan.inspect.busy import Busy
 from specan.inspect.envelope import read_overviews
+from specan.inspect.header import KEYS, header
 from specan.inspect.kept_bands import KeptBands
+from specan.inspect.look import PANEL, Dress, dark_toggle
 from specan.inspect.opened import Opened
-from specan.inspect.plots import Curve, plain
+from specan.inspect.plots import Band, Curve, plain
+from specan.inspect.same_command import commands
 from specan.inspect.sheets import notice, sheet
 from specan.inspect.superseded import Tell
 from specan.inspect.tabs.fft import FftTab
@@ -34,6 +38,9 @@ if TYPE_CHECKING:
 
 Write = Callable[[Any, Path], None]
 FIRST_CHANNELS = 4  # on screen when nothing else is said
+_LEFT, _RIGHT = 214, 270  # px
+_GROWS = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
+_CENTRED = {"display": "flex", "align-items": "center", "justify-content": "center"}
 _SETTLE_MS = 60  # a pan sends many ranges; one drawing answers them
 
 
@@ -55,7 +62,7 @@ class RecordingPage:
     ) -> None:
         self.document, self.opened, self.writers = document, opened, writers
         self.link = BrowserLink()
-        self.status = Div(text="", name="status", height=20)
+        self.status = Busy(document, "status", height=20, sizing_mode="stretch_width")
         self.readout = Div(text="", name="readout", sizing_mode="stretch_width")
         self.refused = ""
         self.view = self._first_view()
@@ -105,28 +112,6 @@ class RecordingPage:
 
     def _lay_out(self) -> None:
         view = self.view
-        keys = self.opened.keys
-        texts = [(key, plain(self.opened.text(n, f"{c.name}  [{c.unit}]"))) for key, (n, c) in keys.items()]
-        self._channels = MultiSelect(
-            title="Channels (Ctrl, Shift: several)", options=texts, value=list(view.channel),
-            size=min(max(len(texts), 4), 28), width=210, name="channels",
-        )  # fmt: skip
-        self._channels.on_change("value", lambda a, old, new: self.change(channel=tuple(new)))
-        self._start = NumericInput(
-            title="Section from / s", value=view.start, mode="float", width=100, name="start"
-        )
-        self._stop = NumericInput(title="to / s", value=view.stop, mode="float", width=100, name="stop")
-        self._start.on_change("value", lambda a, old, new: self.change(start=new or 0.0))
-        self._stop.on_change("value", lambda a, old, new: self.change(stop=new))
-        self._cursor = NumericInput(
-            title="Cursor / Hz", value=view.cursor, mode="float", width=100, name="cursor"
-        )
-        self._cursor.on_change("value", lambda a, old, new: self.change(cursor=new))
-        harmonics = Checkbox(label="harmonics", active=view.harmonics, name="harmonics")
-        harmonics.on_change("active", lambda a, old, new: self.change(harmonics=new))
-        for tab in self.tabs.values():
-            for figure in tab.figures:
-                figure.sheet.on_event("tap", lambda event, of=figure.frequency_at: self._tapped(of(event)))
         # Only the tab in front is in the document: figures without a size cost the browser dearly.
         self._front = RadioButtonGroup(
             labels=[tab.title for tab in self.tabs.values()],
@@ -134,32 +119,89 @@ class RecordingPage:
             name="tabs",
         )
         self._front.on_change("active", lambda a, old, new: self.change(tab=list(self.tabs)[new]))
-        self._body = column(*self._of_tab(), sizing_mode="stretch_width")
+        self._waiting = Div(text="", sizing_mode="stretch_both", styles=_CENTRED)
+        self._controls = row(
+            *self.tabs[view.tab].controls, styles={"flex-wrap": "wrap"}, sizing_mode="stretch_width"
+        )
+        self._body = column(self._waiting, sizing_mode="stretch_both", styles=_GROWS)
+        self._side = column(self.readout, sizing_mode="stretch_width")
+        title = " with ".join(r.label for r in self.opened.recordings)
+        middle = column(
+            self.waveform.sheet, self._front, self._controls, self.status.div, self._body,
+            sizing_mode="stretch_both", styles=_GROWS,
+        )  # fmt: skip
+        self._right = ScrollBox(child=self._side, width=_RIGHT, sizing_mode="stretch_height", styles=PANEL)
+        main = row(
+            self._left(), middle, self._right, sizing_mode="stretch_both", styles={**_GROWS, "gap": "8px"}
+        )
+        self.document.add_root(
+            column(
+                self._header(title), main, *self.link.widgets, sizing_mode="stretch_width",
+                styles={"height": "100vh", "padding": "0 8px 6px", "box-sizing": "border-box"},
+            )
+        )  # fmt: skip
+        self.document.title = f"{title} - specan"
+        apart = [part for tab in self.tabs.values() for part in (*tab.controls, *tab.body, *tab.side)]
+        Dress(self.document).put_on(*self.document.roots, *apart)
+
+    def _left(self) -> Any:
+        view, keys = self.view, self.opened.keys
+        texts = [(key, plain(self.opened.text(n, f"{c.name}  [{c.unit}]"))) for key, (n, c) in keys.items()]
+        self._channels = MultiSelect(
+            title="Channels (Ctrl, Shift: several)", options=texts, value=list(view.channel),
+            size=min(max(len(texts), 4), 28), width=_LEFT - 14, name="channels", sizing_mode="stretch_height",
+            stylesheets=["select[multiple].bk-input { height: 100% !important; }"],
+        )  # fmt: skip
+        self._channels.on_change("value", lambda a, old, new: self.change(channel=tuple(new)))
+        self._start = NumericInput(
+            title="Section from / s", value=view.start, mode="float", width=92, name="start"
+        )
+        self._stop = NumericInput(title="to / s", value=view.stop, mode="float", width=92, name="stop")
+        self._start.on_change("value", lambda a, old, new: self.change(start=new or 0.0))
+        self._stop.on_change("value", lambda a, old, new: self.change(stop=new))
+        self._cursor = NumericInput(
+            title="Cursor / Hz", value=view.cursor, mode="float", width=92, name="cursor"
+        )
+        self._cursor.on_change("value", lambda a, old, new: self.change(cursor=new))
+        harmonics = Checkbox(label="harmonics", active=view.harmonics, name="harmonics", margin=(26, 0, 0, 4))
+        harmonics.on_change("active", lambda a, old, new: self.change(harmonics=new))
+        return column(
+            self._channels, row(self._start, self._stop), row(self._cursor, harmonics), width=_LEFT,
+            sizing_mode="stretch_height", styles=PANEL,
+        )  # fmt: skip
+
+    def _header(self, title: str) -> Any:
         buttons = []
-        for text, kind in (("Save numbers", "txt"), ("Save PNG", "png"), ("Save SVG", "svg")):
-            button = Button(label=text, width=100, name=f"save-{kind}")
+        for text, kind in (("Save numbers", "txt"), ("PNG", "png"), ("SVG", "svg")):
+            button = Button(label=text, name=f"save-{kind}")
             button.on_click(lambda kind=kind: self._save(kind))
             buttons.append(button)
-        title = " with ".join(r.label for r in self.opened.recordings)
-        left = column(
-            Div(text=f"<b>{notice(title)}</b>", width=210, styles={"overflow-wrap": "anywhere"}),
-            self._channels, row(self._start, self._stop), row(self._cursor), harmonics, *buttons, width=220,
-        )  # fmt: skip
-        right = column(
-            self.waveform.sheet,
-            self._front,
-            self.status,
-            self._body,
-            self.readout,
-            sizing_mode="stretch_width",
-        )
-        self.document.add_root(column(row(left, right, sizing_mode="stretch_width"), *self.link.widgets,
-                                      sizing_mode="stretch_width"))  # fmt: skip
-        self.document.title = f"{title} - specan"
+        for text, name, press in (
+            ("Copy numbers", "copy-numbers", self._copy_numbers),
+            ("Copy command", "copy-command", self._copy_command),
+            ("?", "keys", lambda: self.status.end(KEYS)),
+        ):
+            button = Button(label=text, name=name)
+            button.on_click(press)
+            buttons.append(button)
+        return header(title, "recording", [*buttons, dark_toggle(self.document)])
 
-    def _of_tab(self) -> list[Any]:
+    def _show_tab(self) -> None:
+        """Put the figures of the tab in front into the page; they have something to show now."""
         tab = self.tabs[self.view.tab]
-        return [row(*tab.controls), *tab.body] if tab.controls else list(tab.body)
+        if self._body.children != tab.body:
+            self._body.children = list(tab.body)
+        self._right.visible = bool(tab.side or tab.figures)
+        side = [self.readout, *tab.side]
+        if self._side.children != side:
+            self._side.children = side
+
+    def _wait(self) -> None:
+        """In the place of figures that have nothing to show yet."""
+        tab = self.tabs[self.view.tab]
+        self._controls.children = list(tab.controls)
+        self._waiting.text = notice(f"{tab.title}: computing ...")
+        self._body.children, self._side.children = [self._waiting], [self.readout]
 
     # --- what a person does -----------------------------------------------------------------------
 
@@ -180,7 +222,7 @@ class RecordingPage:
             self.found = []
             self.readout.text = ""
             self.tabs[view.tab].settings_of(view)
-            self._body.children = self._of_tab()
+            self._wait()
         self.waveform.show_section(view)
         self._start.value, self._stop.value, self._cursor.value = view.start, view.stop, view.cursor
         beside = {"cursor", "harmonics", "low", "high"}
@@ -188,9 +230,6 @@ class RecordingPage:
             self._show_cursor()
         else:
             self._refresh()
-
-    def _tapped(self, frequency: float) -> None:
-        self.change(cursor=float(f"{frequency:.6g}"))
 
     def _chosen(self, start_s: float, stop_s: float) -> None:
         whole = start_s <= 0.0 and stop_s >= self.opened.duration_s
@@ -214,10 +253,10 @@ class RecordingPage:
     def _refresh_waveform(self) -> None:
         view, visible = self.view, self.waveform.visible
 
-        def show(curves: list[Curve]) -> None:
+        def show(curves: list[Curve | Band]) -> None:
             self.waveform.draw(curves, view)
 
-        def compute(tell: Tell) -> list[Curve]:
+        def compute(tell: Tell) -> list[Curve | Band]:
             waiting = [w for _, w in self.waveform.waveforms(view) if w.needs_overview(*visible)]
             if waiting:
 
@@ -237,10 +276,13 @@ class RecordingPage:
 
         def show(found: Found) -> None:
             self.found = found
-            self.status.text = notice(self.refused, "error") if self.refused else _notes(found)
-            tab.draw(found, view)
+            self.status.end(*((self.refused, "error") if self.refused else _notes(found)))
+            if found:
+                tab.draw(found, view)
+            self._show_tab()
             self._show_cursor()
 
+        self.status.begin(f"{tab.title}: computing")
         self.work.ask(lambda tell: tab.compute(view, tell), show)
 
     def _show_cursor(self) -> None:
@@ -251,13 +293,15 @@ class RecordingPage:
         if view.cursor is not None and self.found:
             count = 10 if view.harmonics else 1
             rows = [r for k in range(1, count + 1) for r in tab.at(self.found, k * view.cursor)]
-        self.readout.text = sheet(["At the cursor", "Hz", ""], rows) if rows else ""
+        hint = notice("Click into a figure: the values at that frequency are shown here.")
+        self.readout.text = sheet(["At the cursor", "Hz", ""], rows) if rows else hint if tab.figures else ""
 
     def _told(self, part: float) -> None:
-        self.status.text = notice(f"Reading: {100 * part:.0f} %", "busy")
+        self.status.go_on(f"{self.tabs[self.view.tab].title}: reading, {100 * part:.0f} %")
 
     def _failed(self, message: str) -> None:
-        self.status.text = notice(message, "error")
+        self.status.end(message, "error")
+        self._waiting.text = notice(message, "error")
 
     def _save(self, kind: str) -> None:
         tab, view = self.tabs[self.view.tab], self.view
@@ -273,6 +317,23 @@ class RecordingPage:
                 self._failed(str(fault))
                 return
             self.link.save(f"{stem}_{view.tab}.{kind}", content)
+
+    def _copy_numbers(self) -> None:
+        tab = self.tabs[self.view.tab]
+        if not self.found:
+            self._failed("There are no numbers on this tab.")
+            return
+        texts = [
+            self._content(tab, "txt", found["numbers"] if isinstance(found, dict) else found).decode()
+            for _, found in self.found
+        ]
+        self.link.copy("\n".join(texts))
+        self.status.end("The numbers are on the clipboard.")
+
+    def _copy_command(self) -> None:
+        text = "\n".join(commands(self.opened, self.view))
+        self.link.copy(text)
+        self.status.end(text)
 
     def _content(self, tab: Tab, kind: str, result: Any) -> bytes:
         if kind == "txt":
@@ -290,7 +351,7 @@ class RecordingPage:
         return stream.getvalue()
 
 
-def _notes(found: Found) -> str:
+def _notes(found: Found) -> tuple[str, str]:
     results = [r["numbers"] if isinstance(r, dict) else r for _, r in found]
     notes = dict.fromkeys(note for r in results for note in getattr(r, "notes", ()))
     warned = [
@@ -299,7 +360,7 @@ def _notes(found: Found) -> str:
         for name, words in zip(r.channels, getattr(r, "flags", ()))
         if words
     ]
-    return notice("; ".join([*notes, *warned]), "error" if warned else "")
+    return "; ".join([*notes, *warned]), "error" if warned else ""
 
 
 def _now_and_then(tell: Tell, told: Callable[[float], bool], every: int = 8) -> Tell:

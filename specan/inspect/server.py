@@ -57,7 +57,7 @@ def open_browser(url: str) -> bool:
 
 
 def _available(address: str, port: int) -> int:
-    """The port, or any free one for 0; a clear message where it cannot be had."""
+    """The port, or any free one for 0; a clear message where it is not available."""
     family = socket.AF_INET6 if _is_v6(address) else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -66,11 +66,11 @@ def _available(address: str, port: int) -> int:
         except OSError as fault:
             if port and _is_own(address):
                 raise RequestError(
-                    f"port {port} of {address} cannot be had ({fault.strerror or fault})",
+                    f"port {port} of {address} is not available ({fault.strerror or fault})",
                     remedy="another specan inspect may be running; choose another --port, or leave it out",
                 ) from None
             raise RequestError(
-                f"{address} is no address of this machine ({fault.strerror or fault})",
+                f"{address} is not an address of this machine ({fault.strerror or fault})",
                 expected=f"such as {LOOPBACK}",
             ) from None
         except OverflowError:

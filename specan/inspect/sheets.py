@@ -15,17 +15,23 @@ def sheet(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     >>> "<b>" in sheet(["channel"], [["<b>Mic 1</b>"]])
     False
     """
-    head = "".join(
-        f'<th style="text-align:left;padding:2px 14px 2px 0">{escape(str(h))}</th>' for h in header
-    )
+    head = "".join(f"<th>{escape(str(h))}</th>" for h in header)
     body = "".join(
-        "<tr>" + "".join(f'<td style="padding:1px 14px 1px 0">{escape(str(v))}</td>' for v in row) + "</tr>"
-        for row in rows
+        "<tr>" + "".join(f"<td{_long(str(v))}>{escape(str(v))}</td>" for v in row) + "</tr>" for row in rows
     )
-    return f'<table style="border-collapse:collapse;font-size:13px"><tr>{head}</tr>{body}</table>'
+    return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def _long(text: str) -> str:
+    return ' class="long"' if len(text) > 40 else ""
+
+
+def folded(title: str, content: str, opened: bool = False) -> str:
+    """Markup that opens with a click on its title."""
+    return f"<details{' open' if opened else ''}><summary>{escape(title)}</summary>{content}</details>"
 
 
 def notice(text: str, kind: str = "") -> str:
     """A line of text; a warning stands out."""
-    colour = {"error": "#a33", "busy": "#0072B2"}.get(kind, "#444")
+    colour = {"error": "#c0392b", "busy": "var(--accent)"}.get(kind, "var(--soft)")
     return f'<span style="color:{colour}">{escape(text)}</span>'

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import shlex
 from collections.abc import Sequence
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 from bokeh.layouts import column, row
@@ -11,10 +14,13 @@ from bokeh.models import Button, Div, ScrollBox, TextInput
 from specan.errors import RequestError
 from specan.inspect.browser_link import BrowserLink
 from specan.inspect.busy import Busy
+from specan.inspect.header import STUDY_KEYS, header
 from specan.inspect.kept_study import KeptStudy
-from specan.inspect.sheets import notice, sheet
+from specan.inspect.look import PANEL, Dress, dark_toggle
+from specan.inspect.sheets import folded, notice, sheet
 from specan.inspect.study_views.agreement import agreement_of
 from specan.inspect.study_views.failing import FailingMap
+from specan.inspect.study_views.places import PlacesView
 from specan.inspect.study_views.ranking import Ranking, Uses
 from specan.inspect.study_views.staircase import Staircase
 from specan.inspect.study_views.transfer import TransferAgreement
@@ -22,9 +28,11 @@ from specan.inspect.superseded import Tell
 from specan.inspect.trial import Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Work
-from specan.report.verdict_words import headline
+from specan.report.figures_study import figure_compare
+from specan.report.verdict_words import headline, reason
 from specan.study.edit import Change, add_effect
 from specan.study.verdict import Diagnosis
+from specan.units import printed_unit
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -43,25 +51,30 @@ class StudyPage:
         self.study = kept.current()
         self.work = Work(document, lambda part: None, self._failed)
         self.diagnosing = Work(document, lambda part: None, self._not_diagnosed)
-        self.status = Busy(document, "status", styles={"min-height": "20px"}, sizing_mode="stretch_width")
-        self.progress = Busy(document, "diagnosis", width=_SIDE)
+        self.dress = Dress(document)
+        self.status = Busy(document, "status", folds=True, sizing_mode="stretch_width")
+        self.progress = Busy(document, "diagnosis", folds=True, sizing_mode="stretch_width")
         self.trial = Div(text="", name="trial", sizing_mode="stretch_width")
         self.history = Div(text="", name="history", sizing_mode="stretch_width")
-        self.heading = Div(text="", name="model", width=_SIDE)
-        self.verdict = Div(text="", name="verdict", width=_SIDE)
-        self.reason = TextInput(title="Because", placeholder="for the history", width=_SIDE, name="because")
-        self.accept = Button(label="Accept", button_type="primary", disabled=True, width=_SIDE, name="accept")
+        self.heading = Div(text="", name="model", sizing_mode="stretch_width")
+        self.verdict = Div(text="", name="verdict", sizing_mode="stretch_width")
+        self.reason = TextInput(
+            title="", placeholder="because (for the history)", width=_SIDE - 14, name="because"
+        )
+        self.accept = Button(
+            label="Accept", button_type="primary", disabled=True, name="accept", width=_SIDE // 2
+        )
         self.accept.on_click(self._accept)
-        self.again = Button(label="Show the model as it is", disabled=True, width=_SIDE, name="as-it-is")
+        self.again = Button(label="Model as it is", disabled=True, name="as-it-is", width=_SIDE // 2 - 26)
         self.again.on_click(self._as_it_is)
         self.tried: Trial | None = None
         self.now: Trial | None = None
         self.adding = self.due = False
-        self.ranking = Ranking(self._try)
+        self.ranking = Ranking(self._try, self._dressed)
         self.agreement = agreement_of(self.study)
         self.link = BrowserLink()
         self.view, refused = self._first_view()
-        self._follow_microphones()
+        self.places = self._follow_microphones()
         self.map = FailingMap(self.study)
         self.staircase = Staircase()
         self._lay_out()
@@ -70,7 +83,7 @@ class StudyPage:
         self._begin(refused, self.view.tried)
 
     def _first_view(self) -> tuple[StudyView, str]:
-        """What the address asks for, and why it cannot be had."""
+        """What the address asks for, and why it is not available."""
         context = self.document.session_context
         arguments = context.request.arguments if context is not None and context.request else {}
         try:
@@ -78,11 +91,20 @@ class StudyPage:
         except RequestError as fault:
             return StudyView(), str(fault)
 
-    def _follow_microphones(self) -> None:
+    def _follow_microphones(self) -> list[PlacesView]:
+        """Keep the chosen receivers in the address; a click on one in its place chooses it."""
+        views = []
         for part in self.agreement:
             if isinstance(part, TransferAgreement):
                 part.choose(self.view.microphone)
                 part.changed = lambda chosen: self._write_address(microphone=chosen)
+                if self.study.model.receivers is not None:
+                    views.append(PlacesView(self.study, part.choose))
+        return views
+
+    def _dressed(self, part: Any) -> Any:
+        self.dress.put_on(part)
+        return part
 
     def _write_address(self, **changes: tuple[str, ...]) -> None:
         self.view = self.view.model_copy(update=changes)
@@ -94,49 +116,122 @@ class StudyPage:
 
     def _lay_out(self) -> None:
         title = self.kept.directory.resolve().name
-        left = column(
-            Div(text=f"<b>{notice(title)}</b>", width=_SIDE), self.heading, self.verdict, self.progress.div,
-            Div(text="<b>What could be missing</b>", width=_SIDE),
-            ScrollBox(child=self.ranking.list, width=_SIDE + 10, height=380),
-            ScrollBox(child=self.ranking.explanation, width=_SIDE + 10, height=230),
-            self.reason, self.accept, self.again, width=_SIDE + 20,
+        grows = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
+        story = column(
+            self.verdict, self.progress.div, self.status.div, sizing_mode="stretch_width",
+            styles={**PANEL, "border-left": "4px solid var(--accent)"},
         )  # fmt: skip
-        right = column(
-            self.status.div,
+        left = column(
+            self.heading,
+            ScrollBox(child=self.ranking.list, width=_SIDE, sizing_mode="stretch_height", styles=_share(3)),
+            ScrollBox(
+                child=self.ranking.explanation, width=_SIDE, sizing_mode="stretch_height", styles=_share(2)
+            ),
+            self.reason, row(self.accept, self.again), width=_SIDE + 12, sizing_mode="stretch_height", styles=PANEL,
+        )  # fmt: skip
+        self._top = row(
+            self.staircase.body, sizing_mode="stretch_both",
+            styles=_share(4),
+        )  # fmt: skip
+        bottom = row(
             *(part.body for part in self.agreement),
-            self.trial,
-            row(*self.map.body, self.staircase.body, sizing_mode="stretch_width"),
-            self.history,
-            sizing_mode="stretch_width",
+            sizing_mode="stretch_both",
+            styles=_share(5),
         )
+        self._bottom = bottom
+        self._middle = column(story, self._top, sizing_mode="stretch_both", styles={**grows, "gap": "4px"})
+        main = row(
+            left,
+            self._middle,
+            sizing_mode="stretch_width",
+            styles={"height": "calc(100vh - 52px)", "gap": "8px"},
+        )
+        below = column(self.trial, self.history, sizing_mode="stretch_width")
         self.document.add_root(
             column(
-                row(left, right, sizing_mode="stretch_width"), *self.link.widgets, sizing_mode="stretch_width"
+                self._header(title), main, below, *self.link.widgets, sizing_mode="stretch_width",
+                styles={"padding": "0 8px 6px", "box-sizing": "border-box"},
             )
-        )
+        )  # fmt: skip
+        fields = [*(part.body for part in self.places), *self.map.body]
+        self._top_fields = fields
+        self.dress.put_on(*self.document.roots, bottom, *fields)
         self.document.title = f"{title} - specan"
+
+    def _header(self, title: str) -> Any:
+        buttons = []
+        for text, name, press in (
+            ("PNG", "save-png", lambda: self._save("png")),
+            ("SVG", "save-svg", lambda: self._save("svg")),
+            ("Copy numbers", "copy-numbers", self._copy_numbers),
+            ("Copy command", "copy-command", self._copy_command),
+            ("?", "keys", lambda: self.status.end(STUDY_KEYS)),
+        ):
+            button = Button(label=text, name=name)
+            button.on_click(press)
+            buttons.append(button)
+        return header(title, "study", [*buttons, dark_toggle(self.document)])
+
+    def _save(self, kind: str) -> None:
+        """The figure that ``specan study compare --plot`` draws, of the model as it is."""
+        stream, name = io.BytesIO(), self.kept.directory.resolve().name
+        study = self.kept.current()
+
+        def draw(tell: Tell) -> bytes:
+            figure_compare(study).savefig(stream, format=kind, dpi=150)
+            return stream.getvalue()
+
+        self.status.begin("Drawing the figure")
+
+        def show(content: bytes) -> None:
+            self.link.save(f"{name}_compare.{kind}", content)
+            self.status.end("The figure shows the model as it is, without what is tried.")
+
+        self.work.ask(draw, show)
+
+    def _copy_numbers(self) -> None:
+        shown = self.tried or self.now
+        if shown is None:
+            return
+        lines = ["parameter\tvalue\t95 %\tunit\tremark", *("\t".join(line) for line in shown.parameters)]
+        lines += ["observable\tvalues\tRMS error\tunit"]
+        lines += [f"{e.observable}\t{e.n}\t{e.rms:.6g}\t{e.unit}" for e in shown.errors]
+        self.link.copy("\n".join(lines) + "\n")
+        self.status.end("The numbers are on the clipboard.")
+
+    def _copy_command(self) -> None:
+        place = str(self.kept.directory)
+        tried = self.tried.uses if self.tried else ()
+        lines = [shlex.join(["specan", "study", "add", place, use]) for use in tried]
+        text = "\n".join(lines or [shlex.join(["specan", "study", "compare", place])])
+        self.link.copy(text)
+        self.status.end(text)
 
     # --- showing ----------------------------------------------------------------------------------
 
     def _show(self, trial: Trial) -> None:
-        for part in self.agreement:
+        for part in (*self.agreement, *self.places):
             part.show(trial)
+        if self._bottom not in self._middle.children:  # there is something to show now
+            self._top.children = [self.staircase.body, *self._top_fields]
+            self._middle.children = [*self._middle.children, self._bottom]
         self.map.show(trial)
         before = {} if self.now is None or not trial.uses else {e.observable: e for e in self.now.errors}
         rows = [
             [
-                e.observable, e.n, f"{e.rms:.4g} {'' if e.unit == '1' else e.unit}", f"{e.relative_rms:.2f} %",
+                e.observable, e.n, f"{e.rms:.4g} {printed_unit(e.unit)}", f"{e.relative_rms:.2f} %",
                 f"{before[e.observable].rms:.4g}" if e.observable in before else "",
             ]
             for e in trial.errors
         ]  # fmt: skip
-        self.trial.text = sheet(["Observable", "values", "RMS error", "relative", "before"], rows) + sheet(
-            ["Parameter", "value", "95 %", "unit", ""], trial.parameters
-        )
+        self.staircase.tried(trial.name, trial.errors[0].as_error() if trial.uses else None)
+        parameters = sheet(["Parameter", "value", "95 %", "unit", ""], trial.parameters)
+        errors = sheet(["Observable", "values", "RMS error", "relative", "before"], rows)
+        self.trial.text = folded("Parameters and errors", errors + parameters)
 
     def _show_study(self) -> None:
         effects = ", ".join(self.study.model_effects) or f"none, {self.study.model.words.ideal}"
-        self.heading.text = notice(f"{self.study.model.title}. Effects: {effects}")
+        self.heading.text = f"<b>{notice(self.study.model.title)}</b><br>{notice(f'Effects: {effects}')}"
         steps = self.study.history.steps
         self.staircase.show(steps)
         rows = [
@@ -144,15 +239,23 @@ class StudyPage:
              "" if s.held_out_error is None else f"{s.held_out_error['value']:.4g}"]
             for s in steps
         ]  # fmt: skip
-        self.history.text = sheet(["Step", "what", "because", "fitted", "held out"], rows)
+        self.history.text = folded("History", sheet(["Step", "what", "because", "fitted", "held out"], rows))
 
     def _show_candidates(self, found: Diagnosis | None) -> None:
         known, not_testable = candidates_of(self.study)
         self.ranking.show(self.study, [str(c.use) for c in known], not_testable, found)
         self.verdict.text = ""
         if found is not None:
-            reason = f"{found.reason[:1].upper()}{found.reason[1:]}."
-            self.verdict.text = f"<b>{notice(headline(found))}</b><p>{notice(reason)}</p>"
+            because = reason(found.to_json())
+            fall = (
+                ""
+                if found.error is None
+                else f" RMS error of {found.error.before.observable}: {found.error.text}."
+            )
+            self.verdict.text = (
+                f'<span style="font-size:17px;font-weight:650">{escape(headline(found))}</span>'
+                f"<div>{escape(because + fall)}</div>"
+            )
 
     def _begin(self, done: str = "", tried: Uses = ()) -> None:
         """Fit the model as it is, try what was asked for, find out what is missing; `done` stays to be read."""
@@ -179,7 +282,7 @@ class StudyPage:
         self.due = False
         if not self.study.data.known:
             self.progress.end(
-                "Nothing tells how uncertain the measurement is: there is no order of likelihood."
+                "The uncertainty of the measurement is unknown, so the candidates cannot be ranked."
             )
             return
         self.progress.begin("Looking for what is missing")
@@ -260,3 +363,8 @@ class StudyPage:
 
     def _not_diagnosed(self, message: str) -> None:
         self.progress.end(message, "error")
+
+
+def _share(weight: int) -> dict[str, str]:
+    """Style of a part that takes a share of the height."""
+    return {"flex": f"{weight} 1 0", "min-height": "0"}

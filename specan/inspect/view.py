@@ -1,4 +1,4 @@
-"""What a page shows, as settings that stand in its address: a view can be sent on."""
+"""What a page shows, as settings that are in its address: a view can be sent on."""
 
 from __future__ import annotations
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from bokeh.events import Reset, SelectionGeometry
 from bokeh.models import BoxAnnotation, BoxSelectTool
 
 from specan.data.recording import Channel
 from specan.inspect.envelope import Waveform
 from specan.inspect.opened import Opened
-from specan.inspect.plots import Curve, Lines
+from specan.inspect.plots import Band, Curve, Lines
 from specan.inspect.view import View
 
 COLUMNS = 1500  # of the screen
@@ -37,8 +38,11 @@ class WaveformView:
     ) -> None:
         self._opened = opened
         self._waveforms: dict[str, Waveform] = {}
+        self._reach: dict[str, float] = {}
         self._end = max(opened.duration_s, 1e-3)
-        self.lines = Lines("Time / s", "", height=230, tip=("s", "value"))
+        self.lines = Lines(
+            "Time / s", "", height=150, legend=False, coloured=True, shades="envelopes", tip=("s", "value")
+        )
         self.sheet = self.lines.sheet
         select = BoxSelectTool(dimensions="width", description="Choose the time section")
         self.sheet.add_tools(select)
@@ -80,16 +84,36 @@ class WaveformView:
                 found.append((self._text(number, channel), self._waveforms[key]))
         return found
 
-    def curves(self, view: View, start_s: float, stop_s: float) -> list[Curve]:
-        """What is to be drawn; reads from the file, so call it beside the page."""
-        return [Curve(name, *w.part(start_s, stop_s, COLUMNS)) for name, w in self.waveforms(view)]
+    def curves(self, view: View, start_s: float, stop_s: float) -> list[Curve | Band]:
+        """What is to be drawn; reads from the file, so call it beside the page.
 
-    def draw(self, curves: list[Curve], view: View) -> None:
+        Of many samples the envelope of each channel, of few the samples. Channels with different units are drawn as a
+        part of the largest magnitude of their unit.
+        """
+        parts = [
+            (name, w.channel.unit, *w.part(start_s, stop_s, COLUMNS)) for name, w in self.waveforms(view)
+        ]
+        self._reach = {}
+        for _, unit, _, y in parts:
+            self._reach[unit] = max(self._reach.get(unit, 0.0), float(np.nanmax(np.abs(y), initial=0.0)))
+        found: list[Curve | Band] = []
+        for hue, (name, unit, x, y) in enumerate(parts):
+            scaled = y / (self._reach[unit] or 1.0) if len(self._reach) > 1 else y
+            if x.size > 1 and x[0] == x[1]:  # lowest and highest of each column
+                low, high = np.minimum(scaled[::2], scaled[1::2]), np.maximum(scaled[::2], scaled[1::2])
+                found.append(Band(x[::2], low, high, hue, 0.3))
+                found += [Curve(name, x[::2], end, hue, 0, 0.7) for end in (low, high)]
+            else:
+                found.append(Curve(name, x, scaled, hue, 0, 0.8))
+        return found
+
+    def draw(self, drawn: list[Curve | Band], view: View) -> None:
         """Exchange the lines."""
-        self.lines.draw(curves)
-        known = self._opened.keys
-        units = dict.fromkeys(known[key][1].unit for key in view.channel if key in known)
-        self.lines.label(", ".join(units))
+        self.lines.draw([d for d in drawn if isinstance(d, Curve)], [d for d in drawn if isinstance(d, Band)])
+        if len(self._reach) > 1:
+            self.lines.label("1 = " + "\n".join(f"{end:.3g} {unit}" for unit, end in self._reach.items()))
+        else:
+            self.lines.label(next(iter(self._reach), ""))
 
     def show_section(self, view: View) -> None:
         """Mark the time section."""

@@ -1,7 +1,7 @@
 """Signals among the named arrays of a MAT or HDF5 file, by the names that laboratories give them.
 
 Nothing in these formats says what is a signal. A real array with many more samples than channels is one; its
-sampling rate, unit and name stand beside it or further up, as attributes, members or variables with usual names.
+sampling rate, unit and name are beside it or further up, as attributes, members or variables with usual names.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def signals_of(tree: Tree) -> tuple[list[Signal], list[Place], dict[str, str]]:
             aside[name] = "complex numbers are no time signal" if array.kind == "c" else "no real numbers"
             continue
         if sum(length > 1 for length in array.shape) > 2 or array.n_samples < 4 * array.n_channels:
-            aside[name] = f"an array of the shape {array.shape} is no set of signals"
+            aside[name] = f"an array of the shape {array.shape} is not a set of signals"
             continue
         if _is_axis(path, array):
             continue

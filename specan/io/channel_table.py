@@ -116,7 +116,7 @@ def read_channel_table(path: Path | str) -> ChannelTable:
 
 
 def find_channel_table(directory: Path) -> Path | None:
-    """The channel table that stands in a directory.
+    """The channel table that is in a directory.
 
     Raises
     ------

@@ -39,7 +39,7 @@ def format_of(path: Path) -> str:
     except OSError as fault:
         raise InputError(f"{path} cannot be read ({fault.strerror or fault})") from None
     except ValueError as fault:  # a null character in the name
-        raise InputError(f"{str(path)!r} is no name of a file ({fault})") from None
+        raise InputError(f"{str(path)!r} is not a name of a file ({fault})") from None
     if name := recognised(start):
         return name
     what, remedy = _describe(start)

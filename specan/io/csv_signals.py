@@ -56,7 +56,7 @@ def open_recording(
     Raises
     ------
     InputError
-        A cell that is no number, rows of different lengths, times that are not equally spaced.
+        A cell that is not a number, rows of different lengths, times that are not equally spaced.
     """
     lines = _lines(_decoded(path.read_bytes()))
     delimiter = _delimiter(lines[0])
@@ -105,7 +105,7 @@ def _numbers(path: Path, lines: list[str], delimiter: str, columns: int) -> NDAr
         found = np.loadtxt(io.StringIO(text), delimiter=delimiter, ndmin=2, dtype=np.float64, comments=None)
     except ValueError as fault:
         raise InputError(
-            f"{path.name} holds a cell that is no number ({fault})",
+            f"{path.name} holds a cell that is not a number ({fault})",
             expected=f"{columns} numbers a row below the header",
             remedy="a decimal comma in a comma-separated file does this: separate by semicolons",
         ) from None
@@ -125,7 +125,7 @@ def _decoded(raw: bytes) -> str:
         if all(c.isprintable() or c in "\r\n\t" for c in text[:4096]):
             return text
         break
-    raise InputError("this is no text in UTF-8")
+    raise InputError("this is not text in UTF-8")
 
 
 def _lines(text: str) -> list[str]:

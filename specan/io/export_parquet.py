@@ -11,7 +11,7 @@ from specan.io.text_cell import escaped
 
 
 def write_parquet(excerpt: Excerpt, path: Path) -> None:
-    """Write time and samples, one column a channel; unit, role and group stand in the columns' metadata.
+    """Write time and samples, one column a channel; unit, role and group are in the columns' metadata.
 
     Raises
     ------

@@ -30,7 +30,7 @@ def full_scale_of(
     """Largest magnitude of a channel's samples before `gain`, and how it is known.
 
     A property that names the range or the bits counts first. Integers of 8 and 16 bits fill their
-    type. 24-bit counts stand in 32-bit integers, right- or left-aligned: which of them is known only
+    type. 24-bit counts are in 32-bit integers, right- or left-aligned: which of them is known only
     where the slope is that of a usual input range.
 
     Parameters

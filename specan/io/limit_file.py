@@ -71,4 +71,4 @@ def _number(cell: str, path: Path, line: int, separator: str) -> float:
     try:
         return float(cell.replace(",", ".") if separator != "," else cell) if cell else float("nan")
     except ValueError:
-        raise InputError(f"{path}, line {line}: {cell!r} is no number", remedy="correct it") from None
+        raise InputError(f"{path}, line {line}: {cell!r} is not a number", remedy="correct it") from None

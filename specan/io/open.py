@@ -73,7 +73,7 @@ def open_recording(
     Raises
     ------
     InputError
-        The file is missing, is no recording, or holds no time signal; the message says what it is.
+        The file is missing, is not a recording, or holds no time signal; the message says what it is.
     RequestError
         The channel table or the calibration cannot be used.
     """

@@ -104,7 +104,7 @@ def from_increment(
             f"it is called a spectrum, and nothing says that its increment {step:g} is a time"
         )
     elif scale is None:
-        tried.append(f"wf_increment is in {unit!r}, which is no time")
+        tried.append(f"wf_increment is in {unit!r}, which is not time")
     elif step == 1.0:
         tried.append("wf_increment is 1.0, which stands for 'not set'")
     elif step * scale > 1.0 or step * scale < 1.0 / FASTEST_HZ:

@@ -121,7 +121,7 @@ class _Opening:
         return _Aside(reason)
 
     def _unfit(self, found: TdmsObject) -> str:
-        """Why an object is no signal, as far as its headers say; empty for none."""
+        """Why an object is not a signal, as far as its headers say; empty for none."""
         track = self.headers.layout.tracks.get(found.path)
         if found.type_name in _NO_NUMBERS:
             return _NO_NUMBERS[found.type_name]

@@ -21,7 +21,7 @@ from specan.io.tdms_layout import Layout, layout_of
 
 @dataclass(frozen=True)
 class TdmsObject:
-    """A channel as it stands in the file.
+    """A channel as it is in the file.
 
     Attributes
     ----------

@@ -99,7 +99,7 @@ class TdmsSource:
         return out
 
     def raw_reader(self, path: str) -> Callable[[int, int], NDArray[Any]]:
-        """A function that gives numbers of an object as they stand in the file, in the machine's byte order."""
+        """A function that gives numbers of an object as they are in the file, in the machine's byte order."""
         track = self.layout.tracks[path]
         dtype = self.layout.parts[track.parts[0]].strips[path].dtype.newbyteorder("=")
         feed = Feed("", "", track, path, Scaling())

@@ -18,7 +18,7 @@ _TIME_NAME = re.compile(
 )
 _FREQUENCY_NAME = re.compile(r"(freq\w*|f)\s*[\[(]?\s*k?hz\s*[\])]?", re.IGNORECASE)
 _UNIT_KEYS = ("unit_string", "Unit_String", "NI_UnitDescription", "Unit", "Units")
-# How far a stamp may lie from a uniform grid, in steps: beyond it a sample is missing or the clock was no clock.
+# How far a stamp may lie from a uniform grid, in steps: beyond it a sample is missing or the clock was not a clock.
 _SCATTER = 0.25
 _ALL = 400_000  # longer axes are looked at in three places
 

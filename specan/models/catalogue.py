@@ -22,6 +22,7 @@ MODELS = {
     "worm-gear": "specan.models.worm_gear",
 }
 
+FMU = ".fmu"  # ending of a Functional Mock-up Unit
 ENTRY_POINTS = "specan.effects"
 MODEL_ENTRY_POINTS = "specan.models"  # name = module with `build(rig) -> Model`, and perhaps `EXAMPLE_RIG`
 
@@ -37,8 +38,8 @@ def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
     Parameters
     ----------
     name : str or Path
-        Name of a built-in or installed model, or a Python file that holds one Model or a function
-        ``build(rig) -> Model``.
+        Name of a built-in or installed model, a Python file that holds one Model or a function
+        ``build(rig) -> Model``, or an FMU with a TOML file beside it.
     rig : mapping
         The parsed rig file.
 
@@ -60,17 +61,34 @@ def load_model(name: str | Path, rig: Mapping[str, Any]) -> Model:
 
 def is_file(name: str | Path) -> bool:
     """Whether a model is named by its file."""
-    return str(name).endswith(".py")
+    return str(name).endswith((".py", FMU))
+
+
+def content_of(path: Path) -> bytes:
+    """Everything that decides what a model file is: with an FMU also the TOML file beside it."""
+    if path.suffix != FMU:
+        return path.read_bytes()
+    return b"".join(file.read_bytes() for file in files_of(path))
+
+
+def files_of(path: Path) -> tuple[Path, ...]:
+    """The model file and the one that belongs to it."""
+    return (path, path.with_suffix(".toml")) if path.suffix == FMU else (path,)
 
 
 def model_from_file(path: Path, rig: Mapping[str, Any], content: bytes | None = None) -> Model:
-    """Load a user's own model from a Python file, or from the `content` that was hashed for it.
+    """Load a user's own model from a Python file, or from the `content` that was hashed for it; or from an FMU.
 
     Raises
     ------
     RequestError
-        The file is missing, is no valid Python, fails, or holds no model or several.
+        The file is missing, is not a valid Python, fails, or holds no model or several.
     """
+    if path.suffix == FMU:
+        from specan.models.fmu.build import model_from_fmu
+
+        model = model_from_fmu(path)
+        return model.with_rig(rig) if rig else model
     module = _module_from(path, "model", content)
     build = getattr(module, "build", None)
     held = {id(value): value for value in vars(module).values() if isinstance(value, Model)}
@@ -94,6 +112,8 @@ def example_model(name: str) -> Model:
 
 def example_rig(name: str) -> Mapping[str, Any]:
     """The content of the example rig file that comes with a model; empty for a file that states none."""
+    if str(name).endswith(FMU):
+        return {}
     if is_file(name):
         rig: Mapping[str, Any] = getattr(_module_from(Path(name), "model"), "EXAMPLE_RIG", {})
         return rig
@@ -123,7 +143,7 @@ def _package(name: str) -> Any:
             return point.load()
     raise RequestError(
         f"there is no model {name!r}",
-        expected="one of " + ", ".join(model_names()) + ", or a Python file",
+        expected="one of " + ", ".join(model_names()) + ", a Python file (.py), or an FMU (.fmu)",
         remedy=nearest(name, model_names()),
     )
 
@@ -145,7 +165,7 @@ def effects_from_file(path: Path, content: bytes | None = None) -> list[Effect]:
     Raises
     ------
     RequestError
-        The file is missing, is no valid Python, fails on import, or holds no effect.
+        The file is missing, is not a valid Python, fails on import, or holds no effect.
     """
     module = _module_from(path, "effect", content)
     effects = _effects_of(module)
@@ -186,7 +206,7 @@ def _run(load: Callable[[], None], path: Path, what: str) -> None:
             f"the {what} file {path}{_line_in(path, fault)}: {fault.found}",
             expected=fault.expected, remedy=fault.remedy,
         ) from None  # fmt: skip
-    except Exception as fault:  # whatever a user's file raises is the file's fault, and is said as such
+    except (Exception, SystemExit) as fault:  # whatever a user's file raises is said as the file's fault
         raise RequestError(
             f"the {what} file {path}{_line_in(path, fault)} fails when it is loaded "
             f"({type(fault).__name__}: {fault})",

@@ -121,7 +121,8 @@ def _check_values(use: Use, base: Assembly, active: Assembly, conditions: Mappin
         if base.model.quantities[name].opaque:
             continue
         old, new = np.asarray(without[name]), np.asarray(with_it[name])
-        if not np.all(np.isfinite(new) | ~np.isfinite(old)):
+        was = ~np.isfinite(old) if old.shape == new.shape else False  # a length may depend on what is there
+        if not np.all(np.isfinite(new) | was):
             _fail(use, f"makes {name} not finite", "limit valid= or correct the equation")
         if name in effect.changes and old.ndim and new.shape != old.shape:
             _fail(use, f"gives {name} the shape {new.shape} where it had {old.shape}")

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models.check import check_effect, conditions_over_limits
-from specan.models.effect import Use
-from specan.models.from_function import place_of
+from specan.models.effect import Effect, Use
 from specan.models.model import Assembly, Model
 from specan.models.parameter_name import ParameterName
 from specan.models.trial import try_assembly, try_model
 from specan.models.unit_check import check_units
+from specan.models.user_code import place_of
 
 Array = NDArray[np.float64]
 Conditions = Mapping[str, Array]
@@ -83,7 +83,11 @@ def check_model(model: Model, progress: Callable[[str], None] | None = None) -> 
     """
     say = progress or (lambda text: None)
     conditions = _plan(model)
-    lacking = [c.name for c in model.conditions.values() if c.default is None and c.name not in conditions]
+    lacking = [
+        c.name
+        for c in model.conditions.values()
+        if c.default is None and c.name not in conditions and not c.group
+    ]
     if lacking:
         raise RequestError(
             f"the condition {lacking[0]!r} has no limits to check over",
@@ -103,19 +107,30 @@ def check_model(model: Model, progress: Callable[[str], None] | None = None) -> 
     for name, effect in model.effects.items():
         say(name)
         try:
-            place = model.axes[effect.at][0] if effect.at else ""
-            try_assembly(model.assemble({*base.uses, Use(name, place)}), conditions)
+            use = Use(name, model.axes[effect.at][0] if effect.at else "")
+            active = model.assemble({*base.uses, use})
+            try_assembly(active, conditions)
             check_effect(effect, model, conditions)
+            own = [n for n in active.free(tuple(conditions)) if n.startswith(f"{use}.")]
+            _check_identifiable(active, own, conditions)
         except RequestError as fault:
-            where = place_of(effect.function)
-            found = fault.found if where.split(",")[0] in fault.found else f"{where}: {fault.found}"
-            raise RequestError(found, expected=fault.expected, remedy=fault.remedy) from None
+            raise _told_of(effect, fault) from None
         passed.append(name)
     say("what no measurement could tell apart")
     alike, hidden = _indistinguishable(model, base, free, conditions)
     return ModelReport(
         len(next(iter(conditions.values()))), seconds, free, tuple(passed), alike, hidden, notes
     )
+
+
+def _told_of(effect: Effect, fault: RequestError) -> RequestError:
+    """The error with the effect's line where it names none of the effect: the base alone has no such fault."""
+    where = place_of(effect.function)
+    if where in fault.found or f"{effect.name!r} fails" in fault.found:
+        return fault
+    whose = "" if f"the effect {effect.name!r}" in fault.found else f"with the effect {effect.name!r}, "
+    found = f"{where}: {whose}{fault.found}"
+    return RequestError(found, expected=fault.expected, remedy=fault.remedy)
 
 
 def _plan(model: Model) -> Conditions:

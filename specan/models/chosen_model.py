@@ -36,7 +36,7 @@ def choose_model(model: Model, effects: Iterable[str] = (), without: Iterable[st
     Raises
     ------
     RequestError
-        An effect or parameter that does not exist, a value that is no number or outside the domain.
+        An effect or parameter that does not exist, a value that is not a number or outside the domain.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def choose_model(model: Model, effects: Iterable[str] = (), without: Iterable[st
     for name in dropped:
         if name not in model.base_effects:
             raise RequestError(
-                f"{name!r} is no effect of the base model", remedy=nearest(name, model.base_effects)
+                f"{name!r} is not an effect of the base model", remedy=nearest(name, model.base_effects)
             )
     uses = {Use(name) for name in model.base_effects if name not in dropped} | {use for use, _, _ in asked}
     assembly = model.assemble(uses)
@@ -120,7 +120,7 @@ def _value(assembly: Assembly, full: str, text: str) -> float:
         given = float(number)
     except ValueError:
         raise RequestError(
-            f"{full} = {text!r} is no number", expected=f"a number, in {parameter.unit}, or with its unit"
+            f"{full} = {text!r} is not a number", expected=f"a number, in {parameter.unit}, or with its unit"
         ) from None
     value = float(convert(given, unit, parameter.received_unit)) if unit else parameter.to_si(given)
     if not parameter.si.lower <= value <= parameter.si.upper:

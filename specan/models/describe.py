@@ -74,7 +74,7 @@ def find_part(model: Model, name: str) -> Effect | Quantity:
     """The effect or quantity of a name; the nearest is offered where there is none."""
     part = model.effects.get(name) or model.quantities.get(name)
     if name in model.unsuited:
-        raise RequestError(f"{name} is no effect of this rig: {model.unsuited[name]}")
+        raise RequestError(f"{name} is not an effect of this rig: {model.unsuited[name]}")
     if part is None:
         known = [*model.effects, *model.quantities]
         raise RequestError(f"{model.name} has no effect or quantity {name!r}", remedy=nearest(name, known))

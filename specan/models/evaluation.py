@@ -14,10 +14,10 @@ from specan.models.graph import components, cut
 from specan.models.parameter import Parameter
 from specan.models.parameter_name import ParameterName
 from specan.models.quantity import Condition, Quantity
-from specan.models.user_code import call
+from specan.models.user_code import call, place_of
 from specan.units import convert
 
-BASE = "base"  # the name of the part of a quantity that is no effect's
+BASE = "base"  # the name of the part of a quantity that is not an effect's
 
 
 class Parts(Protocol):
@@ -238,19 +238,41 @@ class Evaluator:
         node = self.model.quantities[name]
         base = self._base(node, known, parameters)
         contributions: dict[str, Any] = {BASE: base}
-        total, factor = base, None
         for use in self._acting[name]:
             effect = self.model.effects[use.name]
-            given = self._contribution(use, effect, name, known, parameters)
-            contributions[str(use)] = given
+            contributions[str(use)] = self._contribution(use, effect, name, known, parameters)
+        try:
+            known[name] = self._combined(name, contributions)
+        except ValueError:
+            raise self._of_another_shape(name, contributions) from None
+        parts[name] = contributions
+
+    def _combined(self, name: str, contributions: Mapping[str, Any]) -> Any:
+        total, factor = contributions[BASE], None
+        for use in self._acting[name]:
+            effect, given = self.model.effects[use.name], contributions[str(use)]
             if name in effect.joins:
                 total = (*total, given)
             elif name in effect.adds_to:
                 total = total + given
             else:
                 factor = given if factor is None else factor * given
-        known[name] = total if factor is None else total * factor
-        parts[name] = contributions
+        return total if factor is None else total * factor
+
+    def _of_another_shape(self, name: str, contributions: Mapping[str, Any]) -> RequestError:
+        """The error that names the contribution which does not go with the quantity."""
+        import numpy as np
+
+        size = np.shape(contributions[BASE])
+        for use in self._acting[name]:
+            shape = np.shape(contributions[str(use)])
+            if shape not in ((), size):
+                place = place_of(self.model.effects[use.name].function)
+                return RequestError(
+                    f"{place}: {use} gives the shape {shape} for {name!r}, which has the shape {size}",
+                    expected="one value a row",
+                )
+        return RequestError(f"what acts on {name!r} has other shapes than it", expected="one value a row")
 
     def _base(self, node: Quantity, known: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
         return call(

@@ -15,7 +15,7 @@ from specan.models.observable import Observable
 from specan.models.parameter import Parameter
 from specan.models.quantity import Condition, Quantity, SettingError
 from specan.models.rig_statement import rig_statement
-from specan.models.user_code import PREFIX
+from specan.models.user_code import PREFIX, place_of
 from specan.units import base_unit, convert
 
 _FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"
@@ -62,7 +62,7 @@ def fields_from_functions(
         for argument in reads:
             if argument not in known and argument not in named and argument not in shared:
                 raise RequestError(
-                    f"{place_of(function)}: {name!r} reads {argument!r}, which is no condition and no parameter",
+                    f"{place_of(function)}: {name!r} reads {argument!r}, which is not a condition and no parameter",
                     expected="each argument in conditions=, in parameters=, or a function of that name",
                     remedy=nearest(argument, [*known, *starts, *named]),
                 )
@@ -101,13 +101,6 @@ def title_of(function: Callable[..., Any]) -> str:
     file = getattr(function, "__globals__", {})
     own = file.get("__doc__") if str(function.__module__).startswith(PREFIX) else None
     return ((own or function.__doc__ or "").strip().split("\n")[0]).rstrip(".")
-
-
-def place_of(function: Any) -> str:
-    """File and line of a function, for messages."""
-    function = getattr(function, "function", function)
-    code = getattr(function, "__code__", None)
-    return f"{code.co_filename}, line {code.co_firstlineno}" if code else repr(function)
 
 
 def _named(functions: Sequence[Callable[..., Any]], observables: Mapping[str, Any]) -> dict[str, Any]:
@@ -175,7 +168,7 @@ def _of_parameter(name: str, parameter: Parameter) -> Quantity:
 
 
 def _stated(observables: Mapping[str, Any]) -> dict[str, float]:
-    """Uncertainties that stand beside the observables' units, as a rig file would say them."""
+    """Uncertainties that are beside the observables' units, as a rig file would say them."""
     found = {}
     for name, given in observables.items():
         if isinstance(given, tuple) and len(given) > 1:
@@ -201,7 +194,9 @@ def _condition(name: str, given: Any) -> Condition:
     _require_unit(unit, f"the condition {name!r}")
     offset = convert(0.0, unit, base_unit(unit)) != 0.0  # a scale whose zero is arbitrary: no percentages
     usual = SettingError(absolute=1.0) if offset else SettingError(relative=0.02)
-    return Condition(name, unit, name.replace("_", " "), name, unit, usual_setting=usual)
+    return Condition(
+        name, unit, name.replace("_", " "), name, unit, usual_setting=usual, setting_assumed=True
+    )
 
 
 def _observable(name: str, given: Any, function: Callable[..., Any]) -> Observable:

@@ -12,6 +12,7 @@ from specan.models.evaluation import Evaluator
 from specan.models.frf import Frf
 from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
 from specan.models.graph import components
+from specan.models.groups import check_groups, with_groups
 from specan.models.observable import Observable
 from specan.models.order_lines import OrderLines
 from specan.models.quantity import Condition, Quantity
@@ -112,6 +113,10 @@ class Model:
         Effects that such models know and this rig rules out: ``{name: reason}``.
     notes : tuple of str
         What a user should know before a study starts: size, cost.
+    groups : tuple of str
+        Columns of names by which parameters may differ; see `specan.models.groups`.
+    group_elements : mapping
+        Their names, once a measurement has told them.
     declared_units : bool
         Its functions receive numbers in the declared units of conditions and parameters, not in SI.
     """
@@ -136,6 +141,8 @@ class Model:
     unsuited: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     declared_units: bool = False
+    groups: tuple[str, ...] = ()
+    group_elements: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         known = {*self.quantities, *self.conditions}
@@ -170,7 +177,7 @@ class Model:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of measurement that the model can be held against: ``("table",)``."""
+        """Kinds of measurement that the model can be compared with: ``("table",)``."""
         return tuple(dict.fromkeys(o.kind for o in self.observables.values()))
 
     def with_effect(self, *more: Effect) -> Model:
@@ -229,6 +236,7 @@ class Model:
         base_effects: Sequence[str] = (),
         uncertainty: Mapping[str, float] | None = None,
         law: LawSpace | None = None,
+        groups: Sequence[str] = (),
         name: str = "",
         title: str = "",
     ) -> Model:
@@ -265,6 +273,9 @@ class Model:
         law : LawSpace, optional
             Where a law is looked for when something unknown is missing; by default what the first observable lacks,
             over all conditions that have limits above zero.
+        groups : sequence of str, optional
+            Columns of names, ``("specimen",)``: a parameter declared ``Parameter(..., per="specimen")`` has one value
+            for each, and of every other one it is asked whether it differs.
         name, title : str, optional
             What users type, and what it is in a few words; by default made of the function's name and docstring.
 
@@ -306,10 +317,13 @@ class Model:
         if law is None and not isinstance(observables[first], Frf):
             positive = [n for n, (low, _) in fields["rig"].limits.items() if low >= 0]
             law = LawSpace(first, {n: n for n in positive}) if positive else None
-        return cls(
+        made = cls(
             name, title, **fields, base_effects=tuple(base_effects), law=law, declared_units=True,
             words=Words(discrepancy_of=fields["observables"][first].quantity.replace("_", " ")),
         )  # fmt: skip
+        made = with_groups(made, [groups] if isinstance(groups, str) else groups)
+        check_groups(made)
+        return made
 
     def assemble(self, uses: Iterable[Use | str] = ()) -> Assembly:
         """Switch effects on.
@@ -333,7 +347,7 @@ class Model:
         for use in parsed:
             effect = self.effects.get(use.name)
             if use.name in self.unsuited:
-                raise RequestError(f"{use.name} is no effect of this rig: {self.unsuited[use.name]}")
+                raise RequestError(f"{use.name} is not an effect of this rig: {self.unsuited[use.name]}")
             if effect is None:
                 raise RequestError(
                     f"{self.name} knows no effect {use.name!r}", remedy=nearest(use.name, self.effects)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -70,6 +70,7 @@ def simulated_table(
     noise: float = 0.0,
     repeats: int = 1,
     seed: int = 0,
+    observables: Collection[str] | None = None,
 ) -> Columns:
     """The table that would be measured: conditions and observables, one row a reading, in the columns' units.
 
@@ -84,12 +85,16 @@ def simulated_table(
         Readings of each condition, numbered in a column ``repeat`` where there are several.
     seed : int
         Of the noise.
+    observables : collection of str, optional
+        Those that are read; all by default.
     """
     rows = {name: np.tile(np.asarray(values, float), repeats) for name, values in columns.items()}
     size = len(next(iter(columns.values())))
     random = np.random.default_rng(seed)
     found = dict(rows)
     for name, values in predict(chosen, rows).items():
+        if observables is not None and name not in observables:
+            continue
         observable = chosen.assembly.model.observables[name]
         shown = convert(values, observable.unit, observable.column_unit or observable.unit)
         found[observable.header] = np.asarray(shown) + noise * random.standard_normal(values.size)

@@ -51,8 +51,13 @@ class Condition:
     usual_setting : SettingError
         Usual uncertainty of setting it; tells levels apart where the rig states none. An absolute one says that
         its scale has no zero that a percentage could be taken of (a temperature).
+    setting_assumed : bool
+        Whether `usual_setting` is a mere guess: then rows that are merely near each other are no repeats.
     label : str
         What sentences and axes call it; by default the column without its unit.
+    group : bool
+        Whether the column holds names (of specimens, days), and the value is a name's number; see
+        `specan.models.groups`.
     idles : bool
         Whether rows near zero are runs of another kind (idling), which no bench names as its lower limit.
 
@@ -72,6 +77,8 @@ class Condition:
     usual_setting: SettingError = SettingError(relative=0.02)
     label: str = ""
     idles: bool = False
+    group: bool = False
+    setting_assumed: bool = False
 
     @property
     def words(self) -> str:
@@ -158,7 +165,7 @@ def quantity(
     collection : bool
         It returns a tuple that effects append to (`joins`).
     opaque : bool
-        Its value is no number or array: units and finiteness are not checked.
+        Its value is not a number or array: units and finiteness are not checked.
 
     Returns
     -------

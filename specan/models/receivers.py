@@ -81,8 +81,32 @@ class Places:
 
 
 @dataclass(frozen=True, eq=False)
+class PlacedEffects:
+    """Effects that act at one place, and how the receivers hear what is emitted there.
+
+    Whatever such an effect is, it changes the response by one factor a line times the response to a source at
+    its place: a place can be looked for before anything else of the effect is known (matched-field processing:
+    Baggeroer, Kuperman & Mikhalevsky 1993, IEEE J. Oceanic Eng. 18:401).
+
+    Attributes
+    ----------
+    shapes : mapping
+        Effect to the names of the two parameters that are its place, in parts of an element's edges.
+    reads : tuple of str
+        Quantities of the model that `patterns` needs.
+    patterns : callable
+        ``patterns(quantities, element, places) -> complex array (places, receivers, lines)``: response to a source
+        at each of `places` (n, 2), to any scale.
+    """
+
+    shapes: Mapping[str, tuple[str, str]]
+    reads: tuple[str, ...]
+    patterns: Callable[[Mapping[str, Any], str, Array], NDArray[np.complex128]]
+
+
+@dataclass(frozen=True, eq=False)
 class Receivers:
-    """Channels at places in a field, held against a reference channel.
+    """Channels at places in a field, compared with a reference channel.
 
     Attributes
     ----------
@@ -105,6 +129,8 @@ class Receivers:
         Key of a group in results, and the words that stand before its name.
     places : Places, optional
         Where further receivers can stand, if the model can tell.
+    placed : PlacedEffects, optional
+        Effects at one place, if the model can tell how a place is heard.
     """
 
     axis: str
@@ -123,3 +149,4 @@ class Receivers:
     group_label: str = "group"
     group_words: str = "receivers near"
     places: Places | None = None
+    placed: PlacedEffects | None = None

@@ -82,7 +82,7 @@ def rig_statement(
         known = by_column.get(key)
         if known is None:
             raise RequestError(
-                f"[limits] names {key!r}, which is no condition", remedy=nearest(key, by_column)
+                f"[limits] names {key!r}, which is not a condition", remedy=nearest(key, by_column)
             )
         ends = [float(convert(float(end), known.column_unit, known.unit)) for end in (low, high)]
         limits[known.name] = (ends[0], ends[1])

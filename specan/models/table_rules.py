@@ -51,7 +51,7 @@ class Completed:
 
 @dataclass(frozen=True)
 class TableRules:
-    """What a model does with the columns of a table before they are held against it.
+    """What a model does with the columns of a table before they are compared with it.
 
     Attributes
     ----------

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models.evaluation import Evaluation
-from specan.models.from_function import place_of
 from specan.models.model import Assembly, Model
-from specan.models.user_code import PREFIX
+from specan.models.user_code import PREFIX, place_of
 from specan.units import convert
 
 LIMIT_S = 20.0  # of one evaluation: a diagnosis takes hundreds
@@ -107,11 +106,15 @@ def _check_values(model: Model, found: Evaluation, conditions: Conditions) -> No
         if node.collection or node.opaque or node.axes or name not in found.values:
             continue
         values = found.values[name]
+        if values is None:
+            raise RequestError(
+                f"{place_of(node.function)}: {name!r} gives nothing", remedy="return its value"
+            )
         try:
             numbers = np.asarray(values, dtype=complex)
         except (TypeError, ValueError):
             raise RequestError(
-                f"{place_of(node.function)}: {name!r} gives {type(values).__name__}, which is no number"
+                f"{place_of(node.function)}: {name!r} gives {type(values).__name__}, which is not a number"
             ) from None
         if numbers.shape not in ((), (size,)):
             raise RequestError(

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.models.from_function import place_of
 from specan.models.model import Model
 from specan.models.parameter import Parameter
+from specan.models.user_code import place_of
 from specan.units import base_unit, same_dimension, with_unit
 
 _EXPONENTS = {-2, -1, -0.5, 0, 0.5, 1, 1.5, 2, 3, 4}  # numbers that a formula has without a unit

@@ -11,6 +11,15 @@ from specan.errors import RequestError, SpecanError
 PREFIX = "specan_user_"  # of the module names under which users' files are loaded
 
 
+_ARRAYS = "functions receive arrays, one value a row: use numpy's, np.sqrt for math.sqrt and np.where for if"
+
+
+def _wants_single_values(fault: BaseException) -> bool:
+    """Whether a function of single numbers was given an array."""
+    text = str(fault)
+    return any(w in text for w in ("truth value of an array", "0-dimensional arrays", "length-1 arrays"))
+
+
 def call(function: Callable[..., Any], name: str, /, *given: Any, **parameters: Any) -> Any:
     """Call a quantity or an effect; an exception that a user's file raises is told as the file's own.
 
@@ -41,5 +50,26 @@ def call(function: Callable[..., Any], name: str, /, *given: Any, **parameters: 
         raise RequestError(
             f"{code.co_filename}, line {lines[-1] if lines else code.co_firstlineno}: {name!r} fails "
             f"({type(fault).__name__}: {fault})",
-            remedy="correct that line",
+            remedy=_ARRAYS if _wants_single_values(fault) else "correct that line",
         ) from fault
+
+
+class Instead:
+    """What is called in place of a user's own function; messages name that one's file and line."""
+
+    def __init__(self, function: Callable[..., Any], own: Callable[..., Any]) -> None:
+        self._called = function
+        self.function = getattr(own, "function", own)
+        self.__code__ = getattr(own, "__code__", None)
+        self.__module__ = str(own.__module__)
+
+    def __call__(self, *given: Any, **parameters: Any) -> Any:
+        """Its value."""
+        return self._called(*given, **parameters)
+
+
+def place_of(function: Any) -> str:
+    """File and line of a function, for messages."""
+    function = getattr(function, "function", function)
+    code = getattr(function, "__code__", None)
+    return f"{code.co_filename}, line {code.co_firstlineno}" if code else repr(function)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito, Color Universal Design (2008): told apart by every kind of colour vision. Their yellow is left out:
+# Okabe and Ito, Color Universal Design (2008): distinguished by every kind of colour vision. Their yellow is left out:
 # it is too light for a line on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 _DASHES = ("-", "--", ":", "-.")
@@ -167,7 +167,7 @@ def line_styles() -> Iterator[dict[str, Any]]:
 
 
 def octave_ticks() -> tuple[list[float], tuple[str, ...]]:
-    """Frequencies of the ticks of a logarithmic axis, in Hz, and what stands at them."""
+    """Frequencies of the ticks of a logarithmic axis, in Hz, and what is at them."""
     return _OCTAVES.tolist(), _NOMINAL
 
 

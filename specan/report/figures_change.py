@@ -121,7 +121,7 @@ def _table_residuals(
 
 
 def _groups(observation: TableObservation, rows: NDArray[np.bool_], order: Sequence[str]) -> list[Any]:
-    """Rows of each level of the second variable, side by side so that they can be told apart."""
+    """Rows of each level of the second variable, side by side so that they can be distinguished."""
     if len(order) < 2:
         return [("", COLOURS[0], np.ones(int(rows.sum()), bool), 0.0)]
     x = np.unique(observation.labels[order[0]][rows])

@@ -14,7 +14,7 @@ from specan.models.planetary_gear.dynamics import Motion, force_normal_angle
 from specan.models.planetary_gear.kinematics import carrier_speed_ratio
 from specan.models.planetary_gear.rig import Rig
 from specan.models.planetary_gear.simulated_recording import planet_centres
-from specan.report.figure_style import COLOURS
+from specan.report.figure_style import COLOURS, heading, legend_above, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,6 +50,7 @@ class _Drawing:
     title: str
 
 
+@styled
 def figure(number: int, motion: Motion) -> Figure:
     """Draw one of the article's figures for a run in time.
 
@@ -62,15 +63,10 @@ def figure(number: int, motion: Motion) -> Figure:
     motion : Motion
         At least `DURATION_S` long.
     """
-    from matplotlib.figure import Figure
-
     drawing = FIGURES[number]
-    sheet = Figure(figsize=SIZE, layout="constrained")
+    sheet = new_figure(SIZE[1], SIZE[0])
     drawing.draw(sheet, motion)
-    sheet.suptitle(f"Article's figure {number}: {drawing.title}", fontsize="medium")
-    for axes in sheet.axes:
-        axes.grid(color="0.9")
-        axes.set_axisbelow(True)
+    heading(sheet, f"{drawing.title[:1].upper()}{drawing.title[1:]}", f"Figure {number} of the article")
     return sheet
 
 
@@ -173,8 +169,7 @@ def _centres(sheet: Figure, motion: Motion) -> None:
         )
     axes.set(xlabel="Time / ms", ylabel="Place of the centre / mm", xlim=(0, 1e3 * motion.time[shown][-1]))
     axes.margins(y=0.05)
-    axes.legend(fontsize="small", ncols=6, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False,
-                columnspacing=1.0, handlelength=1.5)  # fmt: skip
+    legend_above(axes)
 
 
 def _force(mesh: str, planets: slice) -> Callable[[Figure, Motion], None]:
@@ -192,8 +187,7 @@ def _force(mesh: str, planets: slice) -> Callable[[Figure, Motion], None]:
             xlim=(0, 1e3 * motion.time[shown][-1]),
         )  # fmt: skip
         if len(chosen) > 1:
-            axes.legend(fontsize="small", ncols=len(chosen), loc="upper right")
-            axes.margins(y=0.15)
+            legend_above(axes)
 
     return draw
 

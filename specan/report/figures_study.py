@@ -111,9 +111,11 @@ def _legend(
 
 
 def _order(labels: Mapping[str, NDArray[Any]], rows: NDArray[np.bool_]) -> list[str]:
-    """Operating variables that vary over some rows, the one with most levels first."""
+    """Operating variables that vary over some rows, the one with most levels first; names behind numbers."""
     counts = {n: np.unique(v[rows]).size for n, v in labels.items() if n != "measurement"}
-    return sorted((n for n in counts if counts[n] > 1), key=lambda n: (-counts[n], n))
+    return sorted(
+        (n for n in counts if counts[n] > 1), key=lambda n: (labels[n].dtype.kind == "U", -counts[n], n)
+    )
 
 
 def _panels(observation: TableObservation) -> list[_Panel]:
@@ -168,7 +170,7 @@ def _lines(observation: TableObservation, panel: _Panel) -> list[tuple[str, str,
     levels = np.unique(values[panel.rows])
     kept = levels[np.unique(np.linspace(0, levels.size - 1, MOST_LINES).astype(int))].tolist()
     return [
-        (f"{level:g}", colour, panel.rows & (values == level))
+        (level if isinstance(level, str) else f"{level:g}", colour, panel.rows & (values == level))
         for level, colour in zip(kept, COLOURS, strict=False)
     ]
 
@@ -191,6 +193,8 @@ def _at_levels(study: Study, observation: TableObservation, but: str) -> dict[st
         if column not in (but, "measurement", "elapsed_time_s"):
             name = _condition_of(study, column)
             condition = study.model.conditions[name]
+            if condition.group:
+                continue
             moved[name] = np.asarray(convert(level, condition.column_unit, condition.unit))
     return moved
 

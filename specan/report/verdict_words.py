@@ -33,6 +33,8 @@ def headline_of(content: Mapping[str, Any]) -> str:
     >>> headline_of({"verdict": "group", "alternatives": [["windage"], ["seal-drag", "churning"]]})
     'Missing: windage or seal-drag with churning; these data cannot tell which.'
     """
+    if content["verdict"] == "nothing-missing" and content.get("other_form"):
+        return f"Nothing is missing with {content['other_form']}."
     if content["verdict"] == "nothing-missing" and content.get("unknown_possible"):
         return WITHIN_WHAT_IS_KNOWN
     names = " or ".join(" with ".join(members) for members in content["alternatives"])

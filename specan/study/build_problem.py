@@ -11,8 +11,8 @@ import numpy as np
 from specan.errors import RequestError, nearest
 from specan.models import Model, Parameter, Use, varying
 from specan.models.parameter_name import ParameterName
-from specan.study.estimation.fit import Fit
-from specan.study.estimation.problem import Problem
+from specan.study.estimation.fit import NORMAL_95, Fit
+from specan.study.estimation.problem import Problem, grouped_by
 from specan.study.observation import Array, Observation
 from specan.study.study_file import EffectEntry, ParameterEntry, StudyFile
 from specan.units import convert, scale_to
@@ -29,6 +29,7 @@ def assemble(model: Model, content: StudyFile, observations: Sequence[Observatio
         An effect or parameter that the model does not have, a unit that does not fit, a value outside
         its own bounds.
     """
+    model = grouped_by(model, observations)
     for entry in content.effect:
         if entry.use.name not in model.effects:
             raise RequestError(
@@ -219,7 +220,7 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
         parameter = problem.assembly.parameters[name.whole]
         value, sd = float(best.theta[k]), best.standard_error(name) * widen
         least, most = problem.plausible(name.whole)
-        ends = max(value - 1.96 * sd, low[k]), min(value + 1.96 * sd, high[k])
+        ends = max(value - NORMAL_95 * sd, low[k]), min(value + NORMAL_95 * sd, high[k])
         table[name] = {
             "value": parameter.from_si(value),
             "low": parameter.from_si(float(ends[0])),

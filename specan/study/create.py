@@ -11,6 +11,7 @@ from typing import Any
 from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
+from specan.models.groups import with_groups
 from specan.models.rig_file import read_rig_file
 from specan.study.build_problem import undetermined
 from specan.study.commit import changing, commit
@@ -47,6 +48,7 @@ def begin(
     calibration: Path | None = None,
     effects: Sequence[str] | None = None,
     columns: Mapping[str, str] | None = None,
+    groups: Sequence[str] = (),
 ) -> Begun:
     """Make a study directory.
 
@@ -67,6 +69,8 @@ def begin(
         Effects to begin with; the model's base effects by default.
     columns : mapping, optional
         ``{column of the model: header of the table}`` where the tables have names of their own.
+    groups : sequence of str, optional
+        Columns of names (``specimen``) by which parameters may differ, beside those of the model.
 
     Raises
     ------
@@ -85,11 +89,14 @@ def begin(
         content["calibration"] = relative_to(directory, calibration)
     if columns:
         content["columns"] = dict(columns)
+    if groups:
+        content["groups"] = list(groups)
     content["measurement"] = [_data_entry(directory, path, model) for path in measurements]
     if validations:
         content["validation"] = [_data_entry(directory, path, model) for path in validations]
     if hold_out:
         content["hold_out"] = [{"where": where} for where in hold_out]
+    model = with_groups(model, groups)
     content["effect"] = _effects(model, model.base_effects if effects is None else effects)
     existed = directory.exists()
     directory.mkdir(parents=True, exist_ok=True)
@@ -97,7 +104,12 @@ def begin(
         if is_file(model_name):
             own, sha256 = take_in_model(directory, Path(model_name))
             content = {"schema": 1, "model": own, "model_sha256": sha256, **dict(list(content.items())[2:])}
-        study, held = hold_undetermined(Study(directory, draft=StudyText.begin(directory / NAME, content)))
+        try:
+            study, held = hold_undetermined(
+                Study(directory, draft=StudyText.begin(directory / NAME, content))
+            )
+        except RequestError as fault:
+            raise _about_own_file(fault, directory, content["model"], model_name) from None
         step = study.step("new")
         with changing(directory):
             if (directory / NAME).exists():
@@ -109,6 +121,12 @@ def begin(
             shutil.rmtree(directory, ignore_errors=True)
         raise
     return Begun(study, step, held)
+
+
+def _about_own_file(fault: RequestError, directory: Path, copy: str, own: str) -> RequestError:
+    """A fault in the study's copy of a model file, told of the file that the user has: the copy goes."""
+    fault.found = fault.found.replace(str(directory / copy), own)
+    return type(fault)(fault.found, expected=fault.expected, remedy=fault.remedy)
 
 
 def _data_entry(directory: Path, path: Path, model: Model) -> dict[str, Any]:

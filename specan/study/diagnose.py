@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.design.operating_points import Proposal, explore, propose
-from specan.study.estimation.fit import Fit, fit
+from specan.study.estimation.fit import NORMAL_95, Fit, fit, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import MOST_ROWS
@@ -19,7 +19,7 @@ from specan.study.localisation.localise import localise
 from specan.study.localisation.result import Block
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.alternatives import alternatives
-from specan.study.selection.data_alone import DataAlone, data_alone
+from specan.study.selection.data_alone import ODDS, DataAlone, data_alone
 from specan.study.selection.detectable_size import by_effect, minimum_detectable_sizes
 from specan.study.selection.f_test import LACK_OF_FIT
 from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
@@ -28,15 +28,15 @@ from specan.study.selection.other_forms import other_forms
 from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_would_tell
 from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
 from specan.study.selection.residual_law import residual_law
+from specan.study.selection.row_drift import drift_over_rows
 from specan.study.selection.search import Progress, Search
-from specan.study.selection.suspect_rows import rows_of_two_kinds, suspect_rows
+from specan.study.selection.suspect_rows import odd_repeat, rows_of_two_kinds, suspect_rows
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
-LEAST_DOF = 3.0
-STARTS = 3
-MOST_PLACES = 12
-MOST_OTHERS = 3
-WIDTH = 1.96
+LEAST_DOF = 3.0  # degrees of freedom below which no test is made
+STARTS = 3  # of the fit of the base
+MOST_PLACES = 12  # where the model fails, that are told
+MOST_OTHERS = 3  # sets behind the best between which a measurement is proposed
 MOST_PULLS = 3  # values or rivals in one sentence
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
@@ -72,7 +72,7 @@ def diagnose(
         A fit that a verdict would rest on did not converge or is not finite.
     """
     start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
-    why = _untestable(start)
+    why = untestable(start)
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
@@ -136,7 +136,7 @@ def _nearer(start: Refit, near: InitialFit, search: Search) -> Search:
     return Search(Refits(base, {**near.known, **done}), likely, search.bootstrap, search.progress, only=True)
 
 
-def _untestable(start: Refit) -> str:
+def untestable(start: Refit) -> str:
     """Why no test is possible; empty where one is."""
     problem = start.problem
     if start.dof < LEAST_DOF:
@@ -191,14 +191,17 @@ def _conclude(whole: _Searched, form: str) -> Diagnosis:
         else None,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
+        other_form=form,
         next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
-        pulls=shown(pulls(best)),
+        pulls=shown(found.values or pulls(best)),
         error=_error_fall(base, best),
         remarks=tuple(
             r
             for r in (
                 suspect_rows(base),
                 rows_of_two_kinds(base),
+                drift_over_rows(base),
+                odd_repeat(base),
                 *_better_but_too_far(search, sets),
                 *_too_good(base),
             )
@@ -227,6 +230,7 @@ class _Found:
     kind: str
     reason: str
     doubt: bool = False
+    values: tuple[Pull, ...] = ()  # that another fit takes, on which the verdict rests
 
 
 def _verdict(search: Search, sets: list[Refit]) -> _Found:
@@ -250,7 +254,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
     reasons = []
     if left:
         reasons.append("something is left: its form is not exact, or another effect is there too")
-    elif len(best.uses) > 1:
+    elif len(best.uses) > 1 and not search.of_one_instrument(best):
         reasons.append("one unknown effect would explain the data as well")
     if stretched(best):
         reasons.append(
@@ -260,7 +264,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
     doubt = (
         left
-        or len(best.uses) > 1
+        or (len(best.uses) > 1 and not search.of_one_instrument(best))
         or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
     )
     return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
@@ -269,7 +273,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
 def _with_form(found: _Found, form: str) -> _Found:
     """The verdict with the other form of a part that it rests on; which form is right stays open."""
     said = f"with {form}, another published form of the same part"
-    return _Found(found.kind, f"{said}: {found.reason}" if found.reason else said, True)
+    return replace(found, reason=f"{said}: {found.reason}" if found.reason else said, doubt=True)
 
 
 def _of_base(search: Search) -> _Found:
@@ -291,6 +295,7 @@ def _of_base(search: Search) -> _Found:
             "fits-only-if",
             f"the model fits only with {_values(other.values)}{_beside(other)}{_telling(base)}",
             True,
+            other.values,
         )
     if other.values and other.likelier:
         reason = (
@@ -307,7 +312,11 @@ def _values(contradicted: Sequence[Pull]) -> str:
 
 
 def _beside(other: DataAlone) -> str:
-    return f"; held to what is known chi-square is higher by {other.gain:.1f} (p = {other.p_value:.2g})"
+    said = f"; held to what is known chi-square is higher by {other.gain:.1f} (p = {other.p_value:.2g})"
+    if other.predicts > ODDS:
+        odds = float(f"{np.exp(min(other.predicts / 2, 30.0)):.1g}")
+        said += f", and conditions that are left out are predicted worse (odds of {odds:,.0f} to 1)"
+    return said
 
 
 def _telling(refit: Refit) -> str:
@@ -389,10 +398,10 @@ def _ranking(search: Search, sets: list[Refit]) -> tuple[Ranked, ...]:
     dispersion = search.best.dispersion
     others = [r for r in search.refits.done.values() if r.uses and r not in sets]
     others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
-    return tuple(_ranked(search, refit) for refit in [*sets, *others])
+    return tuple(_ranked(search, refit, refit in sets) for refit in [*sets, *others])
 
 
-def _ranked(search: Search, refit: Refit) -> Ranked:
+def _ranked(search: Search, refit: Refit, named: bool) -> Ranked:
     base, dispersion = search.base, search.best.dispersion
     decision = search.decision(refit)
     return Ranked(
@@ -402,7 +411,7 @@ def _ranked(search: Search, refit: Refit) -> Ranked:
         p_value=decision.p_value,
         held_out_gain=decision.held_out_gain,
         error_after=_errors(refit).rms,
-        parameters=parameters_of(refit),
+        parameters=parameters_of(refit, named),
         plausible=search.believable(refit),
         at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
         pulls=shown(pulls(refit)),
@@ -416,24 +425,40 @@ def _errors(refit: Refit) -> ObservableError:
     return observable_errors(problem, problem.observations, predicted)[0]
 
 
-def parameters_of(refit: Refit) -> dict[str, dict[str, Any]]:
-    """Own parameters of the effects, with 95 % intervals from the covariance, in their declared units."""
+def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, Any]]:
+    """Own parameters of the effects, with 95 % intervals, in their declared units.
+
+    `profiled`: all other parameters are refitted along an interval, which then follows a valley and the ends of known
+    ranges; else, or where such a refit fails, it is that of the covariance.
+    """
     table: dict[str, dict[str, Any]] = {}
-    low, high = refit.problem.bounds()
     own = {str(u) for u in refit.uses}
     for k, name in enumerate(refit.fit.names):
         if name.owner not in own:
             continue
         parameter = refit.problem.assembly.parameters[name.whole]
-        value = float(refit.fit.theta[k])
-        reach = WIDTH * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
+        low, high = _interval(refit, k, profiled and refit.problem.strategy.secondary_refits)
         table[name] = {
-            "value": parameter.from_si(value),
-            "low": parameter.from_si(float(max(value - reach, low[k]))),
-            "high": parameter.from_si(float(min(value + reach, high[k]))),
+            "value": parameter.from_si(float(refit.fit.theta[k])),
+            "low": parameter.from_si(low),
+            "high": parameter.from_si(high),
             "unit": parameter.unit,
         }
     return table
+
+
+def _interval(refit: Refit, k: int, profiled: bool) -> tuple[float, float]:
+    """95 % interval of one element of theta, SI, inside its domain."""
+    name = refit.fit.names[k]
+    if profiled:
+        try:
+            return profile_interval(refit.problem, refit.fit, name, inflate=True)
+        except (ComputationError, ValueError):  # a refit that fails, or an end that is not bracketed
+            pass
+    low, high = refit.problem.bounds()
+    value = float(refit.fit.theta[k])
+    reach = NORMAL_95 * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
+    return float(max(value - reach, low[k])), float(min(value + reach, high[k]))
 
 
 def _places(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:

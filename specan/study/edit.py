@@ -17,12 +17,11 @@ from specan.result import Result
 from specan.study.build_problem import undetermined
 from specan.study.commit import changing, commit
 from specan.study.create import effect_entry, hold_undetermined
-from specan.study.estimation.fit import fit, profile_interval
+from specan.study.estimation.fit import NORMAL_95, fit, profile_interval
 from specan.study.history import History, Step, line_of
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
 
-WIDTH = 1.96
 SAME = 0.005  # relative change of an error below which it counts as not having moved
 
 
@@ -172,7 +171,7 @@ def drop_effect_file(directory: Path, name: str) -> str:
         if len(files) != 1:
             known = [Path(e.file).name for e in content.effect_file]
             raise RequestError(
-                f"{name!r} is no effect file of the study",
+                f"{name!r} is not an effect file of the study",
                 expected="one of " + ", ".join(known) if known else "",
             )
         source = _source(directory / files[0])
@@ -270,7 +269,7 @@ def _interval(study: Study, name: str) -> tuple[float, float]:
     if problem.strategy.secondary_refits:
         return profile_interval(problem, best, name, inflate=True)
     k = problem.names.index(name)
-    reach = WIDTH * best.standard_error(name) * max(best.reduced_chi2, 1.0) ** 0.5
+    reach = NORMAL_95 * best.standard_error(name) * max(best.reduced_chi2, 1.0) ** 0.5
     low, high = (float(end[k]) for end in problem.bounds())
     return max(float(best.theta[k]) - reach, low), min(float(best.theta[k]) + reach, high)
 

@@ -35,6 +35,8 @@ def keep(study: Study, found: Diagnosis) -> None:
 
     Nothing is kept in a directory that cannot be written to, or that another command is changing.
     """
+    if diagnosis_of(study.directory, study.hashes) == finite(found.to_json()):
+        return
     content = {"version": __version__, "hashes": study.hashes, "diagnosis": finite(found.to_json())}
     line = json.dumps(content, ensure_ascii=False, sort_keys=True) + "\n"
     with (

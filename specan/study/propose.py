@@ -137,7 +137,7 @@ def propose_laws(study: Study) -> ProposedLaws:
     Raises
     ------
     RequestError
-        Nothing tells how uncertain the measurement is.
+        The uncertainty of the measurement is unknown.
     ComputationError
         The data are no table, or too few rows.
     """

@@ -1,4 +1,4 @@
-"""A study: a directory that holds a model against measurements, step by step."""
+"""A study: a directory that compares a model with measurements, step by step."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from specan import __version__
 from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
+from specan.models.groups import with_groups
 from specan.models.rig_file import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
@@ -27,8 +28,9 @@ from specan.study.estimation.prediction_error import (
     held_out_error,
     observable_errors,
 )
-from specan.study.estimation.problem import Problem
+from specan.study.estimation.problem import Problem, grouped_by
 from specan.study.history import History, Step, line_of
+from specan.study.kept_results import KeptResults
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.study.localisation.localise import curve_errors, localise
 from specan.study.localisation.result import Localisation
@@ -52,20 +54,20 @@ from specan.study.user_effects import (
 )
 from specan.study.verdict import Diagnosis
 
-FAR_FROM_CALIBRATION = 10.0
+FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """A model fitted and held against the measurement.
+    """A model fitted and compared with the measurement.
 
     Attributes
     ----------
     errors : tuple of ObservableError
         The observable with most values first.
     localisation : Localisation or None
-        Where the model fails; None where nothing tells the uncertainty.
+        Where the model fails; None where the uncertainty is unknown.
     """
 
     fit: Fit
@@ -118,6 +120,7 @@ class Study:
         named = [read_effect_file(path) for path in effects]
         self.model = self._load_model(named)
         self.data = open_data(self.model, self._measured_files())
+        self.model = grouped_by(self.model, self.data.fitted)
         self._assembled = assemble(self.model, self.content, self.data.fitted)
         for file in named:
             try_effects(file, self.model, self.data.fitted)
@@ -140,8 +143,10 @@ class Study:
         content = self.content
         rig = read_rig_file(self.directory / content.rig) if content.rig else {}
         if is_file(content.model):
-            return load_own_model(self.directory, content.model, content.model_sha256, rig)
-        return load_model(content.model, rig)
+            model = load_own_model(self.directory, content.model, content.model_sha256, rig)
+        else:
+            model = load_model(content.model, rig)
+        return with_groups(model, content.groups)
 
     def _keep(self, named: Sequence[EffectFile]) -> None:
         """Write what opening the study has changed: accepted data, effect files that were named and work."""
@@ -184,6 +189,12 @@ class Study:
             self.content = self.content.with_hashes(now)
         return tuple(name for name, _ in changed)
 
+    def _path(self, file: str) -> Path:
+        """A measured file as messages should show it: from where the user is, where that is shorter."""
+        whole = Path(os.path.normpath(self.directory.resolve() / file))
+        here = Path.cwd()
+        return whole.relative_to(here) if whole.is_relative_to(here) else whole
+
     def _measured_files(self) -> dict[str, MeasuredFiles]:
         everything = (*self.content.measurement, *self.content.validation)
         short = [Path(e.file).name for e in everything]
@@ -191,9 +202,7 @@ class Study:
 
         def files(entries: Sequence[DataEntry], kind: str) -> list[DataFile]:
             return [
-                DataFile(
-                    names[e.file], self.directory / e.file, e.estimator, e.conditions, self.content.columns
-                )
+                DataFile(names[e.file], self._path(e.file), e.estimator, e.conditions, self.content.columns)
                 for e in entries
                 if e.kind == kind
             ]
@@ -250,9 +259,23 @@ class Study:
         return tuple(str(e.use) for e in self.content.effect if e.role == "model")
 
     @cached_property
+    def kept(self) -> KeptResults:
+        """Results of the study as it is, of this and of earlier commands."""
+        calibration = self.content.calibration
+        # Fits of the others do not look at earlier steps.
+        last = self.history.last if self._assembled.strategy.linearised_covariance else None
+        state = {
+            **self.hashes,
+            "model": self.content.model_sha256 or "",
+            "calibration": file_hash(self.directory / calibration) if calibration else "",
+            "last": [last.parameters, last.model_effects] if last else [],
+        }
+        return KeptResults(self.directory, state)
+
+    @cached_property
     def best(self) -> Fit:
         """The fit of the model as it is."""
-        return fit(self.problem, starts=STARTS)
+        return self.kept.get("fit", Fit, lambda: fit(self.problem, starts=STARTS))
 
     @cached_property
     def shown(self) -> Fit:
@@ -263,7 +286,11 @@ class Study:
         """
         if not self.problem.strategy.continuation or not _far_from_calibration(self.problem, self.best):
             return self.best
-        return describe(self.problem, self.problem.start(continuation_fit(self._assembled)))
+        return self.kept.get(
+            "shown",
+            Fit,
+            lambda: describe(self.problem, self.problem.start(continuation_fit(self._assembled))),
+        )
 
     @cached_property
     def errors(self) -> tuple[ObservableError, ...]:
@@ -292,21 +319,25 @@ class Study:
     def diagnose(
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
     ) -> Diagnosis:
-        """Find out which effect the model is missing.
+        """Find out which effect the model is missing; computed once for each state of the study.
 
         Raises
         ------
         RequestError
-            Nothing tells how uncertain the measurement is.
+            The uncertainty of the measurement is unknown.
         """
-        from specan.study.diagnose import diagnose
-
         self.require_uncertainty("diagnose")
-        found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
-        return replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
+
+        def compute() -> Diagnosis:
+            from specan.study.diagnose import diagnose
+
+            found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
+            return replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
+
+        return self.kept.get("bootstrap" if bootstrap else "diagnosis", Diagnosis, compute)
 
     def require_uncertainty(self, verb: str) -> None:
-        """Refuse to conclude anything where nothing tells the uncertainty."""
+        """Refuse to conclude anything where the uncertainty is unknown."""
         if not self.data.known:
             raise RequestError(
                 f"{verb} needs to know how uncertain the measurement is, and nothing tells",

@@ -82,6 +82,7 @@ class StudyFile(Settings):
     rig: str = ""
     calibration: str | None = None
     columns: dict[str, str] = Field(default_factory=dict)
+    groups: tuple[str, ...] = ()
     measurement: tuple[DataEntry, ...] = Field(min_length=1)
     validation: tuple[DataEntry, ...] = ()
     hold_out: tuple[HoldOutEntry, ...] = ()
@@ -179,11 +180,11 @@ class StudyText:
         document.add(tomlkit.comment("A specan study. It may be edited; every command reads it anew."))
         text = cls(path, document)
         for key, value in content.items():
-            if not isinstance(value, list):
+            if not _are_tables(value):
                 document.add(key, _inline(value))
         document.add(tomlkit.nl())
         for key, value in content.items():
-            for entry in value if isinstance(value, list) else ():
+            for entry in value if _are_tables(value) else ():
                 text._append(key, entry)
         tidy = re.sub(r"\n{3,}", "\n\n", tomlkit.dumps(document))
         return cls(path, tomlkit.parse(tidy))
@@ -283,6 +284,10 @@ class StudyText:
         if key not in self.document:
             self.document.add(key, tomlkit.aot())
         self.document[key].append(made)
+
+
+def _are_tables(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(entry, Mapping) for entry in value)
 
 
 def _inline(value: Any) -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan.models import Effect, Model, Use
-from specan.models.catalogue import effects_from_file, model_from_file
+from specan.models.catalogue import content_of, effects_from_file, files_of, model_from_file
 from specan.study.observation import Observation
 from specan.study.study_file import EffectFileEntry
 
@@ -56,7 +56,7 @@ def trust(sha256: str) -> None:
 
 def trust_file(path: Path) -> None:
     """Remember that a file was named."""
-    trust(hashlib.sha256(path.read_bytes()).hexdigest())
+    trust(hashlib.sha256(content_of(path)).hexdigest())
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,12 +198,12 @@ def take_in_model(directory: Path, given: Path) -> tuple[str, str]:
     """
     if not given.exists():
         raise RequestError(f"the model file {given} does not exist", remedy="check the path")
-    content = given.read_bytes()
-    sha256 = hashlib.sha256(content).hexdigest()
-    inside = directory / MODEL_FOLDER / given.name
-    if inside.resolve() != given.resolve():
-        inside.parent.mkdir(parents=True, exist_ok=True)
-        inside.write_bytes(content)
+    sha256 = hashlib.sha256(content_of(given)).hexdigest()
+    for file in files_of(given):
+        inside = directory / MODEL_FOLDER / file.name
+        if inside.resolve() != file.resolve():
+            inside.parent.mkdir(parents=True, exist_ok=True)
+            inside.write_bytes(file.read_bytes())
     trust(sha256)
     return f"{MODEL_FOLDER}/{given.name}", sha256
 
@@ -217,9 +217,13 @@ def load_own_model(directory: Path, file: str, sha256: str | None, rig: Mapping[
         The file is missing, was changed, or has not been named on this machine.
     """
     path = directory / file
-    if not path.exists():
-        raise RequestError(f"the study's model file {file} is missing", remedy="put it back")
-    content = path.read_bytes()
+    for needed in files_of(path):
+        if not needed.exists():
+            raise RequestError(
+                f"the study's model file {needed.relative_to(directory).as_posix()} is missing",
+                remedy="put it back",
+            )
+    content = content_of(path)
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
         raise RequestError(

@@ -140,6 +140,9 @@ class Diagnosis(Result):
     remarks : tuple of str
         What else a person has to know: rivals that fit better with values that contradict what is known, data that
         look wrong.
+    other_form : str
+        Published form of a part of the base that the verdict rests on instead of the declared one: ``palmgren-bearings
+        in place of bearing-friction``.
     """
 
     verdict: str
@@ -158,6 +161,7 @@ class Diagnosis(Result):
     pulls: tuple[Pull, ...] = ()
     error: ErrorFall | None = None
     remarks: tuple[str, ...] = ()
+    other_form: str = ""
 
     dimensions = ("effects",)
 
@@ -195,6 +199,7 @@ class Diagnosis(Result):
             "pulls": [pull.to_json() for pull in self.pulls],
             "error": None if self.error is None else self.error.to_json(),
             "remarks": list(self.remarks),
+            "other_form": self.other_form,
             "ranking": [row.to_json() for row in self.ranking],
             "lack_of_fit": {
                 "reduced_chi2": lack.reduced_chi2 if lack else None,

@@ -215,7 +215,7 @@ def test_bad_input_is_told_in_a_sentence():
     assert "order 198" in text
     assert "25600 samples a second" in text
     text = refused(InputError, recording(duration=1.0), orders=(66.0, 66.01))
-    assert "cannot be told apart" in text
+    assert "cannot be distinguished" in text
     made = recording(duration=3.0)
     for samples in (np.zeros(made.channels[0].n_samples), np.random.default_rng(0).standard_normal(76800)):
         silent = Recording("run.tdms", made.channels, ArraySource([made.source.samples[0], samples]))

@@ -135,7 +135,7 @@ def test_frames_have_the_columns_and_numbers_of_the_text_tables(verb, analysis, 
     assert done.exit_code == 0, done.output
     lines = (tmp_path / "t.txt").read_text(encoding="utf-8").splitlines()
     text = pd.read_csv(io.StringIO("\n".join(x for x in lines if not x.startswith("#"))), sep="\t")
-    if verb == "octave":  # there the overall levels stand below the bands
+    if verb == "octave":  # there the overall levels are below the bands
         text = text[pd.to_numeric(text["band_hz"], errors="coerce").notna()]
     frame = getattr(specan, analysis)(path, **settings).to_dataframe()
     common = [c for c in text.columns if c in frame.columns and c not in ("flags", "level_reference", "unit")]

@@ -178,7 +178,7 @@ def test_a_scheduler_that_is_lost(
     ("address", "message"),
     [
         ("tcp://127.0.0.1:{port}", "does not answer"),
-        ("cluster.example", "is no address of a cluster"),
+        ("cluster.example", "is not an address of a cluster"),
     ],
 )
 def test_an_address_that_does_not_answer(

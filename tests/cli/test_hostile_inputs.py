@@ -1,4 +1,4 @@
-"""Odd things in a directory of recordings: each stands in a table, and the good recording has its result."""
+"""Odd things in a directory of recordings: each is in a table, and the good recording has its result."""
 
 import os
 import struct

@@ -1,4 +1,4 @@
-"""Limits: bands, totals and lines held against them; the exit code; faulty files."""
+"""Limits: bands, totals and lines compared with them; the exit code; faulty files."""
 
 import json
 import sys
@@ -85,7 +85,7 @@ def test_a_spectrum_through_the_verb(tone: Path, tmp_path: Path) -> None:
         ("", "is empty"),
         ("band_hz,uper_dB\n1,2\n", "unknown column 'uper_dB'"),
         ("band_hz\n1\n", "has the columns band_hz"),
-        ("band_hz,upper_dB\n1000,loud\n", "line 2: 'loud' is no number"),
+        ("band_hz,upper_dB\n1000,loud\n", "line 2: 'loud' is not a number"),
         ("band_hz,upper_dB\n-5,10\n", "line 2: the frequency is '-5'"),
         ("band_hz,upper_dB\n", "a header and no limits"),
     ],

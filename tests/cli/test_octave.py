@@ -84,7 +84,7 @@ def test_the_table_names_references_and_settling(directory):
 def test_a_background_is_taken_off(directory):
     found = content(directory / "tone.wav", "--background", directory / "hum.wav", "--fraction", 1)
     first = found["channels"][0]
-    # 6 dB above the background in all, though it stands in another band
+    # 6 dB above the background in all, though it is in another band
     assert first["overall_dB"]["Z"] == pytest.approx(80.0 - 1.25, abs=0.02)
     assert first["level_dB"][5] == pytest.approx(80.0, abs=0.01)
     assert "low-snr" in first["band_flags"][3]

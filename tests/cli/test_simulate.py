@@ -136,11 +136,11 @@ def test_rows_outside_the_validity_are_told(tmp_path):
     [
         (("-e", "seal-drug=1"), "did you mean 'seal-drag'"),
         (("-e", "seal-drag.torqe=1"), "did you mean 'seal-drag.torque'"),
-        (("-e", "seal-drag=much"), "is no number"),
+        (("-e", "seal-drag=much"), "is not a number"),
         (("-e", "seal-drag=-3"), "outside its domain"),
         (("-e", "seal-drag=2 degC"), "cannot be read"),
         (("-e", "seal-drag.torque"), "without a value"),
-        (("--without", "seal-drag"), "no effect of the base"),
+        (("--without", "seal-drag"), "not an effect of the base"),
         (("--grid", "speed=1"), "did you mean 'speed_rpm'"),
         (("--grid", "speed_rpm=fast"), "cannot be read"),
         (("--figure", "3", "-o", "x.png"), "4, 5, 6, 7, 11"),

@@ -178,7 +178,7 @@ def test_a_picture_of_the_field(rig, tmp_path):
         ((), "nowhere to go"),
         (("-o", "f.csv", "--field", "z=0.3"), "needs a frequency"),
         (("-o", "f.csv", "--field", "z=0.8", "--frequency", "100"), "between 0 and 0.7 m"),
-        (("-o", "f.csv", "--field", "height", "--frequency", "100"), "no plane"),
+        (("-o", "f.csv", "--field", "height", "--frequency", "100"), "not a plane"),
         (("-o", "f.csv", "--field", "z=0.3", "--frequency", "300"), "f_max_hz, 250 Hz"),
         (("-o", "f.tdms", "--field", "z=0.3", "--frequency", "100"), "ends in .csv"),
         (("-o", "rec.tdms", "--grid", "speed_rpm=1"), "belongs to the worm gear"),

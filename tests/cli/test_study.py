@@ -148,7 +148,7 @@ def test_without_uncertainty_diagnose_refuses_and_says_what_it_needs(bench, tmp_
     rows = [line for k, line in enumerate(table.read_text().splitlines()) if k == 0 or k <= 24]
     table.write_text("\n".join(rows) + "\n")
     result = specan("new", "v", "--model", "worm-gear", "--rig", bare, "--measurement", table)
-    assert "Nothing tells how uncertain" in result.stdout
+    assert "The uncertainty of the measurement is unknown" in result.stdout
     with pytest.raises(Exception, match=r"input_torque_Nm = 0\.005"):
         specan("diagnose", "v")
     with pytest.raises(Exception, match="next needs"):

@@ -82,7 +82,7 @@ def test_periods_of_the_article():
 
 
 def test_orders_too_close_are_refused():
-    with pytest.raises(InputError, match="cannot be told apart in 5 turns"):
+    with pytest.raises(InputError, match="cannot be distinguished in 5 turns"):
         fit_lines(np.zeros((1, 64 * 5)), 64, [3.0, 3.1])
 
 

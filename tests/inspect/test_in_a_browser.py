@@ -38,7 +38,7 @@ def test_a_band_level_is_that_of_the_command(browser, open_page, serve):
     page.choose("weighting", "A")
     weighted = bands("--channel", "Mic 1", "--fraction", "12", "--weighting", "A")["channels"][0]
     page.wait(lambda: f"{weighted['level_dB'][inside]:.2f} dB" in page.text("readout"))
-    # The settings stand in the address: sent on, it shows the same.
+    # The settings are in the address: sent on, it shows the same.
     page.wait(lambda: "fraction=12" in browser.current_url and "weighting=A" in browser.current_url)
     shown, address = page.text("readout"), browser.current_url
     again = open_page(address)

@@ -214,7 +214,7 @@ def test_a_port_in_use_is_named():
 
 
 def test_an_address_that_is_not_ours_is_named():
-    with pytest.raises(RequestError, match="no address of this machine"):
+    with pytest.raises(RequestError, match="not an address of this machine"):
         start_server(lambda document: None, address="192.0.2.1")
 
 

@@ -28,13 +28,16 @@ def test_candidates_are_ranked_as_the_command_ranks_them(open_page, serve, study
     page = open_page(serve(str(study)))
     page.wait(lambda: page.text("verdict").strip())
     found = json.loads(CliRunner().invoke(study_diagnose, [str(study), "--json"]).stdout)
-    assert found["verdict"] in page.text("verdict")
+    assert found["verdict"] in ("effect", "group")
+    assert "Missing:" in page.text("verdict")
     assert all(name in page.text("verdict") for name in found["effects"])
     best = found["ranking"][0]
     name = best["effects"][0]
-    assert f"ΔBIC {best['delta_bic']:.3g}" in page.text(f"rank-{name}")
-    # The rows stand in the order of the ranking, below one another.
-    tops = [page.element(f"try-{r['effects'][0]}", "button").location["y"] for r in found["ranking"][:4]]
+    assert f"{best['error_after']:.3g}" in page.text(f"rank-{name}")
+    # Of those that are less likely, the one that leaves the smallest error comes first.
+    others = [r for r in found["ranking"][len(found["alternatives"]) :] if r["plausible"]]
+    others = sorted(others, key=lambda r: r["error_after"])[:3]
+    tops = [page.element(f"try-{r['effects'][0]}", "button").location["y"] for r in (best, *others)]
     assert tops == sorted(tops)
     page.press(f"about-{name}")
     page.wait(lambda: "Source:" in page.text("explanation"))

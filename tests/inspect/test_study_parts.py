@@ -52,14 +52,14 @@ def directory(begun, tmp_path) -> Path:
 
 def test_trying_is_what_adding_finds_and_writes_nothing(directory):
     study = Study(directory)
-    before = {p.name: p.read_bytes() for p in directory.iterdir()}
+    before = {p.name: p.read_bytes() for p in directory.iterdir() if p.is_file()}
     now = as_it_is(study)
     trial = try_effects(study, now.fit, ["load-dependent-friction"])
     assert trial.fit.chi2 < now.fit.chi2
     assert [row[0] for row in trial.parameters] == [
         n for n in trial.fit.names if n.startswith("load-dependent-friction.")
     ]
-    assert {p.name: p.read_bytes() for p in directory.iterdir()} == before
+    assert {p.name: p.read_bytes() for p in directory.iterdir() if p.is_file()} == before
     added = add_effect(study, "load-dependent-friction")
     assert trial.errors[0].rms == pytest.approx(added.after.fit_error["value"], rel=1e-3)
 
@@ -110,7 +110,10 @@ def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypa
     found = kept.diagnosis(go_on, heard_of.append)
     assert found.alternatives
     assert any("scoring" in text for text in heard_of)
-    monkeypatch.setattr(kept_study, "diagnose", None)
+    said: list[str] = []
+    assert KeptStudy(Study(directory)).diagnosis(go_on, said.append) == found
+    assert said == []  # it was on the disk
+    monkeypatch.setattr(kept_study, "diagnose_and_keep", None)
     assert kept.diagnosis(go_on, heard_of.append) is found
 
 
@@ -161,9 +164,9 @@ def test_candidates_stand_in_the_order_of_the_diagnosis():
     one.show(study, ["a", "b", "c", "d"], {"e": "needs a load"}, found)
     shown = [getattr(c, "children", [c])[0] for c in one.list.children]
     assert [getattr(w, "name", None) or w.text for w in shown] == [
-        "<b><small>The data ask for one of these, and cannot tell which</small></b>",
+        "<b><small>The data ask for one of these; which one is open: error left</small></b>",
         "try-c", "try-b",
-        "<b><small>Not plausible</small></b>",
+        "<b><small>Not plausible: error left</small></b>",
         "try-a",
         "<b><small>The data do not ask for</small></b>",
         "try-d",

@@ -1,4 +1,4 @@
-"""Rates of TDMS channels: the order of what counts, and what is no time signal at all."""
+"""Rates of TDMS channels: the order of what counts, and what is not time signal at all."""
 
 import numpy as np
 import pytest

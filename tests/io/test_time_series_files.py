@@ -76,7 +76,7 @@ def test_times_that_are_not_equally_spaced(tmp_path):
 def test_a_cell_that_is_no_number(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("t,a\n" + "".join(f"{t},1\n" for t in range(9)) + "9,overload\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"run\.csv holds a cell that is no number .*overload"):
+    with pytest.raises(InputError, match=r"run\.csv holds a cell that is not a number .*overload"):
         open_recording(path)
 
 
@@ -144,7 +144,7 @@ def test_hdf5_without_a_rate_asks_for_one(tmp_path):
         file["mode_shapes"] = np.ones((30, 30))
     found = open_recording(tmp_path / "run.h5")
     assert found.channel("force").sampling_rate == 0
-    assert "no set of signals" in found.set_aside["mode_shapes"]
+    assert "not a set of signals" in found.set_aside["mode_shapes"]
     assert open_recording(tmp_path / "run.h5", sampling_rate=RATE).channel("force").sampling_rate == RATE
 
 

@@ -65,6 +65,15 @@ CASES = {
         HEAD + "seen = []\ndef f(x, a):\n    seen.append(1)\n    return a * x\n" + MODEL,
         r"changes the variable 'seen' of .*m\.py",
     ),
+    "nothing returned": (body("a * x"), r"m\.py, line 3: 'y' gives nothing; return its value"),
+    "a function of single numbers": (
+        HEAD + "import math\ndef f(x, a):\n    return a * math.sqrt(x)\n" + MODEL,
+        r"m\.py, line 5: 'y' fails \(TypeError.*functions receive arrays.*np\.sqrt",
+    ),
+    "an if over rows": (
+        body("if x > 3:\n    return a\nreturn x"), r"m\.py, line 4: 'y' fails \(ValueError.*np\.where for if",
+    ),
+    "an end of the program": ("import sys\nsys.exit(0)\n", r"m\.py, line 2 fails when it is loaded \(SystemExit"),
     "changed arguments": (body("x += 1\nreturn a * x"), r"m\.py, line 4: 'y' fails .*read-only"),
 }  # fmt: skip
 
@@ -75,6 +84,7 @@ def test_a_study_of_a_faulty_model_is_not_begun(place, case):
     (place / "m.py").write_text(content, encoding="utf-8")
     said = refused("study", "new", "s", "--model", "m.py", "--measurement", "t.csv")
     assert re.search(expected, said), said
+    assert "s/model" not in said  # the study's own copy is gone with the study
     assert not (place / "s").exists()
 
 
@@ -146,3 +156,37 @@ def test_an_effect_that_the_base_does_itself_is_named(place):
 def test_a_faulty_effect_is_told_with_its_line(place):
     said = checked(place, ("bend", "size * x**2 + 1"))
     assert re.search(r"m\.py, line 6: the effect 'bend' changes y though it is neutral", said), said
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("size * x[:3]", r"m\.py, line 6: bend gives the shape \(3,\) for 'y', which has the shape"),
+        ("size * np.log(x - 4)", r"m\.py, line 6: with the effect 'bend', .*'y' is not finite"),
+        (
+            "size * x**2 * np.random.rand()",
+            r"m\.py, line 6: with the effect 'bend', .*gives other values when",
+        ),
+        ("size * x**2 * (1 / 0)", r"m\.py, line 9: 'bend' fails \(ZeroDivisionError"),
+    ],
+)
+def test_what_an_effect_does_is_told_with_its_own_line(place, body, said):
+    found = checked(place, ("bend", body))
+    assert re.search(said, found), found
+
+
+def test_parameters_of_an_effect_that_only_count_together_are_named(place):
+    (place / "m.py").write_text(
+        HEAD + "def f(x, a):\n    return a * x\n"
+        '@effect("bend", adds_to="y", neutral={"size": 0.0})\n'
+        "def bend(x, *, size=Parameter(1.0, min=0.1, max=9, lower=0, upper=99), p=Parameter(1.0, min=0.1, max=3),\n"
+        "         q=Parameter(1.0, min=0.1, max=3)):\n"
+        '    "Does something."\n'
+        "    return size * np.exp(-p * q * x)\n" + MODEL.replace(")\n", ", effects=[bend])\n"),
+        encoding="utf-8",
+    )
+    found = CliRunner().invoke(main, ["model", "check", "m.py"])
+    assert re.search(
+        r"m\.py, line 5: no measurement within the limits determines the parameter bend\.p; only together with bend\.q",
+        str(found.exception),
+    )

@@ -1,4 +1,4 @@
-"""A model of a user's own held against transfer functions: from recordings, universal files and tables.
+"""A model of a user's own compared with transfer functions: from recordings, universal files and tables.
 
 The truth is a state-space system of three masses stepped in time (`truth.three_masses`); the model knows two, and
 formulas over frequency.
@@ -21,7 +21,7 @@ from specan.study.estimation.problem import base_problem
 from specan_cli.main import main
 from truth.three_masses import ThreeMasses, as_text, simulate
 
-TWO_MASS = Path("sample_data/two_mass/two_mass.py").resolve()
+TWO_MASS = Path(__file__).parents[2] / "sample_data" / "two_mass" / "two_mass.py"
 RATE = 256.0
 
 

@@ -57,7 +57,7 @@ def test_starting_values_in_the_signature_are_parameters():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"parameters": {"wall": 15.0}}, "'outlet' reads 'cp', which is no condition and no parameter"),
+        ({"parameters": {"wall": 15.0}}, "'outlet' reads 'cp', which is not a condition and no parameter"),
         ({"parameters": {"wall": "warm"}}, "the parameter 'wall' is 'warm'"),
         ({"observables": {"outlet": "furlung"}}, "the observable 'outlet'.*furlung"),
         ({"observables": {"outlet": "K"}, "units": {"outlet": "degC"}}, "is in K, its function in degC"),

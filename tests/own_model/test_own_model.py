@@ -122,7 +122,7 @@ def test_a_recording_is_no_table_whatever_its_name(place):
     (place / "sound.csv").write_bytes(b"RIFF\x24\0\0\0WAVEfmt ")
     said = refused("study", "new", place / "s", "--model", SPRING, "--rig", place / "rig.toml",
                "--measurement", place / "sound.csv")  # fmt: skip
-    assert "is no kind of file that a study of the model spring reads" in said
+    assert "is not a kind of file that a study of the model spring reads" in said
     assert not (place / "s").exists()
 
 
@@ -181,7 +181,7 @@ def test_an_installed_package_brings_a_kind_of_measurement(monkeypatch, place):
     assert both.kinds == ("table", "strain")
     assert kind_of(place / "a.csv", both) == "strain"
     assert kind_of(place / "spring.csv", both) == "table"
-    with pytest.raises(RequestError, match="is no kind of file"):
+    with pytest.raises(RequestError, match="is not a kind of file"):
         kind_of(place / "a.csv", model)
 
 

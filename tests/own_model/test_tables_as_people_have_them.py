@@ -8,6 +8,7 @@ from click.testing import CliRunner
 from specan.errors import InputError
 from specan.models import Model
 from specan.models.catalogue import example_model
+from specan.study.data.sources import kind_of
 from specan.study.data.table_reader import read_measurement
 from specan.study.study_file import read_study_file
 from specan_cli.main import main
@@ -152,3 +153,48 @@ def test_the_study_keeps_the_choice_of_columns(tmp_path, monkeypatch):
     assert read_study_file(tmp_path / "s").columns == {"flow": "Q [m3/h]"}
     found = run(main, ["study", "diagnose", "s"], catch_exceptions=False)
     assert "Missing: cavitation" in found.output
+
+
+@pytest.mark.parametrize(
+    "unit", ["rpm", "1/min", "min^-1", "min-1", "min⁻¹", "U/min", "r/min", "obr/min", "tr/min"]
+)
+def test_turns_a_minute_in_every_spelling(tmp_path, pump, unit):
+    path = tmp_path / "t.csv"
+    path.write_text(f"flow,speed [{unit}],share,head\n1,2900,0.1,4\n2,1450,0.1,4\n", encoding="utf-8")
+    assert read_measurement(path, pump).conditions["speed"] == pytest.approx([2900, 1450])
+
+
+def test_other_letters_are_the_same_column(tmp_path, pump):
+    path = tmp_path / "t.csv"
+    path.write_text("Flow,SPEED,Share,head\n1,2900,0.1,4\n2,1450,0.1,4\n", encoding="utf-8")
+    assert read_measurement(path, pump).conditions["flow"] == pytest.approx([1, 2])
+
+
+def test_unknown_columns_beside_all_that_are_needed(tmp_path, pump):
+    path = tmp_path / "t.csv"
+    path.write_text("flow,speed,share,head,operator\n1,2900,0.1,4,5\n2,1450,0.1,4,5\n", encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"nothing is lacking; to pass over the rest, give --column \"flow=flow\""
+    ):
+        read_measurement(path, pump)
+    assert read_measurement(path, pump, columns={"flow": "flow"}).n == 2
+
+
+def test_an_empty_file_is_called_empty(tmp_path, pump):
+    (tmp_path / "t.csv").touch()
+    with pytest.raises(InputError, match=r"t\.csv is empty"):
+        kind_of(tmp_path / "t.csv", pump)
+
+
+def test_messages_name_the_file_as_the_user_did(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))
+    run = CliRunner().invoke
+    assert run(main, ["model", "new", "pump.py"]).exit_code == 0
+    (tmp_path / "t.csv").write_text("flow,speed,head\n1,2900,x\n2,1450,4\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"^t\.csv, line 2: 'x' in the column 'head' is not a number"):
+        run(
+            main,
+            ["study", "new", "s", "--model", "pump.py", "--measurement", "t.csv"],
+            catch_exceptions=False,
+        )

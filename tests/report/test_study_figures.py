@@ -108,7 +108,7 @@ def test_frequency_lies_across_and_microphones_keep_their_order(found):
 
 
 def test_a_cell_that_is_all_of_a_level_has_its_z(found):
-    # Rows that two places share stand under the first: torque 3 was measured at one speed only.
+    # Rows that two places share are under the first: torque 3 was measured at one speed only.
     labels = {"torque_Nm": [1.0, 2.0, 3.0, 1.0], "speed_rpm": [10.0, 10.0, 10.0, 20.0]}
     one = found(labels, [block({"torque_Nm": 3.0}, 5.0), block({"torque_Nm": 1.0}, 7.0)])
     assert one.z[one.rows.index("10"), one.columns.index("3")] == 5.0

@@ -35,7 +35,7 @@ def nothing(x, z):
     return 0 * x
 
 
-def test_candidates_are_what_is_missing_and_what_is_certified(toy):
+def test_candidates_are_what_is_missing_and_what_has_a_prior(toy):
     problem = toy.problem(nothing, ["square", "drift", "zero-error"])
     found, not_testable = candidates(problem)
     assert [str(c.use) for c in found] == ["square", "zero-error"]
@@ -67,7 +67,7 @@ def test_the_score_of_a_linear_effect_is_the_gain_of_its_refit(toy):
     assert after.fit.values["square.c"] == pytest.approx(exact[0][2], rel=1e-5)
 
 
-def test_a_released_certificate_gains_what_the_refit_without_it_gains(toy):
+def test_a_removed_prior_gains_what_the_refit_without_it_gains(toy):
     problem = toy.problem(lambda x, z: 4.0 * (z > 0), ["zero-error"], seed=2)
     start, [only], _ = scored(problem)
     after = refitted(start, [only])
@@ -76,12 +76,12 @@ def test_a_released_certificate_gains_what_the_refit_without_it_gains(toy):
     assert after.fit.values["zero-error.shift"] == pytest.approx(4.0, abs=1.0)
 
 
-def test_what_the_base_swallows_is_not_tested(toy):
+def test_what_is_collinear_with_the_base_is_not_tested(toy):
     _, found, _ = scored(toy.problem(nothing, ["tilt", "square"]))
     assert {str(s.use) for s in found} == {"square"}
 
 
-def test_what_an_added_effect_swallows_is_not_tested_again(toy):
+def test_what_is_collinear_with_an_added_effect_is_not_tested_again(toy):
     problem = toy.problem(lambda x, z: 2 * x**2, ["square", "twin", "cross"])
     refits = Refits(Refit(frozenset(), problem, fit(problem)))
     search = Search(refits)
@@ -97,7 +97,7 @@ def test_an_amplitude_of_one_sign_gains_nothing_from_the_other(toy):
     assert max(s.chi2_reduction for s in at_four) <= 1e-9
 
 
-def test_a_shape_is_tried_where_its_trace_turns(toy):
+def test_a_shape_is_tried_where_its_signature_turns(toy):
     _, found, _ = scored(toy.problem(nothing, ["wave"]))
     ordered = sorted(found, key=lambda s: s.signature.shapes["wave.rate"])
     units = [s.projected[:, 0] / np.linalg.norm(s.projected[:, 0]) for s in ordered]

@@ -1,4 +1,4 @@
-"""Fits that set out from far off: coarse views, stages, shapes of what is new."""
+"""Fits that set out from far off: down-weighted views, stages, shapes of what is new."""
 
 from dataclasses import replace
 
@@ -75,7 +75,7 @@ LINING = {
 }
 
 
-def test_a_coarse_view_has_few_lines_and_the_level_around_them_as_its_measure(model):
+def test_a_down_weighted_view_has_few_lines_and_the_level_around_them_as_its_measure(model):
     o = recorded(model, [], {})
     view = o.down_weighted(10.0)
     assert view.frequency_hz.tolist() == FREQUENCY[::3].tolist()
@@ -151,7 +151,7 @@ def leaking(model, wall="z1"):
     return base_problem(model, [recorded(model, [f"leak@{wall}"], true)]), true
 
 
-def test_of_starts_that_a_coarse_view_takes_for_the_same_a_sketch_chooses(model):
+def test_of_starts_that_a_down_weighted_view_takes_for_the_same_a_subsample_chooses(model):
     problem, true = leaking(model)
     there = true | {"leak@z1.across": 0.2, "leak@z1.along": 0.75}
     opposite = true | {"leak@z1.across": 0.8, "leak@z1.along": 0.2}
@@ -207,7 +207,7 @@ def test_what_is_easily_taken_for_an_effect_acts_at_its_place(model):
 
 
 def test_a_panel_is_a_wall_of_resistance_mass_and_stiffness(model):
-    """So that data cannot tell them apart, and of coverage and mass they show the ratio only."""
+    """So that data cannot distinguish them, and of coverage and mass they show the ratio only."""
     omega0, conditions = 2 * np.pi * 140.0, {"frequency": FREQUENCY, "velocity_psd": np.ones(FREQUENCY.size)}
     panel = {"coverage": 0.4, "mass": 8.0, "resonance": 140.0, "loss_factor": 0.2}
     base = model.assemble().evaluate(conditions)

@@ -494,7 +494,7 @@ def test_smallest_visible_size_is_seen_four_times_in_five(toy):
     assert np.mean(gains > needed) == pytest.approx(0.8, abs=0.025)
 
 
-def test_the_family_wise_level_holds_for_the_traces_of_a_model(toy):
+def test_the_family_wise_level_holds_for_the_signatures_of_a_model(toy):
     problem = toy.problem(nothing, ["square", "cross", "wave", "saturating"])
     start = Refit(frozenset(), problem, fit(problem))
     step = Search(Refits(start)).step(start)
@@ -610,7 +610,7 @@ def test_simplest_rational(low, high, want):
 KEYS = {
     "verdict", "reason", "alternatives", "effects", "at", "unknown_possible", "ranking", "lack_of_fit",
     "model_discrepancy_percent", "fails_at", "residual_law", "smallest_visible", "not_testable",
-    "next_measurement", "pulls", "error", "remarks",
+    "next_measurement", "pulls", "error", "remarks", "other_form",
 }  # fmt: skip
 ROW = {
     "effects", "at", "delta_bic", "p_value", "held_out_gain", "error_after", "parameters", "plausible",

@@ -94,7 +94,7 @@ def test_a_model_that_fails_does_not_move_microphones_far(model, measured):
     assert np.abs(found.moved).max() < 2.5 * 0.003
 
 
-def test_a_sketch_has_the_residual_of_the_whole(model, measured):
+def test_a_subsample_has_the_residual_of_the_whole(model, measured):
     assembly, values = model.assemble(), {"wall_admittance.common": 0.9 * ADMITTANCE}
     whole = measured.about(assembly, values)
     subsample = whole.subsample(assembly, values, whole.n // 4)

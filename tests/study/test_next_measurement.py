@@ -110,3 +110,23 @@ def test_a_verdict_carries_its_proposals(toy):
     found = diagnose(toy.problem(lambda x, z: 4 * x**2, ["square", "twin", "cross"], seed=9)).to_json()
     for row in found["next_measurement"]:
         assert set(row) == {"text", "conditions", "predictions", "unit", "sigma", "separation_sigma"}
+
+
+def test_no_condition_is_proposed_twice_and_between_measured_ones_where_the_grid_is_too_coarse(tmp_path):
+    """A model that fails at slow speeds, over limits whose grid has a single slow point, zero."""
+    from specan.models import Model
+    from specan.study.data.open_tables import read_tables
+    from specan.study.estimation.problem import base_problem
+
+    model = Model.from_function(
+        lambda speed, level=1.0: level + 0 * speed, conditions={"speed": ("rpm", -200, 200)},
+        observables={"drag": ("N", 0.01)},
+    )  # fmt: skip
+    speeds = [-200, -100, -50, -20, -8, -4, -2, 2, 4, 8, 20, 50, 100, 200]
+    rows = [f"{v},{1 + np.exp(-abs(v + 4)):.4f}" for v in speeds]
+    (tmp_path / "t.csv").write_text("speed,drag\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    problem = base_problem(model, read_tables(model, [tmp_path / "t.csv"]).fitted)
+    start = Refit(frozenset(), problem, fit(problem))
+    found = explore(start, localise(problem, start.fit).fails_at)
+    proposed = sorted(one.conditions["speed"] for one in found)
+    assert proposed == pytest.approx([-6, -3])  # the middles around -4

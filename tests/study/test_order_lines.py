@@ -9,6 +9,7 @@ from specan.models import Condition, Model, Observable
 from specan.models.order_lines import OrderLines, Tacho
 from specan.models.quantity import constant
 from specan.study.data.open_orders import like
+from specan.study.estimation.problem import base_problem
 from specan.study.observation import Observation
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors
 
@@ -147,3 +148,21 @@ def test_noise_is_not_turned() -> None:
         )
         turned, _ = like(observed(one, 1.0), observed(two, 1.0), STATEMENT)
         assert np.array_equal(turned.amplitude, two)
+
+
+def test_a_problem_is_made_of_order_lines() -> None:
+    """Gains are no groups of a model, such as lots of oil, of which observations may hold the names."""
+    model = Model(
+        name="comb",
+        title="A comb",
+        conditions={
+            "order": Condition("order", "1", "Order.", "order", "1"),
+            "load": Condition("load", "1", "Load.", "load", "1"),
+        },
+        quantities={"lines": constant("lines", TRUTH, "m/s^2", "Lines.")},
+        effects={},
+        observables={"lines": Observable("lines", "lines", "m/s^2", "Lines.", kind="orders")},
+    )
+    problem = base_problem(model, [observed(TRUTH)])
+    assert problem.n_effective == 32 - 2 * 4
+    assert problem.residual(problem.start()) == pytest.approx(np.zeros(32), abs=1e-9)

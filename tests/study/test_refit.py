@@ -60,7 +60,7 @@ def test_an_effect_that_is_not_worth_it_leaves_what_a_certificate_holds(toy):
     )
 
 
-def test_a_start_within_keeps_a_certified_value_that_is_put_aside(toy):
+def test_a_start_within_keeps_a_value_whose_prior_is_removed(toy):
     problem = toy.problem(lambda x, z: 0.4 * (z > 0), ["hollow", "zero-error"], also=[hollow])
     refits = refits_of(problem)
     richer = problem.with_uses(["hollow", "zero-error"])

@@ -9,8 +9,9 @@ import pytest
 
 pytest.importorskip("numba")
 from truth.planetary_gear import draw, machine
-from truth.planetary_gear.machine import PERIOD, Machine, ring_forces
+from truth.planetary_gear.machine import Machine, contact_ratios, ring_forces
 
+PERIOD = 28  # lcm of the turns after which 24 and 66, and 21 and 66 teeth meet as before
 CARRIER_HZ, TORQUE = 8.0, 60.0
 
 
@@ -69,3 +70,18 @@ def test_a_case_is_drawn_the_same_again() -> None:
     assert np.array_equal(one.housing.resonance, two.housing.resonance)
     assert draw(3).machine.drop == one.machine.drop
     assert not draw(3).machine.hidden
+
+
+def test_contact_ratios_of_the_article_and_periods_by_arithmetic() -> None:
+    assert contact_ratios(24, 21, 66, math.radians(20)) == pytest.approx((1.586, 1.932), abs=2e-3)
+    assert Machine().period == PERIOD
+    assert Machine(z_sun=30, z_planet=24, z_ring=78).period == math.lcm(5, 4)
+
+
+def test_drawn_sets_assemble_and_their_torques_span_a_factor() -> None:
+    for seed in range(12):
+        case = draw(seed, drawn_set=True)
+        m = case.machine
+        assert m.z_ring == m.z_sun + 2 * m.z_planet
+        assert (m.z_sun + m.z_ring) % m.planets == 0
+        assert case.runs[1].torque >= 2.4 * case.runs[0].torque

@@ -1,4 +1,4 @@
-"""The simulated rig is held against physics that is written down here once more."""
+"""The simulated rig is compared with physics that is written down here once more."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""The simulated sound field is held against cases with an exact solution."""
+"""The simulated sound field is compared with cases with an exact solution."""
 
 import itertools
 
@@ -92,7 +92,7 @@ def test_a_tube_with_a_swinging_lining_beside_the_wall() -> None:
 
 @pytest.mark.parametrize("stiffness", [0.0, 3.0e4])
 def test_a_plug_and_the_volume_it_opens(stiffness: float) -> None:
-    """Far below the first natural frequency the box is a spring, and neck or opening stand beside it."""
+    """Far below the first natural frequency the box is a spring, and neck or opening are beside it."""
     dims = (0.3, 0.25, 0.2)
     plug = Plug(Disc("y1", (0.1, 0.0, 0.1), 0.03), Motion(0.3, 40.0, stiffness))
     piston = Disc("x0", (0.0, 0.1, 0.1), 0.05)

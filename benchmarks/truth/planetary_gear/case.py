@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from specan.io.write_tdms import write_tdms
-from truth.planetary_gear.machine import Machine
+from truth.planetary_gear.machine import Machine, contact_ratios
 from truth.planetary_gear.recorded import RATE, Housing, Run, record
 
 OUTSIDE = ("bearing-defect",)
 ANGLES_DEG = (90.0, 0.0)
+# Teeth of sun, planet and ring, number of planets: in phase, in phase, one after the other, counter-phased.
+SETS = ((24, 21, 66, 3), (30, 24, 78, 3), (20, 25, 70, 3), (18, 24, 66, 4))
 RUNS = (Run(30.0, 30.0, 8.0), Run(30.0, 60.0, 8.0), Run(24.0, 60.0, 10.0))
 HELD_OUT = Run(30.0, 90.0, 8.0)
 
@@ -29,13 +31,15 @@ class Gear:
     held_out: Run = HELD_OUT
 
 
-def draw(seed: int, *effects: str, strength: float = 1.0) -> Gear:
+def draw(seed: int, *effects: str, strength: float = 1.0, drawn_set: bool = False) -> Gear:
     """A set with hidden effects; the form of each part is drawn among some that the model does not use.
 
     Parameters
     ----------
     strength : float
         Multiplies the drawn size of what is hidden.
+    drawn_set : bool
+        Draw teeth, speeds, torques and the form of the mesh stiffness too; else the article's set at three points.
     """
     rng = np.random.default_rng(seed)
     machine = Machine(
@@ -58,23 +62,50 @@ def draw(seed: int, *effects: str, strength: float = 1.0) -> Gear:
         noise=10 ** rng.uniform(-1.3, -0.3),
     )  # fmt: skip
     mount = rng.normal(0, 1.0)
+    runs, held_out = RUNS, HELD_OUT
+    if drawn_set:
+        machine, runs, held_out = _other_set(machine, np.random.default_rng([seed, 13]))
     hidden = {
-        name: _size(name, strength, np.random.default_rng([seed, 7, k])) for k, name in enumerate(effects)
+        name: _size(name, strength, np.random.default_rng([seed, 7, k]), machine.planets)
+        for k, name in enumerate(effects)
     }
     if "transmission-path" in hidden:
         housing = replace(housing, width=housing.width * hidden["transmission-path"]["narrower"])
-    return Gear(seed, replace(machine, hidden=hidden), housing, mount)
+    return Gear(seed, replace(machine, hidden=hidden), housing, mount, runs, held_out)
 
 
-def _size(name: str, strength: float, rng: np.random.Generator) -> dict[str, float]:
+def _other_set(machine: Machine, rng: np.random.Generator) -> tuple[Machine, tuple[Run, ...], Run]:
+    """Another set of teeth, another form of the stiffness, and other speeds and torques."""
+    z_sun, z_planet, z_ring, planets = SETS[int(rng.integers(len(SETS)))]
+    form = str(rng.choice(["parabola", "trapezoid"]))
+    ratios = contact_ratios(z_sun, z_planet, z_ring, machine.pressure_angle)
+    machine = replace(
+        machine,
+        z_sun=z_sun,
+        z_planet=z_planet,
+        z_ring=z_ring,
+        planets=planets,
+        form=form,
+        contact_ratio=ratios,
+    )
+    fast, top = round(rng.uniform(24, 34), 1), round(rng.uniform(50, 90))
+    low = round(top * rng.uniform(0.2, 0.4))
+    slow = round(fast * rng.uniform(0.7, 0.85), 1)
+    runs = (Run(fast, low, 8.0), Run(fast, top, 8.0), Run(slow, top, 10.0))
+    return machine, runs, Run(fast, round(1.4 * top), 8.0)
+
+
+def _size(name: str, strength: float, rng: np.random.Generator, planets: int) -> dict[str, float]:
     """Size of a hidden effect: what a workshop would want to know about."""
     part = strength * 10 ** rng.uniform(-0.5, 0.0)
     sign = float(rng.choice([-1.0, 1.0]))
-    planet = float(rng.integers(1, 4))
+    planet = float(rng.integers(1, planets + 1))
     phase = rng.uniform(0, 2 * np.pi)
     return {
         "planet-position-error": {"planet": planet, "error_um": sign * 1.5 * part},
         "unequal-load-sharing": {"planet": planet, "share": sign * 0.2 * part},
+        "carrier-runout": {"eccentricity_um": 1.0 * part, "phase": phase},
+        "planet-runout": {"planet": planet, "eccentricity_um": 2.0 * part, "phase": phase},
         "sun-runout": {"eccentricity_um": 2.0 * part, "phase": phase},
         "torque-ripple": {"part": 0.05 * part, "phase": phase},
         "transmission-path": {"narrower": 1 - 0.35 * part if sign < 0 else 1 + 0.35 * part},
@@ -99,7 +130,10 @@ def write_case(gear: Gear, folder: Path) -> tuple[list[Path], Path, Path]:
         )  # fmt: skip
         paths.append(folder / name)
     rig = folder / "rig.toml"
-    rig.write_text(RIG)
+    m = gear.machine
+    rig.write_text(
+        RIG.format(z_sun=m.z_sun, z_planet=m.z_planet, z_ring=m.z_ring, planets=m.planets), encoding="utf-8"
+    )
     return paths[:-1], paths[-1], rig
 
 
@@ -110,10 +144,10 @@ def _sensor(name: str) -> dict[str, object]:
 
 
 RIG = """[gear]
-z_sun = 24
-z_planet = 21
-z_ring = 66
-planets = 3
+z_sun = {z_sun}
+z_planet = {z_planet}
+z_ring = {z_ring}
+planets = {planets}
 module_mm = 2.0
 [sensors]
 acc_angle_deg = [90.0, 0.0]

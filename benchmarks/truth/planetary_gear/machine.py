@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 import numpy as np
 from numba import njit
@@ -18,7 +19,6 @@ Real = NDArray[np.float64]
 
 STEPS_A_TOOTH = 40
 SETTLE_TURNS = 3
-PERIOD = 28  # turns of the carrier after which 24, 66 and 21 teeth meet as before
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,7 @@ class Machine:
     module: float = 2e-3
     pressure_angle: float = math.radians(20.0)
     pair_stiffness: float = 7e7
+    form: str = "parabola"
     drop: float = 0.3
     ramp: float = 0.06
     contact_ratio: tuple[float, float] = (1.586, 1.932)
@@ -52,6 +53,12 @@ class Machine:
         """From the axis to a planet's pin."""
         return self.module * (self.z_sun + self.z_planet) / 2
 
+    @property
+    def period(self) -> int:
+        """Turns of the carrier after which all teeth meet as before."""
+        sun, planet = Fraction(self.z_ring, self.z_sun), Fraction(self.z_ring, self.z_planet)
+        return math.lcm(sun.denominator, planet.denominator)
+
     def angles(self) -> Real:
         """Places of the planets as drawn."""
         return 2 * np.pi * np.arange(self.planets) / self.planets
@@ -60,7 +67,7 @@ class Machine:
 def ring_forces(machine: Machine, carrier_hz: float, torque: float) -> tuple[Real, Real]:
     """Turns of the carrier over one period, and the forces of the ring's meshes there, (planets, steps)."""
     a_turn = machine.z_ring * STEPS_A_TOOTH
-    turn = np.arange(-SETTLE_TURNS * a_turn, PERIOD * a_turn) / a_turn
+    turn = np.arange(-SETTLE_TURNS * a_turn, machine.period * a_turn) / a_turn
     stiffness, offset, load = _excitation(machine, turn, torque)
     sun, planet, ring = machine.base_radii
     n = machine.planets
@@ -103,6 +110,17 @@ def _excitation(machine: Machine, turn: Real, torque: float) -> tuple[Real, Real
         stiffness[:, i], stiffness[:, machine.planets + i] = k_sun, k_ring
         # The planet is pushed forward by sun and ring and held back by its pin: a pin ahead lets both flanks go.
         offset[:, [i, machine.planets + i]] -= ahead * math.cos(machine.pressure_angle)
+        if "carrier-runout" in hidden:
+            runout = hidden["carrier-runout"]
+            at = 2 * np.pi * turn + place + runout["phase"]
+            offset[:, machine.planets + i] += runout["eccentricity_um"] * 1e-6 * np.sin(at)
+        if "planet-runout" in hidden and int(hidden["planet-runout"]["planet"]) == i + 1:
+            runout = hidden["planet-runout"]
+            at = 2 * np.pi * turn * z_ring / machine.z_planet + runout["phase"]
+            offset[:, i] += runout["eccentricity_um"] * 1e-6 * np.sin(at - machine.pressure_angle)
+            offset[:, machine.planets + i] -= (
+                runout["eccentricity_um"] * 1e-6 * np.sin(at + machine.pressure_angle)
+            )
         if "sun-runout" in hidden:
             runout = hidden["sun-runout"]
             at = 2 * np.pi * against - place + runout["phase"]
@@ -114,15 +132,30 @@ def _excitation(machine: Machine, turn: Real, torque: float) -> tuple[Real, Real
     return stiffness, offset, load
 
 
+def contact_ratios(z_sun: int, z_planet: int, z_ring: int, angle: float) -> tuple[float, float]:
+    """Of sun and planet, of planet and ring, with addenda of one module (path of contact over base pitch)."""
+    cos, sin = math.cos(angle), math.sin(angle)
+
+    def reach(z: int, addendum: float) -> float:
+        return math.sqrt((z / 2 + addendum) ** 2 - (z / 2 * cos) ** 2)
+
+    outer = reach(z_sun, 1.0) + reach(z_planet, 1.0) - (z_sun + z_planet) / 2 * sin
+    inner = reach(z_planet, 1.0) - reach(z_ring, -1.0) + (z_ring - z_planet) / 2 * sin
+    return outer / (math.pi * cos), inner / (math.pi * cos)
+
+
 def _mesh(machine: Machine, phase: Real, ratio: float) -> Real:
     """Stiffness of all pairs at a phase in pitches."""
     total = np.zeros_like(phase)
     base = phase - np.floor(phase)
     for pair in range(math.ceil(ratio)):
         x = (base + pair) / ratio
-        parabola = 1 - machine.drop * (2 * x - 1) ** 2
         edge = np.clip(np.minimum(x, 1 - x) / machine.ramp, 0, 1)
-        total += machine.pair_stiffness * parabola * (0.5 - 0.5 * np.cos(np.pi * edge))
+        if machine.form == "trapezoid":
+            total += machine.pair_stiffness * (1 - machine.drop * np.abs(2 * x - 1)) * edge
+        else:
+            parabola = 1 - machine.drop * (2 * x - 1) ** 2
+            total += machine.pair_stiffness * parabola * (0.5 - 0.5 * np.cos(np.pi * edge))
     return total
 
 

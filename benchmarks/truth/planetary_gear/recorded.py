@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from truth.planetary_gear.machine import PERIOD, Machine, ring_forces
+from truth.planetary_gear.machine import Machine, ring_forces
 
 Real = NDArray[np.float64]
 
 RATE = 12800.0
-HIGHEST = 264  # orders that the sensors pass
+HIGHEST = 4  # harmonics of the mesh that the sensors pass
 RIM = 6e8  # N/m
 TACHO_SUN = 32
 
@@ -78,16 +78,23 @@ def record(
     at = _turns(machine, time, carrier_hz, rng)
     heard = at + _flutter(machine, at, rng)
     channels: dict[str, Real] = {}
-    orders = np.arange(turn.size // 2 + 1) / PERIOD
+    orders = np.arange(turn.size // 2 + 1) / machine.period
     omega = 2 * np.pi * orders * carrier_hz
     for s, degrees in enumerate(housing.angles_deg):
         rim = np.zeros(turn.size)
         for i, place in enumerate(machine.angles()):
             rim += housing.window(2 * np.pi * turn + place - math.radians(degrees)) * force[i] / RIM
-        lines = -(omega**2) * np.fft.rfft(rim) * housing.gain(s, orders * carrier_hz) * (orders <= HIGHEST)
+        lines = (
+            -(omega**2)
+            * np.fft.rfft(rim)
+            * housing.gain(s, orders * carrier_hz)
+            * (orders <= HIGHEST * machine.z_ring)
+        )
         around = np.fft.irfft(lines, turn.size)
-        closed = CubicSpline(np.append(turn, PERIOD), np.append(around, around[0]), bc_type="periodic")
-        channels[f"Acc {s + 1}"] = closed(heard % PERIOD)
+        closed = CubicSpline(
+            np.append(turn, machine.period), np.append(around, around[0]), bc_type="periodic"
+        )
+        channels[f"Acc {s + 1}"] = closed(heard % machine.period)
     for name in list(channels):
         level = housing.noise
         channels[name] = channels[name] + level * rng.standard_normal(time.size)
@@ -103,7 +110,7 @@ def record(
 
 def _turns(machine: Machine, time: Real, carrier_hz: float, rng: np.random.Generator) -> Real:
     """Turns of the carrier: somewhere in the period at first, at a speed that wanders by a tenth of a per cent."""
-    begun = rng.uniform(0, PERIOD)
+    begun = rng.uniform(0, machine.period)
     wander = sum(
         a * np.sin(2 * np.pi * f * time + p) / (2 * np.pi * f)
         for a, f, p in zip(

@@ -12,6 +12,7 @@ from truth.room.obstacle import Block
 from truth.room.truth import Details, Truth
 
 _NOMINAL_PERCENT = 50.0
+ABOVE_FLOOR_M = 0.02
 
 
 def temperature(truth: Truth, strength: float, at: str, rng: np.random.Generator) -> tuple[Truth, Details]:
@@ -46,11 +47,13 @@ def dimension(truth: Truth, strength: float, at: str, rng: np.random.Generator) 
 
 
 def scatterer(truth: Truth, strength: float, at: str, rng: np.random.Generator) -> tuple[Truth, Details]:
-    """A rigid block of `strength` cubic metres, longer than it is wide, stands somewhere in the room."""
+    """A rigid block of `strength` cubic metres, longer than it is wide, stands somewhere; ``@floor``: 2 cm above z0."""
     stretch = np.exp(rng.uniform(-0.35, 0.35, 3))
     edges = stretch * (strength / np.prod(stretch)) ** (1.0 / 3.0)
     dims = np.array(truth.room.dims_m)
     centre = rng.uniform(edges / 2 + 0.02, dims - edges / 2 - 0.02)
+    if at == "floor":
+        centre[2] = edges[2] / 2 + ABOVE_FLOOR_M
     block = Block(as_point(centre), as_point(edges))
     room = replace(truth.room, block=block)
     return replace(truth, room=room), {"place_m": str(block.centre_m), "edges_m": str(block.edges_m)}

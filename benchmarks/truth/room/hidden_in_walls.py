@@ -9,7 +9,7 @@ import numpy as np
 from truth.room.box import Disc
 from truth.room.branch import Lining, Motion, Plug
 from truth.room.layer import Layer, layer_motions
-from truth.room.layout import draw_on_wall
+from truth.room.layout import Point, as_point, draw_on_wall
 from truth.room.truth import Details, Truth, free_wall, with_part
 
 GRAZING_OVER_NORMAL = 2.0  # resonance of a sheet for grazing sound over that for normal incidence
@@ -85,10 +85,15 @@ def extended_reaction(
 
 
 def resonator(truth: Truth, strength: float, at: str, rng: np.random.Generator) -> tuple[Truth, Details]:
-    """A neck before a cavity of `strength` cubic metres: mass of the air plug, spring of the enclosed air."""
-    wall = free_wall(truth, at, rng)
+    """A neck before a cavity of `strength` cubic metres: mass of the air plug, spring of the enclosed air.
+
+    ``@z1 corner`` puts it into a corner of that wall, ``@corner`` of any.
+    """
+    wall = free_wall(truth, at.removesuffix("corner").strip(), rng)
     radius, frequency, quality = rng.uniform(0.02, 0.03), rng.uniform(120.0, 450.0), rng.uniform(8.0, 20.0)
     place = draw_on_wall(rng, truth.layout.dims_m, wall, 0.08)
+    if at.endswith("corner"):
+        place = _in_a_corner(rng, truth.layout.dims_m, wall)
     disc = Disc(wall, place, radius)
     omega, rho = 2.0 * np.pi * frequency, truth.room.density
     stiffness = rho * truth.room.sound_speed**2 * disc.area_m2 / strength
@@ -96,6 +101,15 @@ def resonator(truth: Truth, strength: float, at: str, rng: np.random.Generator) 
     motion = Motion(mass=mass, resistance=omega * mass / quality, stiffness=stiffness)
     details: Details = {"wall": wall, "place_m": str(place), "frequency_hz": frequency, "quality": quality}
     return with_part(truth, Plug(disc, motion)), details | {"neck_radius_m": radius, "length_m": mass / rho}
+
+
+def _in_a_corner(rng: np.random.Generator, dims_m: Point, wall: str) -> Point:
+    """A point of a wall 4 to 8 cm from two of its edges."""
+    off, far = rng.uniform(0.04, 0.08, 3), rng.integers(2, size=3)
+    place = np.where(far == 1, np.array(dims_m) - off, off)
+    axis = "xyz".index(wall[0])
+    place[axis] = dims_m[axis] if wall.endswith("1") else 0.0
+    return as_point(place)
 
 
 def leak(truth: Truth, strength: float, at: str, rng: np.random.Generator) -> tuple[Truth, Details]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from specan.errors import ComputationError
 from truth.worm_gear import bearings, mesh
+from truth.worm_gear.forms import Forms, bearing_moment, boundary_share, drag_shape, oil
 from truth.worm_gear.gear import (
     BEARINGS,
     RATIO,
@@ -17,7 +18,6 @@ from truth.worm_gear.gear import (
     SHAFT_WEIGHT,
     Array,
     Gear,
-    viscosity,
 )
 
 FULL_DEPTH = 0.6  # immersion over the radius of the dipping part at full oil level
@@ -99,20 +99,20 @@ class Balance:
     state: State
 
 
-def _drag_torque(gear: Gear, state: State) -> Array:
-    """Oil sheared and carried by worm and wheel: proportional to viscosity, saturating with speed.
+def _drag_torque(gear: Gear, forms: Forms, state: State) -> Array:
+    """Oil sheared and carried by worm and wheel: by default proportional to viscosity, saturating with speed.
 
     The wetted part of a circle that dips to 0.6 of its radius when the level is full.
     """
     depth = np.clip(state.conditions.oil_level / 100.0 * FULL_DEPTH, 0.0, 1.9)
     wetted = np.arccos(1.0 - depth) / np.arccos(1.0 - FULL_DEPTH)
     speed = state.conditions.speed_rpm / REFERENCE_SPEED
-    saturation = speed * (1.0 + gear.drag_speed) / (speed + gear.drag_speed)
-    return gear.drag_torque * state.viscosity / REFERENCE_VISCOSITY * saturation * wetted
+    shape = drag_shape(forms, gear.drag_speed)
+    return gear.drag_torque * shape(speed, state.viscosity / REFERENCE_VISCOSITY) * wetted
 
 
-def _mesh_friction(gear: Gear, slots: Slots, state: State) -> Array:
-    lifted = 1.0 / (1.0 + (state.sliding_speed / gear.boundary_speed) ** 3)
+def _mesh_friction(gear: Gear, forms: Forms, slots: Slots, state: State) -> Array:
+    lifted = boundary_share(forms, state.sliding_speed, gear.boundary_speed)
     friction = gear.film_friction + gear.boundary_friction * lifted
     for factor in slots.friction_factor:
         friction = friction * factor(state)
@@ -122,7 +122,7 @@ def _mesh_friction(gear: Gear, slots: Slots, state: State) -> Array:
 
 
 def _bearing_torques(
-    gear: Gear, slots: Slots, state: State, contact: mesh.MeshForces, omega: Array
+    gear: Gear, forms: Forms, slots: Slots, state: State, contact: mesh.MeshForces, omega: Array
 ) -> tuple[Array, Array]:
     """Friction torque of the worm's and of the wheel's bearings, each at its own shaft."""
     torques = []
@@ -134,17 +134,25 @@ def _bearing_torques(
         total = np.zeros_like(omega)
         for bearing, radial in ((near, at_near), (far, at_far)):
             thrust = (axial if bearing.locating else 0.0 * axial) + gear.bearing_seat
+            factors = np.ones_like(omega)
+            for factor in slots.rolling_factor:
+                factors = factors * factor(state)
+            if forms.bearing != "ball by ball":
+                total = total + bearing_moment(
+                    forms, bearing, radial, thrust, shaft_speed, state.viscosity, factors
+                )
+                continue
             angle = bearings.contact_angle(bearing, thrust)
             loads = bearings.ball_loads(bearing, radial, thrust, angle)
             rolling = bearings.rolling_torque(bearing, loads, shaft_speed, state.viscosity)
-            for factor in slots.rolling_factor:
-                rolling = rolling * factor(state)
-            total = total + rolling + bearings.spinning_torque(bearing, loads, angle)
+            total = total + rolling * factors + bearings.spinning_torque(bearing, loads, angle)
         torques.append(gear.bearing_roughness * total)
     return torques[0], torques[1]
 
 
-def solve(gear: Gear, conditions: Conditions, slots: Slots | None = None) -> Balance:
+def solve(
+    gear: Gear, conditions: Conditions, slots: Slots | None = None, forms: Forms | None = None
+) -> Balance:
     """Find the input torque at which torques, forces, losses and oil temperatures agree.
 
     Parameters
@@ -155,6 +163,8 @@ def solve(gear: Gear, conditions: Conditions, slots: Slots | None = None) -> Bal
         What it runs at.
     slots : Slots, optional
         Hidden effects.
+    forms : Forms, optional
+        Published forms of the parts; those of this simulator by default.
 
     Returns
     -------
@@ -165,13 +175,13 @@ def solve(gear: Gear, conditions: Conditions, slots: Slots | None = None) -> Bal
     ComputationError
         If the state does not settle, or is not finite.
     """
-    slots = slots or Slots()
+    slots, forms = slots or Slots(), forms or Forms()
     omega = 2.0 * np.pi * np.asarray(conditions.speed_rpm, float) / 60.0
     points = mesh.contact_points()
     state = State(
         conditions,
         film_temperature=np.array(conditions.oil_temperature, float),
-        viscosity=viscosity(gear, np.asarray(conditions.oil_temperature, float)),
+        viscosity=oil(forms, gear, np.asarray(conditions.oil_temperature, float)),
         local_force=np.outer(conditions.output_torque, points.share) / 0.045,
         sliding_speed=np.outer(omega, points.sliding_speed),
         loss=np.zeros_like(omega),
@@ -179,9 +189,9 @@ def solve(gear: Gear, conditions: Conditions, slots: Slots | None = None) -> Bal
     wheel_torque = np.array(conditions.output_torque, float)
     before = np.full_like(omega, np.inf)
     for _ in range(_MOST_ROUNDS):
-        contact = mesh.forces(wheel_torque, omega, _mesh_friction(gear, slots, state))
-        at_worm, at_wheel = _bearing_torques(gear, slots, state, contact, omega)
-        drag = _drag_torque(gear, state)
+        contact = mesh.forces(wheel_torque, omega, _mesh_friction(gear, forms, slots, state))
+        at_worm, at_wheel = _bearing_torques(gear, forms, slots, state, contact, omega)
+        drag = _drag_torque(gear, forms, state)
         for factor in slots.drag_factor:
             drag = drag * factor(state)
         further = np.zeros_like(omega)
@@ -206,7 +216,7 @@ def solve(gear: Gear, conditions: Conditions, slots: Slots | None = None) -> Bal
         state.film_temperature = conditions.oil_temperature + sum(
             (rise(state) for rise in slots.film_temperature), np.zeros_like(omega)
         )
-        state.viscosity = viscosity(gear, state.film_temperature)
+        state.viscosity = oil(forms, gear, state.film_temperature)
     raise ComputationError(
         "the simulated gear does not settle", remedy="weaken the effect that heats the oil"
     )

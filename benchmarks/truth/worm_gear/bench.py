@@ -14,6 +14,8 @@ from specan.errors import RequestError, nearest
 from truth.worm_gear import plans, rig
 from truth.worm_gear.balance import Balance, Conditions, Slots, solve
 from truth.worm_gear.effects import EFFECTS
+from truth.worm_gear.forms import Forms, draw_forms
+from truth.worm_gear.forms import noise as drawn_noise
 from truth.worm_gear.gear import RATIO, Array, Gear, draw
 
 # What the set values are missed by, as standard deviations.
@@ -91,7 +93,9 @@ def _streams(seed: int, effects: Mapping[str, float]) -> dict[str, np.random.Gen
     names = sorted(EFFECTS)
     streams = {
         purpose: np.random.default_rng([seed, number])
-        for number, purpose in enumerate(("gear", "order", "setting", "unseen", "reading", "instruments"))
+        for number, purpose in enumerate(
+            ("gear", "order", "setting", "unseen", "reading", "instruments", "forms", "plan")
+        )
     }
     streams |= {name: np.random.default_rng([seed, 100 + names.index(name)]) for name in effects}
     return streams
@@ -203,6 +207,7 @@ def simulate(
     effects: Mapping[str, float] | None = None,
     design: str = "grid",
     noise_percent: float | None = None,
+    drawn: bool = False,
 ) -> TruthCase:
     """Run a worm gear with hidden effects on the bench.
 
@@ -218,6 +223,8 @@ def simulate(
     noise_percent : float, optional
         Standard deviation of a reading of the input torque in percent of it, instead of the rig's in Nm; the rig file
         then says nothing of it, so that repeats have to tell.
+    drawn : bool
+        Draw a published form of every part (`forms`) and the grid of the plan, instead of this simulator's own.
 
     Returns
     -------
@@ -239,10 +246,12 @@ def simulate(
     plan = plans.PLANS[design]
     streams = _streams(seed, hidden)
     gear = draw(streams["gear"])
+    forms = draw_forms(streams["forms"]) if drawn else Forms()
+    plan = plans.draw_grid(plan, streams["plan"]) if drawn else plan
     settings = plans.lay_out(plan, streams["order"])
     conditions = _run_at(settings, plan, streams["setting"])
     slots = _install(hidden, streams)
-    balance = solve(gear, conditions, slots)
+    balance = solve(gear, conditions, slots, forms)
     ideal = _ideal(conditions, balance, slots)
     content = copy.deepcopy(rig.RIG)
     instruments = _draw_instruments(content["uncertainty"], streams["instruments"])
@@ -255,11 +264,15 @@ def simulate(
         _UNSEEN_MESH_PERCENT / 100.0 * balance.mesh / omega,
     )
     reading = _reading_noise(content["uncertainty"], ideal["input_torque_Nm"], noise_percent)
+    if drawn:
+        reading = np.hypot(reading, forms.reading / 100.0 * ideal["input_torque_Nm"])
+        content["uncertainty"].pop("input_torque_Nm", None)  # of such noise only repeats tell
+    steps = {**_STEPS, "input_torque_Nm": forms.step if drawn else _STEPS["input_torque_Nm"]}
     torque = ideal["input_torque_Nm"] + parts[0] * unseen[0] + parts[1] * unseen[1]
     shown = {
-        "input_torque_Nm": torque * (1.0 + instruments.input_gain)
+        "input_torque_Nm": torque * (1.0 + instruments.input_gain + forms.curvature / 1000.0 * torque)
         + instruments.input_zero
-        + reading * streams["reading"].standard_normal(torque.size),
+        + reading * drawn_noise(forms, streams["reading"], torque.size),
         "oil_temperature_C": ideal["oil_temperature_C"] + instruments.temperature,
     }
     output = conditions.output_torque * (1.0 + instruments.output_gain) + instruments.output_zero
@@ -267,12 +280,12 @@ def simulate(
     if plan.columns == "efficiency":
         table = _printed(table, settings)
     else:
-        table = {name: _rounded(v, _STEPS[name]) if name in _STEPS else v for name, v in table.items()}
+        table = {name: _rounded(v, steps[name]) if name in steps else v for name, v in table.items()}
     return TruthCase(
         table=table,
         noise_free=_columns(settings, plan, conditions.speed_rpm, conditions.output_torque, ideal),
-        without_effects=solve(gear, conditions).input_torque,
-        sigma_reading=np.hypot(reading, _STEPS["input_torque_Nm"] / np.sqrt(12.0)),
+        without_effects=solve(gear, conditions, forms=forms).input_torque,
+        sigma_reading=np.hypot(reading, steps["input_torque_Nm"] / np.sqrt(12.0)),
         sigma_setup=np.hypot(*parts),
         rig=content,
         effects=hidden,

@@ -94,7 +94,7 @@ def draw(rng: np.random.Generator) -> Gear:
     )
 
 
-def viscosity(gear: Gear, temperature: Array) -> Array:
+def viscosity(gear: Gear, temperature: Array, offset: float = CHART_OFFSET) -> Array:
     """Kinematic viscosity, mm^2/s, by the standard chart of lubricating oils through the data sheet's two points.
 
     Ubbelohde and Walther: ``log log(nu + 0.8) = K - m log T`` with T in kelvin (DIN 51563; ASTM D341 has 0.7),
@@ -106,13 +106,15 @@ def viscosity(gear: Gear, temperature: Array) -> Array:
         Whose oil.
     temperature : array
         degC.
+    offset : float
+        Added to the viscosity in the chart, mm^2/s.
 
     Examples
     --------
     >>> viscosity(Gear(), np.array([40.0, 100.0])).round(6)
     array([220.,  36.])
     """
-    at_40, at_100 = (np.log10(np.log10(nu + CHART_OFFSET)) for nu in (VISCOSITY_40, VISCOSITY_100))
+    at_40, at_100 = (np.log10(np.log10(nu + offset)) for nu in (VISCOSITY_40, VISCOSITY_100))
     slope = (at_40 - at_100) / np.log10((100.0 + ZERO_CELSIUS) / (40.0 + ZERO_CELSIUS))
     line = at_40 - slope * np.log10((temperature + ZERO_CELSIUS) / (40.0 + ZERO_CELSIUS))
-    return gear.oil_batch * (10.0 ** (10.0**line) - CHART_OFFSET)
+    return gear.oil_batch * (10.0 ** (10.0**line) - offset)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,26 @@ PLANS: dict[str, Plan] = {
         setting="exact",
     ),
 }
+
+
+def draw_grid(plan: Plan, rng: np.random.Generator) -> Plan:
+    """The same kind of plan on a grid of its own: other torques, speeds, temperatures, sometimes a third set-up."""
+    torques = np.geomspace if rng.uniform() < 0.5 else np.linspace
+    drawn = replace(
+        plan,
+        torques=tuple(
+            np.round(torques(rng.uniform(4, 12), rng.uniform(55, 95), rng.integers(4, 8)), 0).tolist()
+        ),
+        speeds=tuple(
+            (
+                100 * np.round(np.linspace(rng.uniform(5, 12), rng.uniform(24, 29), rng.integers(4, 7)))
+            ).tolist()
+        ),
+        temperatures=tuple(
+            np.round(np.linspace(rng.uniform(35, 50), rng.uniform(65, 78), rng.integers(2, 4))).tolist()
+        ),
+    )
+    return replace(drawn, setups=int(rng.integers(2, 4)) if plan.setups > 1 else 1)
 
 
 def lay_out(plan: Plan, rng: np.random.Generator) -> Settings:

@@ -111,7 +111,7 @@ def _fault_of(calibration: Path, known: dict[Path, str | None]) -> str | None:
 
 
 def _may_be_calibrator(path: str) -> bool:
-    """Whether one of the words that name a calibrator stands in the metadata: much faster than parsing it."""
+    """Whether one of the words that name a calibrator is in the metadata: much faster than parsing it."""
     # A pipe would be waited for without end: it is refused when it is opened for its own sake.
     if not path.lower().endswith(".tdms") or not Path(path).is_file():
         return True

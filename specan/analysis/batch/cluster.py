@@ -99,7 +99,7 @@ def _connected(address: str) -> Iterator[Client]:
             remedy="install it with the extra 'cluster' of specan",
         ) from None
     if not re.fullmatch(r"(\w+://)?[^/]+:\d+", address):
-        raise RequestError(f"{address!r} is no address of a cluster", expected=_EXAMPLE)
+        raise RequestError(f"{address!r} is not an address of a cluster", expected=_EXAMPLE)
     try:
         client = Client(address, timeout=ANSWER, set_as_default=False)
     except (OSError, ValueError) as fault:

@@ -48,7 +48,7 @@ class Input:
     def neutral(self, reason: str) -> str:
         """A message as it goes into results: without the place of the file on this machine."""
         reason = reason.replace(self.path, self.label)
-        if len(Path(self.root).parts) > 1:  # the root of a disk stands in every path
+        if len(Path(self.root).parts) > 1:  # the root of a disk is in every path
             reason = reason.replace(os.path.join(self.root, ""), "")
             reason = re.sub(re.escape(self.root) + r"""(?=[\s'",;:)]|$)""", ".", reason)
         return reason.removeprefix(f"{self.label}: ")

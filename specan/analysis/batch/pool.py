@@ -70,7 +70,8 @@ def _round(
     pool = ProcessPoolExecutor(min(jobs, len(waiting)), spawn, _begin, (prepare, *context))
     try:
         while waiting or running:
-            while waiting and len(running) < jobs:
+            # Two for each process: none waits while a result is put away here.
+            while waiting and len(running) < 2 * jobs:
                 position = waiting.pop()
                 running[pool.submit(work, items[position])] = position
             ready, _ = wait(running, return_when=FIRST_COMPLETED)

@@ -23,7 +23,7 @@ _SCHEMA, _SUFFIX = 3, ".result"
 
 @dataclass(frozen=True)
 class Kept:
-    """A result that stands in the store.
+    """A result that is in the store.
 
     Attributes
     ----------

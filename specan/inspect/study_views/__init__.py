@@ -1,1 +1,1 @@
-"""What stands on the page of a study."""
+"""What is on the page of a study."""

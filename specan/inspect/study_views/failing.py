@@ -24,7 +24,8 @@ class FailingMap:
         self._cells = ColumnDataSource({"x": [], "y": [], "z": [], "n": [], "edge": [], "text": []})
         self._known = study.data.known
         self.sheet = figure(
-            title="Where the model fails", height=300, sizing_mode="stretch_width", tools="save",
+            title="Where the model fails", sizing_mode="stretch_both", tools="save", min_height=120,
+            styles={"flex": "3 1 0", "min-height": "0", "background": "var(--paper)"},
             x_range=[""], y_range=[""], x_axis_label="", y_axis_label="",
         )  # fmt: skip
         boxes = self.sheet.rect(
@@ -33,10 +34,11 @@ class FailingMap:
         )  # fmt: skip
         self._hover = HoverTool(renderers=[boxes], tooltips=[])
         self.sheet.add_tools(self._hover)
-        self.sheet.add_layout(ColorBar(color_mapper=self._colours, title="high > 0"), "right")
+        self.sheet.add_layout(ColorBar(color_mapper=self._colours, title="sigma", width=10), "right")
         self.sheet.xaxis.major_label_orientation = 0.8
         self.sheet.grid.visible = False
         self.sheet.toolbar.logo = None
+        self.sheet.toolbar.autohide = True
         self._missing = Div(text=notice("No operating variable varies: there is no map."), visible=False)
         self.body: Any = [self.sheet, self._missing]
 
@@ -57,8 +59,7 @@ class FailingMap:
         ]  # fmt: skip
         self._cells.data = _cells(found)
         of = "framed: significant" if self._known else "relative to 1 %"
-        self.sheet.title.text = f"Where the model fails ({of})"
-        self.sheet.height = max(300, 90 + 17 * len(found.rows))
+        self.sheet.title.text = f"Model low (violet), high (orange); {of}"
 
 
 def _cells(found: ResidualMap) -> dict[str, list[Any]]:
@@ -69,5 +70,5 @@ def _cells(found: ResidualMap) -> dict[str, list[Any]]:
         "z": [float(found.z[p]) for p in places],
         "text": [plain(found.texts[i][j]) for i, j in places],
         "n": [int(found.count[p]) for p in places],
-        "edge": ["#000000" if found.significant[p] else "#ffffff" for p in places],
+        "edge": ["#808894" if found.significant[p] else None for p in places],
     }

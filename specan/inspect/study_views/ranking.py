@@ -17,8 +17,8 @@ from specan.models.parameter_name import ParameterName
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked
 
-MOST_ROWS = 24  # candidates with a line of their own; the others stand in a list to choose from
-_WIDTH = 330
+MOST_ROWS = 24  # candidates with a line of their own; the others are in a list to choose from
+_WIDTH = 322
 _WRAPPED = ".bk-btn { white-space: normal; text-align: left; padding: 4px; }"
 Uses = tuple[str, ...]
 
@@ -30,11 +30,15 @@ class Ranking:
     ----------
     try_ : callable
         Called with the uses of a candidate.
+    dress : callable
+        Gives a new line the style of the page.
     """
 
-    def __init__(self, try_: Callable[[Uses], None]) -> None:
+    def __init__(self, try_: Callable[[Uses], None], dress: Callable[[Any], Any] = lambda part: part) -> None:
         self._try = try_
         self._study: Study | None = None
+        self._dress = dress
+        self._now = 0.0  # error of the model as it is
         self._ranked: dict[Uses, Ranked] = {}
         self._lines: dict[Uses, Any] = {}
         self._others: dict[str, Uses] = {}
@@ -54,6 +58,7 @@ class Ranking:
         """Show the candidates of a study; in their order where a diagnosis was made."""
         self._study = study
         self._ranked = {uses_of(r): r for r in found.ranking} if found else {}
+        self._now = found.error.before.rms if found and found.error else 0.0
         children: list[Any] = []
         if found is not None:
             children += self._groups(found)
@@ -67,6 +72,8 @@ class Ranking:
         ]
         self.list.children = children
         self.explanation.text = ""
+        if found is not None and found.ranking:
+            self.explain(uses_of(found.ranking[0]))
 
     def explain(self, uses: Uses) -> None:
         """Show what a candidate is, and what the diagnosis found of it."""
@@ -78,7 +85,7 @@ class Ranking:
             parts.append(f"<b>{escape(name)}</b>")
             parts += [f"<p>{escape(part)}</p>" for part in effect.explanation.strip().split("\n\n")]
             if effect.separate_by:
-                parts.append(f"<p><i>Told from others by:</i> {escape(effect.separate_by)}</p>")
+                parts.append(f"<p><i>Distinguished from others by:</i> {escape(effect.separate_by)}</p>")
             if effect.reference:
                 parts.append(f"<p><i>Source:</i> {escape(effect.reference)}</p>")
         ranked = self._ranked.get(uses)
@@ -89,9 +96,9 @@ class Ranking:
             ]
             parts.append(sheet(["Parameter", "value", "95 %", "unit"], rows))
             if ranked.at_bound:
-                parts.append("<p>A parameter sits on the end of its domain.</p>")
+                parts.append("<p>A parameter is at the end of its domain.</p>")
             if not ranked.plausible:
-                parts.append("<p>These are values that the machine could not have.</p>")
+                parts.append("<p>These values are not plausible.</p>")
         self.explanation.text = "".join(parts)
 
     # --- parts of the list ------------------------------------------------------------------------
@@ -101,14 +108,13 @@ class Ranking:
         others = found.ranking[len(found.alternatives) :]
         likely = [r for r in others if r.plausible]
         unlikely = [r for r in others if not r.plausible]
-        alone = (
-            "The data ask for" if len(asked) == 1 else "The data ask for one of these, and cannot tell which"
-        )
+        alone = "The data ask for" if len(asked) == 1 else "The data ask for one of these; which one is open"
         children: list[Any] = []
         for text, ranked in ((alone, asked), ("Refitted, less likely", likely), ("Not plausible", unlikely)):
             if ranked:
-                children.append(_heading(text))
-                children += [self._row(uses_of(r), r) for r in ranked[:MOST_ROWS]]
+                children.append(_heading(f"{text}: error left"))
+                by_error = sorted(ranked, key=lambda r: r.error_after)
+                children += [self._row(uses_of(r), r) for r in by_error[:MOST_ROWS]]
         return children
 
     def _plain(self, left: Sequence[Uses]) -> list[Any]:
@@ -123,23 +129,29 @@ class Ranking:
         if uses not in self._lines:
             self._lines[uses] = self._new_line(uses)
         line = self._lines[uses]
-        if ranked is None:
-            numbers = ""
-        else:
-            numbers = f"<small>{_probability(ranked.p_value)}<br>ΔBIC {ranked.delta_bic:.3g}</small>"
-        line.children[-1].text = numbers
+        line.children[-1].text = "" if ranked is None else self._numbers(ranked)
         line.styles = {"opacity": "0.55"} if ranked is not None and not ranked.plausible else {}
         return line
 
+    def _numbers(self, ranked: Ranked) -> str:
+        """The error that is left, as a number and as a part of the error now, and the probability by chance."""
+        part = min(ranked.error_after / self._now, 1.0) if self._now else 0.0
+        numbers = f"<b>{ranked.error_after:.3g}</b> &nbsp;{_probability(ranked.p_value)}"
+        return (
+            f'<small style="white-space:nowrap">{numbers}</small>'
+            f'<div style="width:100px;height:5px;background:var(--line);border-radius:3px">'
+            f'<div style="width:{100 * part:.0f}px;height:5px;background:var(--accent);border-radius:3px"></div></div>'
+        )
+
     def _new_line(self, uses: Uses) -> Any:
         name = " with ".join(uses)
-        button = Button(label="Try", width=50, name=f"try-{name}")
+        button = Button(label="Try", width=44, name=f"try-{name}")
         button.on_click(partial(self._pressed, uses))
         about = Button(
-            label=name, button_type="light", width=165, name=f"about-{name}", stylesheets=[_WRAPPED]
+            label=name, button_type="light", width=140, name=f"about-{name}", stylesheets=[_WRAPPED]
         )
         about.on_click(partial(self.explain, uses))
-        return row(button, about, Div(text="", width=85, name=f"rank-{name}"))
+        return self._dress(row(button, about, Div(text="", width=110, name=f"rank-{name}"), margin=0))
 
     def _pressed(self, uses: Uses) -> None:
         self.explain(uses)

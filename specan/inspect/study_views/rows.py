@@ -1,84 +1,175 @@
-"""Tables: measured against predicted, and the residual of every row."""
+"""Tables: the residual of every row over a variable of one's choice, before and after a trial."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from bokeh.layouts import row
-from bokeh.models import ColumnDataSource, HoverTool, Range1d, Span
+from bokeh.layouts import column, row
+from bokeh.models import ColumnDataSource, DataRange1d, HoverTool, Select, Span
 from bokeh.plotting import figure
 
+from specan.inspect.look import COLOURS
 from specan.inspect.trial import Trial
-from specan.report.figure_style import COLOURS
 from specan.report.residual_map import axis_text, map_axes
 from specan.study.observation.table import TableObservation
 from specan.study.study import Study
 
 _TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
+_MOST = 6  # levels that get a colour each
+_ORDINATES = (("z", "residual / sigma"), ("residual", "residual"), ("pair", "measured and model"))
 
 
 class TableAgreement:
-    """Two figures over the rows of all measured tables."""
+    """Rows of all measured tables: what is drawn, over what, and in which colours are choices."""
 
     def __init__(self, study: Study) -> None:
         self._chosen = [k for k, o in enumerate(study.data.fitted) if isinstance(o, TableObservation)]
         tables = self._tables(study.data.fitted)
-        self._known = study.data.known
+        self._known, self._variables = study.data.known, tables[0].variables
         self.labels = _labels(tables)
-        self._across = (map_axes(self.labels) or list(self.labels))[0]
-        names = [*self.labels, "across", "measured", "model", "z", "observable", "colour"]
-        self._rows = ColumnDataSource({name: [] for name in names})
-        measured = np.concatenate([o.measured for o in tables])
-        reach = 0.05 * float(np.ptp(measured) or 1.0)
-        ends = (float(measured.min()) - reach, float(measured.max()) + reach)
-        self.agreement = figure(
-            title="Measured and model", height=300, sizing_mode="stretch_width", tools=_TOOLS,
-            x_axis_label="measured", y_axis_label="model", x_range=Range1d(*ends), y_range=Range1d(*ends),
-        )  # fmt: skip
-        self.agreement.line(ends, ends, color="#999999")
-        dots = self.agreement.scatter(
-            "measured", "model", source=self._rows, color="colour", size=6, alpha=0.8
+        order = sorted(self.labels, key=lambda n: -np.unique(self.labels[n]).size)
+        first = (map_axes(self.labels) or order)[0]
+        others = [name for name in order if name != first]
+        self._now: Trial | None = None
+        self._before: Trial | None = None
+        names = [*self.labels, "x", "y", "z", "observable", "colour", "level", "measured", "model"]
+        self._rows = ColumnDataSource({name: [] for name in names}, name="rows")
+        self._old = ColumnDataSource({"x": [], "y": []}, name="rows-before")
+        named = [(name, axis_text(name, self._variables)) for name in order]
+        self.ordinate = Select(title="Show", value="z", options=list(_ORDINATES), width=150, name="ordinate")
+        self.abscissa = Select(title="over", value=first, options=named, width=170, name="abscissa")
+        self.hue = Select(
+            title="coloured by", value=others[0] if others else first, options=named, width=170, name="hue"
         )
-        of = "sigma" if self._known else "1 % of it"
-        self.residual = figure(
-            title="Residual", height=300, sizing_mode="stretch_width", tools=_TOOLS,
-            x_axis_label=axis_text(self._across, tables[0].variables), y_axis_label=f"(model - measured) / {of}",
+        for choice in (self.ordinate, self.abscissa, self.hue):
+            choice.on_change("value", lambda a, old, new: self._draw())
+        self.sheet = figure(
+            title="Residual", sizing_mode="stretch_both", tools=_TOOLS, min_height=120, x_axis_label="",
+            y_axis_label="", styles={"flex": "1 1 0", "min-height": "0", "background": "var(--paper)"},
+            y_range=DataRange1d(),
         )  # fmt: skip
-        for place in (-2, 0, 2):
-            self.residual.add_layout(
-                Span(location=place, dimension="width", line_color="#999999", line_dash="dashed")
-            )
-        marks = self.residual.scatter("across", "z", source=self._rows, color="colour", size=6, alpha=0.8)
-        tips = [(name, "@{" + name + "}") for name in self.labels] + [("z", "@z{0.0}"), ("", "@observable")]
-        for sheet, glyph in ((self.agreement, dots), (self.residual, marks)):
-            sheet.add_tools(HoverTool(renderers=[glyph], tooltips=tips))
-            sheet.toolbar.logo = None
-        self.body: Any = row(self.agreement, self.residual, sizing_mode="stretch_width")
+        self._spans = [
+            Span(location=place, dimension="width", line_dash="solid" if place == 0 else "dashed")
+            for place in (-2, 0, 2)
+        ]
+        for span in self._spans:
+            self.sheet.add_layout(span)
+        self.sheet.scatter(
+            "x", "y", source=self._old, marker="circle", fill_alpha=0.0, line_color="#9aa3ad", size=6
+        )
+        dots = self.sheet.scatter(
+            "x", "y", source=self._rows, color="colour", size=6, alpha=0.85, legend_field="level"
+        )
+        tips = [(axis_text(name, self._variables), "@{" + name + "}") for name in self.labels]
+        tips += [("measured", "@measured"), ("model", "@model"), ("z", "@z{0.0}"), ("", "@observable")]
+        self.sheet.add_tools(HoverTool(renderers=[dots], tooltips=tips))
+        self.sheet.toolbar.logo = None
+        self.sheet.legend.orientation = "horizontal"
+        self.sheet.legend.location = "top_left"
+        self.sheet.legend.label_text_font_size = "11px"
+        self.sheet.legend.spacing = 8
+        self.body: Any = column(
+            row(self.ordinate, self.abscissa, self.hue), self.sheet, sizing_mode="stretch_both",
+            styles={"flex": "1 1 0", "min-height": "0"},
+        )  # fmt: skip
 
     def _tables(self, observations: Any) -> list[TableObservation]:
         return [observations[k] for k in self._chosen]
 
     def show(self, trial: Trial) -> None:
-        """Show another fit of the same rows."""
-        tables = self._tables(trial.problem.observations)
-        measured = np.concatenate([o.measured for o in tables])
-        predicted = np.concatenate([trial.predictions[k] for k in self._chosen])
-        sigma = np.concatenate([o.sigma for o in tables])
-        names = np.concatenate([o.observable for o in tables]).tolist()
-        kinds = dict(zip(dict.fromkeys(names), COLOURS))
+        """Show another fit of the same rows; beside a trial the model as it is stays as hollow points."""
+        if trial.uses:
+            self._before = self._before or self._now
+        else:
+            self._before = None
+        self._now = trial
+        self._draw()
+
+    def _draw(self) -> None:
+        if self._now is None:
+            return
+        measured, predicted, sigma, names = self._values(self._now)
+        levels, colours = _coloured(self.labels[self.hue.value])
+        kind = self.ordinate.value
+        x = self.labels[self.abscissa.value]
         self._rows.data = {
-            **self.labels, "across": self.labels[self._across], "measured": measured, "model": predicted,
-            "z": (predicted - measured) / sigma, "observable": names, "colour": [kinds[name] for name in names],
+            **self.labels, "x": x + self._beside(levels), "y": _ordinate(kind, measured, predicted, sigma),
+            "z": (predicted - measured) / sigma, "observable": names, "colour": colours, "level": levels,
+            "measured": measured, "model": predicted,
         }  # fmt: skip
-        what = f" with {trial.name}" if trial.uses else ""
-        chi2 = f": chi2/n {trial.fit.reduced_chi2:.2f}" if self._known else ""
-        self.residual.title.text = f"Residual{what}{chi2}"
+        old = np.empty(0)
+        if kind == "pair":  # the measured ones hollow, the model's filled
+            old = measured
+        elif self._before is not None:
+            old = _ordinate(kind, *self._values(self._before)[:3])
+        self._old.data = {"x": (x + self._beside(levels))[: old.size], "y": old}
+        for place, span in zip((-2, 0, 2), self._spans):
+            span.visible = kind == "z" or (kind == "residual" and place == 0)
+        self._label(kind, names[0] if names else "")
+
+    def _label(self, kind: str, observable: str) -> None:
+        of = "sigma" if self._known else "1 % of it"
+        text = {
+            "z": f"(model - measured) / {of}",
+            "residual": f"model - measured {observable}",
+            "pair": observable,
+        }
+        self.sheet.yaxis[0].axis_label = text[kind].replace("_", " ")
+        self.sheet.xaxis[0].axis_label = axis_text(self.abscissa.value, self._variables)
+        assert self._now is not None
+        what = f" with {self._now.name}" if self._now.uses else ""
+        chi2 = f": chi²/n {self._now.fit.reduced_chi2:.2f}" if self._known else ""
+        hollow = "; hollow: measured" if kind == "pair" else "; hollow: before" if self._before else ""
+        by = axis_text(self.hue.value, self._variables)
+        self.sheet.title.text = f"Rows{what}{chi2}; colours: {by}{hollow}"
+
+    def _values(self, trial: Trial) -> tuple[Any, Any, Any, list[str]]:
+        tables = self._tables(trial.problem.observations)
+        return (
+            np.concatenate([o.measured for o in tables]),
+            np.concatenate([trial.predictions[k] for k in self._chosen]),
+            np.concatenate([o.sigma for o in tables]),
+            np.concatenate([o.observable for o in tables]).tolist(),
+        )
+
+    def _beside(self, levels: list[str]) -> Any:
+        """Points of different levels side by side, so that they can be distinguished."""
+        x = np.unique(self.labels[self.abscissa.value])
+        order = list(dict.fromkeys(sorted(levels, key=_number)))
+        if x.size < 2 or len(order) < 2 or len(order) > _MOST:
+            return np.zeros(len(levels))
+        gap = 0.09 * float(np.min(np.diff(x)))
+        return gap * (np.array([order.index(level) for level in levels]) - (len(order) - 1) / 2)
+
+
+def _ordinate(kind: str, measured: Any, predicted: Any, sigma: Any) -> Any:
+    if kind == "pair":
+        return predicted
+    return (predicted - measured) / sigma if kind == "z" else predicted - measured
+
+
+def _coloured(values: Any) -> tuple[list[str], list[str]]:
+    """Text of the level of each row, and its colour; many levels go into classes of even counts."""
+    levels = np.unique(values)
+    if levels.size > _MOST:
+        edges = np.unique(np.quantile(values, np.linspace(0, 1, _MOST + 1)))
+        place = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+        texts = [f"{edges[k]:.4g} to {edges[k + 1]:.4g}" for k in place]
+    else:
+        place = np.searchsorted(levels, values)
+        texts = [f"{value:g}" for value in values]
+    return texts, [COLOURS[k % len(COLOURS)] for k in place]
+
+
+def _number(text: str) -> float:
+    return float(text.split(" ")[0])
 
 
 def _labels(tables: list[TableObservation]) -> dict[str, Any]:
     """Operating variables of the rows that vary over them; the number of the row where none does."""
-    names = [n for n in tables[0].labels if n != "measurement" and all(n in o.labels for o in tables)]
+    numbers = [n for n, v in tables[0].labels.items() if v.dtype.kind in "fiu"]
+    names = [n for n in numbers if all(n in o.labels for o in tables)]
     found = {n: np.concatenate([np.asarray(o.labels[n], dtype=float) for o in tables]) for n in names}
     varying = {n: v for n, v in found.items() if np.unique(v).size > 1}
     return varying or {"row": np.arange(sum(o.n for o in tables), dtype=float)}

@@ -1,50 +1,111 @@
-"""The staircase of errors: one step of the history after the other."""
+"""The staircase of errors: one step of the history after the other, and the trial that is on screen."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from bokeh.models import ColumnDataSource
+from bokeh.models import ColumnDataSource, FactorRange, HoverTool, LabelSet, Range1d
 from bokeh.plotting import figure
 
+from specan.inspect.look import COLOURS
 from specan.inspect.plots import plain
-from specan.report.figure_style import COLOURS
 from specan.study.history import Step
+from specan.units import printed_unit
+
+_KINDS = (("fitted", "fit_error", COLOURS[0]), ("held out", "held_out_error", COLOURS[1]))
+_MOST = 7  # steps on screen: the latest
+_NAMES = 24  # characters of effects that fit below the bars
 
 
 class Staircase:
-    """Errors on fitted and on held-out data."""
+    """Errors on fitted and on held-out data, as bars that carry their numbers."""
 
     def __init__(self) -> None:
-        self._steps = ColumnDataSource({"x": [], "fitted": [], "held": []})
+        self._bars = ColumnDataSource(
+            {"x": [], "top": [], "colour": [], "text": [], "alpha": [], "about": []}
+        )
         self.sheet = figure(
-            title="Errors of the steps", height=300, sizing_mode="stretch_width", tools="save,reset",
-            x_range=[""], y_axis_label="RMS error",
+            title="Fitted (blue), held out (orange)", sizing_mode="stretch_both",
+            tools="save", x_range=FactorRange(), y_range=Range1d(0, 1), min_height=120,
+            styles={"flex": "2 1 0", "min-height": "0", "background": "var(--paper)"},
         )  # fmt: skip
-        kinds = (("fitted", "fitted", COLOURS[0], "solid"), ("held", "held out", COLOURS[1], "dashed"))
-        for name, text, colour, dash in kinds:
-            self.sheet.step(
-                "x", name, source=self._steps, mode="center", color=colour, line_dash=dash, legend_label=text
+        bars = self.sheet.vbar(
+            "x", top="top", width=0.9, source=self._bars, color="colour", alpha="alpha", line_color=None
+        )
+        self.sheet.add_tools(HoverTool(renderers=[bars], tooltips=[("", "@about"), ("RMS", "@text")]))
+        self.sheet.add_layout(
+            LabelSet(
+                x="x", y="top", text="text", source=self._bars, text_align="center", y_offset=2,
+                text_font_size="10px", text_color="#808894",
             )
-            self.sheet.scatter("x", name, source=self._steps, color=colour, size=7)
-        self.sheet.y_range.start = 0
-        self.sheet.xaxis.major_label_orientation = 0.6
-        self.sheet.legend.location = "bottom_left"
+        )  # fmt: skip
+        self.sheet.xgrid.visible = False
+        self.sheet.xaxis.major_label_text_font_size = "0px"
+        self.sheet.xaxis.major_tick_line_color = None
+        self.sheet.xaxis.group_text_font_size = "11px"
+        self.sheet.xaxis.group_text_color = "#808894"
+        self.sheet.x_range.group_padding = 0.6
         self.sheet.toolbar.logo = None
+        self.sheet.toolbar.autohide = True
+        self._steps: Sequence[Step] = ()
+        self._tried: tuple[str, Mapping[str, Any]] | None = None
         self.body: Any = self.sheet
 
     def show(self, steps: Sequence[Step]) -> None:
         """Show a history."""
-        texts = [plain(f"{s.step} {s.action} {s.effect}".strip()) for s in steps]
-        self.sheet.x_range.factors = texts
-        self._steps.data = {
-            "x": texts,
-            "fitted": [s.fit_error["value"] for s in steps],
-            "held": [np.nan if s.held_out_error is None else s.held_out_error["value"] for s in steps],
+        self._steps = steps[-_MOST:]
+        self._draw()
+
+    def tried(self, name: str, error: Mapping[str, Any] | None) -> None:
+        """Show what a trial leaves on the fitted data, as a pale step; None takes it away."""
+        self._tried = (
+            None if error is None else (f"try\n{name if len(name) <= _NAMES // 2 else ''}".strip(), error)
+        )
+        self._draw()
+
+    def _draw(self) -> None:
+        # Long names would run into one another: the mouse shows them.
+        room = sum(len(s.effect) for s in self._steps) <= _NAMES
+        rows = [
+            (
+                plain(f"{s.step} {s.action}\n{s.effect if room else ''}".strip()),
+                kind,
+                error["value"],
+                colour,
+                1.0,
+                plain(f"{s.action} {s.effect}".strip()),
+            )
+            for s in self._steps
+            for kind, attribute, colour in _KINDS
+            if (error := getattr(s, attribute)) is not None
+        ]
+        if self._tried is not None:
+            rows.append(
+                (
+                    plain(self._tried[0]),
+                    "fitted",
+                    self._tried[1]["value"],
+                    COLOURS[0],
+                    0.45,
+                    plain(self._tried[0]),
+                )
+            )
+        known = [r for r in rows if r[2] is not None and np.isfinite(r[2])]
+        self.sheet.x_range.factors = [(name, kind) for name, kind, *_ in known]
+        self.sheet.y_range.end = 1.15 * max((r[2] for r in known), default=1.0)
+        self._bars.data = {
+            "x": [(name, kind) for name, kind, *_ in known],
+            "top": [r[2] for r in known],
+            "text": [f"{r[2]:.3g}" for r in known],
+            "colour": [r[3] for r in known],
+            "alpha": [r[4] for r in known],
+            "about": [r[5] for r in known],
         }
-        if steps:
-            error = steps[-1].fit_error
-            unit = "" if error["unit"] == "1" else f" / {error['unit']}"
-            self.sheet.yaxis[0].axis_label = error["metric"] + unit
+        if self._steps:
+            error = self._steps[-1].fit_error
+            unit = printed_unit(error["unit"])
+            self.sheet.yaxis[0].axis_label = error["metric"].replace("_", " ") + (
+                f" / {unit}" if unit else ""
+            )

@@ -15,6 +15,7 @@ from specan.report.figure_style import with_gaps
 from specan.report.measured_transfer import MeasuredTransfer, level_dB, measured_transfer, phase_deg
 from specan.study.observation.frf import FrfObservation
 from specan.study.study import Study
+from specan.units import printed_unit
 
 _ALONE = (6, 1, 4)  # colours of measured, model and model before where one microphone is shown
 _SHOWN = 1  # microphones at first: the one that the model misses most
@@ -39,21 +40,27 @@ class TransferAgreement:
         self._title, self._first = "", True
         self.microphones = MultiSelect(
             title="Microphones", options=[(key, plain(text)) for key, text in self._keys], value=[],
-            size=min(max(len(self._keys), 4), 24), width=150, name="microphones",
+            size=min(max(len(self._keys), 4), 24), width=120, name="microphones",
+            sizing_mode="stretch_height", stylesheets=["select[multiple].bk-input { height: 100% !important; }"],
         )  # fmt: skip
         self.microphones.on_change("value", lambda a, old, new: self._chosen_anew())
         self.changed: Callable[[tuple[str, ...]], None] = lambda chosen: None  # the page writes its address
-        self.magnitude = Lines("", "Magnitude / dB", hertz=True, tip=("Hz", "dB"), dynamics=80.0, height=270)
+        self.magnitude = Lines(
+            "", "Magnitude\n/ dB", hertz=True, tip=("Hz", "dB"), dynamics=80.0, weight=3, named=False
+        )
         self.phase = Lines(
-            "", "Phase / degrees", hertz=True, like=self.magnitude, limits=WRAPPED, height=180,
-            tip=("Hz", "degrees"),
+            "", "Phase\n/ degrees", hertz=True, like=self.magnitude, limits=WRAPPED, weight=2, legend=False,
+            named=False, tip=("Hz", "degrees"),
         )  # fmt: skip
         self.error = Lines(
-            "Frequency / Hz", "Model error / dB", hertz=True, like=self.magnitude, height=170,
+            "Frequency / Hz", "Error\n/ dB", hertz=True, like=self.magnitude, weight=2, legend=False,
             tip=("Hz", "dB"), dynamics=40.0,
         )  # fmt: skip
-        sheets = column(self.magnitude.sheet, self.phase.sheet, self.error.sheet, sizing_mode="stretch_width")
-        self.body: Any = row(self.microphones, sheets, sizing_mode="stretch_width")
+        grows = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
+        sheets = column(
+            self.magnitude.sheet, self.phase.sheet, self.error.sheet, sizing_mode="stretch_both", styles=grows
+        )
+        self.body: Any = row(self.microphones, sheets, sizing_mode="stretch_both", styles=grows)
 
     def _chosen_anew(self) -> None:
         self._draw()
@@ -64,7 +71,7 @@ class TransferAgreement:
         self.microphones.value = [key for key, _ in self._keys if key in wanted]
 
     def show(self, trial: Trial) -> None:
-        """Show another fit; a tried one stands beside the model as it is."""
+        """Show another fit; a tried one is beside the model as it is."""
         found = [
             measured_transfer(o, trial.predictions[k])
             for k in self._chosen
@@ -76,7 +83,7 @@ class TransferAgreement:
             self._before = None
         self._found = found
         what = f" with {trial.name}" if trial.uses else ""
-        self._title = f"Measured and model{what}: chi2/n {trial.fit.reduced_chi2:.2f}"
+        self._title = f"Measured and model{what}: chi²/n {trial.fit.reduced_chi2:.2f}"
         f = found[0].frequency_hz[np.isfinite(found[0].measured).any(axis=0)]
         if trial.uses == () and self._first:
             self._first = False
@@ -119,7 +126,7 @@ class TransferAgreement:
             (self.magnitude, self.phase, self.error), (levels, phases, errors), shades
         ):
             figure.draw(curves, shaded)
-        self.magnitude.label(f"Magnitude / dB re 1 {self._unit}")
+        self.magnitude.label(f"Magnitude\n/ dB re 1 {printed_unit(self._unit)}")
         self.magnitude.sheet.title.text = plain(self._title)
 
 

@@ -10,11 +10,12 @@ from specan.analysis.spectrum import FourierSpectrum
 from specan.data.recording import Recording
 from specan.data.spectrum import SCALINGS, Spectrum
 from specan.dsp.windows import WINDOWS
+from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import WRAPPED, Curve, Lines
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
 from specan.inspect.view import View
-from specan.report.figure_style import with_gaps
+from specan.report.figure_style import micro, with_gaps
 from specan.report.figures_spectra import figure_spectrum
 from specan.schema import parse
 
@@ -44,13 +45,15 @@ class FftTab(Tab):
         self.choice(
             view, "reference", "Phase over", [("", "choose a channel"), *((n, n) for n in names)], 190
         )
-        self.levels = Lines("", "Level / dB", hertz=True, tip=("Hz", "dB"), dynamics=100.0)
+        self.levels = GroupedLines(
+            "Frequency / Hz", self.add_figure, hertz=True, tip=("Hz", "dB"), dynamics=100.0
+        )
         self.phase = Lines(
-            "Frequency / Hz", "Phase / degrees", hertz=True, like=self.levels, limits=WRAPPED,
-            height=220, tip=("Hz", "degrees"),
+            "Frequency / Hz", "Phase / degrees", hertz=True, like=self.levels.first, limits=WRAPPED,
+            weight=2, tip=("Hz", "degrees"),
         )  # fmt: skip
-        self.figures = [self.levels, self.phase]
-        self.body = [self.levels.sheet, self.phase.sheet]
+        self.add_figure(self.phase)
+        self.body = [self.levels.body]
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Averaged spectra; without a reference an average has no phase."""
@@ -63,27 +66,29 @@ class FftTab(Tab):
 
     def draw(self, found: Found, view: View) -> None:
         """Lines of the levels, and phases where the level is high enough to have one."""
-        levels, phases = [], []
+        groups: dict[str, list[Curve]] = {}
+        phases: list[Curve] = []
         for number, r in found:
             positive = r.frequency_hz > 0
             f, level = r.frequency_hz[positive], r.level_dB[:, positive]
             phase = r.phase_deg
             for row, name in enumerate(r.channels):
                 text = self.opened.text(number, name)
-                levels.append(Curve(text, f, level[row]))
+                label = f"Level / {micro(r.scale.level_text(r.units[row]))}"
+                groups.setdefault(label, []).append(Curve(text, f, level[row]))
                 if phase is not None:
                     strong = level[row] > np.nanmax(level[row], initial=-np.inf) - _PHASE_DB
                     shown = with_gaps(np.where(strong, phase[row][positive], np.nan))
                     phases.append(Curve(text, f, shown))
-        self.levels.draw(levels)
+        self.levels.draw(groups)
         self.phase.draw(phases)
-        self.levels.span(max(min(c.x[0] for c in levels), 1.0), max(c.x[-1] for c in levels))
+        self.body = [self.levels.body, *([self.phase.sheet] if phases else [])]
+        every = [c for curves in groups.values() for c in curves]
+        self.levels.span(max(min(c.x[0] for c in every), 1.0), max(c.x[-1] for c in every))
         scale = found[0][1].scale
-        texts = dict.fromkeys(r.scale.level_text(u) for _, r in found for u in r.units)
-        self.levels.label("Level / " + "; ".join(texts))
         over = f" over {view.reference}" if view.reference else ""
-        self.phase.label(f"Phase{over} / degrees" if phases else "Phase: choose a reference")
-        self.levels.sheet.title.text = (
+        self.phase.label(f"Phase{over} / degrees")
+        self.levels.title(
             f"{scale.window}, lines {scale.line_spacing_hz:.4g} Hz apart, noise bandwidth "
             f"{scale.enbw_hz:.4g} Hz, {found[0][1].n_blocks} blocks, {found[0][1].averaging}"
         )

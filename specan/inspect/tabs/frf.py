@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,9 @@ from specan.analysis.transfer_function import TransferFunction
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
 from specan.errors import InputError
+from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import WRAPPED, Band, Curve, Lines
+from specan.inspect.plots import FEW, WRAPPED, Band, Curve, Lines, outer_of
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
 from specan.inspect.view import View
 from specan.report.figure_style import band_about, with_gaps
@@ -35,22 +37,20 @@ class FrfTab(Tab):
         self.choice(view, "unwrapped", "Phase", [("False", "-180 to 180"), ("True", "unwrapped")], 120)
         self.number(view, "lines", "Lines", mode="int")
         self.number(view, "overlap", "Overlap", 70)
-        self.magnitude = Lines("", "Magnitude / dB", hertz=True, tip=("Hz", "dB"), dynamics=100.0, height=260)
+        self.magnitude = GroupedLines(
+            "", self.add_figure, hertz=True, tip=("Hz", "dB"), dynamics=100.0, named=False
+        )
         self.phase = Lines(
-            "",
-            "Phase / degrees",
-            hertz=True,
-            like=self.magnitude,
-            height=190,
-            tip=("Hz", "degrees"),
-            limits=WRAPPED,
+            "", "Phase\n/ degrees", hertz=True, like=self.magnitude.first, weight=2, tip=("Hz", "degrees"),
+            limits=WRAPPED, legend=False, named=False,
         )  # fmt: skip
         self.coherence = Lines(
-            "Frequency / Hz", "Coherence", hertz=True, like=self.magnitude, limits=(0, 1.05), height=130,
-            tip=("Hz", "coherence"),
+            "Frequency / Hz", "Coherence", hertz=True, like=self.magnitude.first, limits=(0, 1.05), weight=1,
+            tip=("Hz", "coherence"), legend=False,
         )  # fmt: skip
-        self.figures = [self.magnitude, self.phase, self.coherence]
-        self.body = [f.sheet for f in self.figures]
+        self.add_figure(self.phase)
+        self.add_figure(self.coherence)
+        self.body = [self.magnitude.body, self.phase.sheet, self.coherence.sheet]
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Transfer functions of the channels on screen, the reference left out."""
@@ -76,9 +76,12 @@ class FrfTab(Tab):
         return self.of_each(view, analyse, "a response")
 
     def draw(self, found: Found, view: View) -> None:
-        """Three strips over one axis, with the bands of 95 % where they can be told apart."""
-        magnitude, phase, coherence = [], [], []
-        levels: list[Band] = []
+        """Three strips over one axis, with the bands of 95 % where they can be distinguished."""
+        magnitude: list[Curve] = []
+        phase: list[Curve] = []
+        coherence: list[Curve] = []
+        places: dict[str, list[int]] = {}
+        levels: dict[str, list[Band]] = {}
         turns: list[Band] = []
         banded = sum(len(r.channels) for _, r in found) <= _MOST_BANDS
         for number, r in found:
@@ -86,24 +89,28 @@ class FrfTab(Tab):
             for row, name in enumerate(r.channels):
                 text = self.opened.text(number, name)
                 magnitude.append(Curve(text, r.frequency_hz, r.level_dB[row]))
+                label = f"Magnitude\n/ dB re 1 {r.units[row]}"
+                places.setdefault(label, []).append(len(magnitude) - 1)
                 one = turned[row] if view.unwrapped else with_gaps(turned[row])
                 if banded:
                     hue = len(magnitude) - 1
                     relative = 2 * np.hypot(r.u_magnitude_percent[row], r.u_common_percent[row]) / 100
                     reach = 2 * np.hypot(r.u_phase_deg[row], r.u_common_phase_deg[row])
-                    levels.append(Band(r.frequency_hz, *band_about(r.level_dB[row], relative), hue))
+                    levels.setdefault(label, []).append(
+                        Band(r.frequency_hz, *band_about(r.level_dB[row], relative), hue)
+                    )
                     turns.append(Band(r.frequency_hz, one - reach, one + reach, hue))
                 phase.append(Curve(text, r.frequency_hz, one))
                 coherence.append(Curve(text, r.frequency_hz, r.coherence[row]))
-        self.magnitude.draw(magnitude, levels)
-        self.phase.draw(phase, turns)
+        outer = [k for mine in places.values() for k in _outer(magnitude, mine)]
+        magnitude, phase, coherence = (_coloured(curves, outer) for curves in (magnitude, phase, coherence))
+        self.magnitude.draw({label: [magnitude[k] for k in mine] for label, mine in places.items()}, levels)
+        self.phase.draw(phase, turns, outer)
         self.phase.limit(*_ends(phase) if view.unwrapped else WRAPPED)
-        self.coherence.draw(coherence)
+        self.coherence.draw(coherence, (), outer)
         self.magnitude.span(min(c.x[0] for c in magnitude), max(c.x[-1] for c in magnitude))
-        units = dict.fromkeys(unit for _, r in found for unit in r.units)
-        self.magnitude.label("Magnitude / dB re 1 " + ", ".join(units))
         first = found[0][1]
-        self.magnitude.sheet.title.text = (
+        self.magnitude.title(
             f"{first.estimator} over {first.reference} ({first.reference_rms:.4g} {first.reference_unit} RMS), "
             f"{first.n_blocks} blocks" + ("; bands: 95 %" if banded else "")
         )
@@ -126,6 +133,16 @@ class FrfTab(Tab):
     def picture(self, result: Any) -> Any:
         """As the command draws it."""
         return figure_frequency_response(result)
+
+
+def _outer(curves: list[Curve], mine: list[int]) -> list[int]:
+    """Of the lines of one unit, those that get a colour."""
+    return mine if len(mine) <= FEW else [mine[k] for k in outer_of([curves[m] for m in mine])]
+
+
+def _coloured(curves: list[Curve], outer: list[int]) -> list[Curve]:
+    """The same channel has the same colour in every figure."""
+    return [replace(c, hue=outer.index(k)) if k in outer else c for k, c in enumerate(curves)]
 
 
 def _ends(curves: list[Curve]) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from bokeh.models import Div
+from bokeh.models import Div, ScrollBox
 
 from specan.data.recording import Recording
 from specan.inspect.opened import Opened
@@ -24,8 +24,9 @@ class InfoTab(Tab):
 
     def __init__(self, opened: Opened, view: View, change: Change) -> None:
         super().__init__(opened, view, change)
+        content = Div(text="<hr>".join(map(_of, opened.recordings)), sizing_mode="stretch_width", name="info")
         self.body = [
-            Div(text="<hr>".join(map(_of, opened.recordings)), sizing_mode="stretch_width", name="info")
+            ScrollBox(child=content, sizing_mode="stretch_both", styles={"flex": "1 1 0", "min-height": "0"})
         ]
 
     def compute(self, view: View, tell: Tell) -> Found:
@@ -37,11 +38,20 @@ class InfoTab(Tab):
 
 
 def _of(recording: Recording) -> str:
-    rows = [
-        [c.group, c.name, c.role, c.unit, f"{c.sampling_rate:g} Hz", c.n_samples, f"{c.duration_s:.4g} s",
-         "; ".join(f"{what}: {why}" for what, why in c.decisions.items())]
-        for c in recording.channels
-    ]  # fmt: skip
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for c in recording.channels:
+        decided = "; ".join(f"{what}: {why}" for what, why in c.decisions.items())
+        row = (
+            c.group,
+            c.role,
+            c.unit,
+            f"{c.sampling_rate:g} Hz",
+            str(c.n_samples),
+            f"{c.duration_s:.4g} s",
+            decided,
+        )
+        alike.setdefault(row, []).append(c.name)
+    rows = [[group, _together(names), *rest] for (group, *rest), names in alike.items()]
     parts = [f"<h3>{notice(recording.label)}</h3>"]
     parts += [f"<p>{notice(note)}</p>" for note in (*recording.flags, *recording.notes)]
     parts.append(sheet(["Group", "Channel", "Role", "Unit", "Rate", "Samples", "Length", "Decided"], rows))
@@ -58,3 +68,8 @@ def _of(recording: Recording) -> str:
 def _shown(properties: Mapping[str, Any]) -> list[tuple[str, str]]:
     texts = {name: str(value) for name, value in properties.items()}
     return [(n, t if len(t) <= _LONGEST else t[:_LONGEST] + " ...") for n, t in texts.items()]
+
+
+def _together(names: list[str]) -> str:
+    """Channels that have everything else in common."""
+    return ", ".join(names) if len(names) < 4 else f"{names[0]} to {names[-1]} ({len(names)} channels)"

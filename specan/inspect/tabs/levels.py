@@ -5,17 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from bokeh.models import Div
+from bokeh.models import Div, ScrollBox
 
 from specan.analysis.levels import Levels
 from specan.data.recording import Recording
+from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.level_history import LevelCurves
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Curve, Lines
+from specan.inspect.plots import Curve
 from specan.inspect.sheets import sheet
 from specan.inspect.superseded import Superseded
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, run
 from specan.inspect.view import View
+from specan.report.figure_style import level_label
 from specan.report.figures_levels import figure_levels
 from specan.schema import parse
 from specan.units import level_reference
@@ -30,9 +32,12 @@ class LevelsTab(Tab):
         super().__init__(opened, view, change)
         self.choice(view, "level_weighting", "Weighting", ["Z", "A", "B", "C"], 80)
         self.choice(view, "level_averaging", "Time weighting", ["fast", "slow"])
-        self.history = Lines("Time / s", "Level / dB", tip=("s", "dB"), dynamics=90.0)
+        self.history = GroupedLines("Time / s", tip=("s", "dB"), dynamics=90.0)
         self.numbers = Div(sizing_mode="stretch_width", name="levels")
-        self.body = [self.history.sheet, self.numbers]
+        below = ScrollBox(
+            child=self.numbers, sizing_mode="stretch_both", styles={"flex": "2 1 0", "min-height": "0"}
+        )
+        self.body = [self.history.body, below]
         self.partly: Any = lambda found, view: None  # the page shows what is known so far
         self._curves: dict[tuple[Any, ...], LevelCurves] = {}
 
@@ -72,22 +77,22 @@ class LevelsTab(Tab):
 
     def draw(self, found: Found, view: View) -> None:
         """Level against time, and the table."""
-        curves, rows, texts = [], [], {}
+        groups: dict[str, list[Curve]] = {}
+        rows = []
         for number, result in found:
             history, r = result["curves"], result["numbers"]
             for row, channel in enumerate(history.channels):
                 name = self.opened.text(number, channel.name)
-                curves.append(Curve(name, history.times, history.levels[row]))
-                texts[level_reference(channel.unit).text] = True
+                label = level_label(level_reference(channel.unit).text)
+                groups.setdefault(label, []).append(Curve(name, history.times, history.levels[row]))
                 rows.append([
                     name, r.units[row], f"{r.rms[row]:.5g}", _decibels(r.level_dB[row]), r.references[row].text,
                     f"{r.peak[row]:.5g}", _decibels(r.crest_factor[row]), f"{r.mean[row]:.4g}",
                     _decibels(r.equivalent_dB["A"][row]), _decibels(r.max_dB[row]), _decibels(r.min_dB[row]),
                     *(_decibels(v[row]) for v in r.percentile_dB.values()), " ".join(r.flags[row]),
                 ])  # fmt: skip
-        self.history.draw(curves)
+        self.history.draw(groups)
         self.history.span(0.0, max(self.opened.duration_s, 1e-3))
-        self.history.label("Level / dB re " + "; ".join(texts))
         first = found[0][1]["numbers"]
         percent = [f"L{n:g}" for n in first.percentile_dB]
         header = ["Channel", "unit", "RMS", "level dB", "re", "peak", "crest", "mean", "Leq A", "max", "min"]

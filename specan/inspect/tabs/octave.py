@@ -11,12 +11,14 @@ from specan.analysis.octave import Octave
 from specan.analysis.quality import Watched
 from specan.data.band_levels import BandLevels
 from specan.data.recording import Recording
+from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Curve, Lines
+from specan.inspect.plots import Curve
 from specan.inspect.sheets import sheet
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, run
 from specan.inspect.view import View
+from specan.report.figure_style import level_label, micro
 from specan.report.figures_bands import figure_band_levels
 from specan.schema import parse
 
@@ -38,12 +40,11 @@ class OctaveTab(Tab):
         self.choice(view, "hold", "Hold", [("", "none"), "max", "min"], 80)
         self.number(view, "fmin", "From / Hz")
         self.number(view, "fmax", "To / Hz")
-        self.levels = Lines(
-            "Mid-band frequency / Hz", "Level / dB", hertz=True, tip=("Hz", "dB"), dynamics=90.0, height=340
+        self.levels = GroupedLines(
+            "Mid-band frequency / Hz", self.add_figure, hertz=True, tip=("Hz", "dB"), dynamics=90.0
         )
-        self.figures = [self.levels]
         self.overall = Div(sizing_mode="stretch_width", name="overall")
-        self.body = [self.levels.sheet, self.overall]
+        self.body, self.side = [self.levels.body], [self.overall]
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Band levels; linear ones from kept power spectra."""
@@ -58,20 +59,17 @@ class OctaveTab(Tab):
 
     def draw(self, found: Found, view: View) -> None:
         """Steps from edge to edge of each band, and the table of overall levels."""
-        curves = []
+        groups: dict[str, list[Curve]] = {}
         for number, result in found:
             edges = np.append(result.lower_hz, result.upper_hz[-1])
+            x = np.repeat(edges, 2)[1:-1]
             for row, name in enumerate(result.channels):
-                x = np.repeat(edges, 2)[1:-1]
+                curves = groups.setdefault(level_label(result.references[row].text), [])
                 curves.append(Curve(self.opened.text(number, name), x, np.repeat(result.level_dB[row], 2)))
-        self.levels.draw(curves)
+        self.levels.draw(groups)
         results = [result for _, result in found]
         self.levels.span(min(r.lower_hz[0] for r in results), max(r.upper_hz[-1] for r in results))
-        texts = dict.fromkeys(reference.text for r in results for reference in r.references)
-        self.levels.label("Level / dB re " + "; ".join(texts))
-        self.overall.text = _overall(self.opened, found) + "".join(
-            f"<p>Settling: {text}.</p>" for text in dict.fromkeys(r.settling for r in results)
-        )
+        self.overall.text = _overall(self.opened, found)
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
         """The level of the band that contains the frequency."""
@@ -118,11 +116,17 @@ def _constants(view: View) -> list[tuple[str, str]]:
 
 def _overall(opened: Opened, found: Found) -> str:
     weightings = list(dict.fromkeys(w for _, r in found for w in r.overall_dB))
-    rows = []
-    for number, r in found:
-        for row, name in enumerate(r.channels):
-            values = [r.overall_dB[w][row] if w in r.overall_dB else np.nan for w in weightings]
-            cells = ["" if v != v else f"{v:.2f}" for v in values]
-            name = opened.text(number, name)
-            rows.append([name, *cells, r.references[row].text, " ".join(r.flags[row])])
-    return sheet(["Overall levels", *weightings, "dB re", ""], rows)
+    parts = []
+    for text in dict.fromkeys(reference.text for _, r in found for reference in r.references):
+        rows = []
+        for number, r in found:
+            for row, name in enumerate(r.channels):
+                if r.references[row].text == text:
+                    values = [r.overall_dB[w][row] if w in r.overall_dB else np.nan for w in weightings]
+                    cells = ["" if v != v else f"{v:.2f}" for v in values]
+                    rows.append([opened.text(number, name), *cells, " ".join(r.flags[row])])
+        used = [k for k, _ in enumerate(weightings, 1) if any(line[k] for line in rows)]
+        kept = [0, *used, len(weightings) + 1]
+        header = [f"re {micro(text)}", *weightings, ""]
+        parts.append(sheet([header[k] for k in kept], [[line[k] for k in kept] for line in rows]))
+    return "<b>Overall levels / dB</b>" + "".join(parts)

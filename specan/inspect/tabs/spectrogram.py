@@ -18,6 +18,7 @@ from specan.inspect.plots import HarmonicCursor, hertz_axis, plain
 from specan.inspect.superseded import heard
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
+from specan.report.figure_style import micro
 from specan.report.figures_spectra import figure_spectrogram
 from specan.schema import parse
 
@@ -40,7 +41,9 @@ class SpectrogramTab(Tab):
         self._colours = LinearColorMapper(palette="Cividis256", low=0, high=1)
         self._source = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []})
         self.sheet = figure(
-            height=420, sizing_mode="stretch_width", y_axis_type="log", tools="pan,box_zoom,wheel_zoom,reset,save",
+            sizing_mode="stretch_both",
+            styles={"flex": "1 1 0", "min-height": "0"}, min_height=120, y_axis_type="log",
+            tools="pan,box_zoom,wheel_zoom,reset,save",
             x_range=Range1d(0, 1), y_range=Range1d(20, 20000), x_axis_label="Time / s",
             y_axis_label="Frequency / Hz",
         )  # fmt: skip
@@ -53,7 +56,7 @@ class SpectrogramTab(Tab):
         self._bar = ColorBar(color_mapper=self._colours, title="dB")
         self.sheet.add_layout(self._bar, "right")
         self._cursor = HarmonicCursor(self.sheet, "width", "#ffffff")
-        self.figures = [self]
+        self.add_figure(self)
         self.body = [self.sheet]
 
     def cursor(self, frequency: float | None, harmonics: bool) -> None:
@@ -118,6 +121,7 @@ class SpectrogramTab(Tab):
         }  # fmt: skip
         self.sheet.x_range.update(start=left, end=right, reset_start=left, reset_end=right)
         self.sheet.y_range.update(start=low, end=float(f[-1]), reset_start=low, reset_end=float(f[-1]))
+        self._bar.title = micro(r.scale.level_text(r.units[0]))
         self.sheet.title.text = plain(
             f"{self.opened.text(number, r.channels[0])}: lines {r.scale.line_spacing_hz:.4g} Hz apart, "
             f"blocks a column: {r.blocks_per_column}, {r.scale.level_text(r.units[0])}"

@@ -46,6 +46,8 @@ class Tab:
         Widgets above the figures.
     body : list
         Figures and texts.
+    side : list
+        Texts beside the figures.
     figures : list of Spectral
         Those that show the cursor.
     """
@@ -57,6 +59,7 @@ class Tab:
         self.opened, self.change = opened, change
         self.controls: list[Any] = []
         self.body: list[Any] = []
+        self.side: list[Any] = []
         self.figures: list[Spectral] = []
         self._widgets: dict[str, Select | NumericInput] = {}
 
@@ -75,6 +78,13 @@ class Tab:
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
         """Channel, frequency and value at the cursor."""
         return []
+
+    def add_figure(self, figure: Spectral) -> None:
+        """A figure over frequency: it shows the cursor, and a click on it moves the cursor."""
+        self.figures.append(figure)
+        figure.sheet.on_event(
+            "tap", lambda event: self.change(cursor=float(f"{figure.frequency_at(event):.6g}"))
+        )
 
     # --- for the tabs -----------------------------------------------------------------------------
 

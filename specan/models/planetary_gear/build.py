@@ -24,10 +24,14 @@ from specan.models.planetary_gear.kinematics import (
 )
 from specan.models.planetary_gear.lines import line_statement
 from specan.models.planetary_gear.rig import Gear, Rig, read_rig
+from specan.models.planetary_gear.simulated_recording import path_window
 from specan.models.quantity import Condition, Quantity, constant
 
 HARMONICS = 3  # of the mesh: what a study compares
 MOST_SAMPLES = 400_000
+EXPONENT = (
+    0.15  # standard uncertainty of the contact law's exponent: 1.3 lies between the three of the literature
+)
 TACHO_DEG = 2.0  # standard uncertainty of the angle between the tacho's mark and planet 1
 
 
@@ -62,7 +66,10 @@ def build(rig: Mapping[str, Any]) -> Model:
             "lines": Observable("lines", "order_lines", "m/s^2", "Complex order lines of the ring's acceleration.",
                                 kind="orders")
         },
-        nuisances=(Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),),
+        nuisances=(
+            Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),
+            Nuisance("contact-exponent", "change", EXPONENT, "bending 1, contact along a line 10/9, at a point 3/2"),
+        ),
         order_lines=line_statement(settings, HARMONICS),
         axes={
             "planet": tuple(f"P{i}" for i in range(1, gear.planets + 1)),
@@ -82,7 +89,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
     sun, ring = set_meshes(gear)
     module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
     turns = repeat_turns(gear)
-    per_turn = 2 * (HARMONICS * gear.z_ring + max(16, gear.z_ring // 2))
+    per_turn = _smooth(2 * (HARMONICS * gear.z_ring + max(16, gear.z_ring // 2)))
     if turns * per_turn > MOST_SAMPLES:
         raise RequestError(
             f"the teeth meet again only after {turns} turns of the carrier",
@@ -102,6 +109,8 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("carrier_turn", np.arange(samples) * (turns / samples), "1", "Turns of the carrier.", ()),
         ("mesh_waves", _waves(gear.z_ring, np.arange(samples) * (turns / samples)), "1",
          "exp(2j pi h z_ring turn), one row a harmonic of the mesh.", ()),
+        ("transfer_path", path_window(_distance(rig, places, samples // turns, turns)), "1",
+         "Weight with which each sensor hears each planet as it passes, (sensors, planets, angle).", ("sensor",)),
         ("sun_order", float(sun_order(gear)), "1", "Turns of the sun against the carrier.", ()),
         ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
         ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
@@ -113,7 +122,8 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("planet_angle", places, "rad", "Places of the planets on the carrier.", ("planet",)),
         ("nominal_phase", phases, "1", "Phases of sun and ring meshes as drawn, in pitches.", ("planet",)),
         ("sensor_angle", np.radians(rig.sensors.acc_angle_deg), "rad", "Places of the sensors.", ("sensor",)),
-        ("contact_law", si, "1", "K (N/m^e), e, C (N s/m), depth (m) of the contact law.", ()),
+        ("drawn_contact", si, "1", "K (N/m^e), e, C (N s/m), depth (m) of the rig file.", ()),
+        ("contact_exponent", law.exponent, "1", "Exponent of the contact law.", ()),
         ("mesh_geometry", np.array([[m.base_pitch, m.contact_ratio, m.gap_before, m.gap_after] for m in (sun, ring)]),
          "1", "Base pitch, contact ratio, gaps of the sun and the ring mesh.", ()),
         ("load_share", np.ones(gear.planets), "1", "Share of each planet, before errors of place.", ("planet",)),
@@ -138,6 +148,26 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         opaque=True,
     )
     return [stiff, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
+
+
+def _distance(rig: Rig, places: Any, per_turn: int, turns: int) -> Any:
+    """Angle between each sensor and each planet, over all turns of the carrier."""
+    one = 2 * np.pi * np.arange(per_turn) / per_turn
+    sensors = np.radians(rig.sensors.acc_angle_deg)
+    return np.tile(one + places[None, :, None] - sensors[:, None, None], turns)
+
+
+def _smooth(least: int) -> int:
+    """The next number without prime factors above five: Fourier transforms of such a length are quick."""
+    number = least
+    while True:
+        rest = number
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return number
+        number += 1
 
 
 def _waves(teeth: int, turn: Any) -> Any:

@@ -8,7 +8,7 @@ unknowns that need no product with the Jacobian J (same book, section IV.7):
 (1/(h gamma) - J) u_i = f(t + alpha_i h, y + sum_j a_ij u_j) + sum_j c_ij u_j / h + h gamma_i df/dt,
 y_new = y + sum_i m_i u_i.
 
-Plain loops over floats: the file is compiled where numba is present. All that is compiled together stands in this one
+Plain loops over floats: the file is compiled where numba is present. All that is compiled together is in this one
 file: numba renews what it keeps on disk when the file of a caller changes, not when that of what is called does.
 Lengths in mm and forces in N within the contact law (its constants are given so), SI elsewhere.
 """

@@ -5,7 +5,7 @@ import numpy as np
 from specan.models.quantity import quantity
 
 PHASES = 256  # places within a pitch at which the deflection is solved
-_HALVINGS, _NEWTON = 12, 4
+_NEWTON, _EXACT = 30, 1e-12  # steps at most, and the part of the load that may be missing before the last
 
 
 def _pairs(phase, meshes, relief):
@@ -27,18 +27,15 @@ def mesh_deflection(planet_load, contact_law, mesh_geometry, tip_relief):
     stiffness, exponent = contact_law[0], contact_law[1]
     gap = _pairs(np.arange(PHASES) / PHASES, mesh_geometry, tip_relief)[:, None]  # mesh, 1, pair, phase
     load = planet_load[:, None, :, None]
-    low = np.zeros((*planet_load.shape[:1], 2, planet_load.shape[1], PHASES))
-    high = low + (load / stiffness) ** (1 / exponent) + gap.min(axis=2)
-    for _ in range(_HALVINGS):  # the force rises with the approach
-        middle = 0.5 * (low + high)
-        force = stiffness * np.sum(np.clip(middle[..., None, :] - gap, 0, None) ** exponent, axis=-2)
-        below = force < load
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    for _ in range(_NEWTON):  # from above: the force is convex, no step passes the root
+    # From above, where one pair carries all: the force is convex, so that no step passes the root.
+    high = (load / stiffness) ** (1 / exponent) + gap.min(axis=2)
+    for _ in range(_NEWTON):
         pressed = np.clip(high[..., None, :] - gap, 0, None)
         soft = pressed ** (exponent - 1.0) * (pressed > 0)
         excess = stiffness * np.sum(pressed * soft, axis=-2) - load
         high = high - np.maximum(excess, 0.0) / (exponent * stiffness * np.sum(soft, axis=-2))
+        if np.all(excess <= _EXACT * load):
+            break
     return high
 
 
@@ -69,25 +66,44 @@ def mesh_compliance(mesh_deflection, contact_law, mesh_geometry, tip_relief, sti
     return 1.0 / (slope * (1.0 + stiffness_change[None, :, None, None]))
 
 
+@quantity(unit="1")
+def angles(sun_error, ring_error, torque_ripple, friction_share, repeat_turns):
+    """Number of angles that are followed: those of one turn of the carrier where everything repeats with it."""
+    whole = sun_error.shape[-1]
+    one = whole // repeat_turns
+    errors = (sun_error, ring_error, torque_ripple, friction_share)
+    return one if all(_repeats(error, one) for error in errors) else whole
+
+
+def _repeats(course, period):
+    """Whether a course over the angle has a period of so many samples; rounding of the angle counts for nothing."""
+    if not np.any(course):
+        return True
+    rounding = 1e-9 * np.max(np.abs(course))
+    if np.max(np.abs(course[..., period : 2 * period] - course[..., :period]), initial=0.0) > rounding:
+        return False
+    return bool(np.max(np.abs(course[..., period:] - course[..., :-period]), initial=0.0) <= rounding)
+
+
 @quantity(
     unit="N",
     axes=("planet",),
     reference="quasi-static balance of moments, two meshes in series on each planet",
 )
-def load_variation(sun_error, ring_error, torque_ripple, planet_load, mesh_stiffness):
+def load_variation(sun_error, ring_error, torque_ripple, planet_load, mesh_stiffness, angles):
     """How each planet's load changes over the turn, (points, planets, angle).
 
     A planet whose teeth hold more material is pressed more, the others less; a torque that varies presses all.
     """
-    excess = sun_error + ring_error
+    excess = sun_error[:, :angles] + ring_error[:, :angles]
     excess = excess - excess.mean(axis=0)
     series = mesh_stiffness[:, 0] * mesh_stiffness[:, 1] / mesh_stiffness.sum(axis=1)
-    return series[..., None] * excess[None] + planet_load[..., None] * torque_ripple
+    return series[..., None] * excess[None] + planet_load[..., None] * torque_ripple[:angles]
 
 
 @quantity(unit="m", axes=("planet",))
 def transmission_error(mesh_deflection, mesh_compliance, load_variation, planet_phase, sun_error, ring_error,
-                       torque_ripple, planet_load, mesh_stiffness, mesh_waves):  # fmt: skip
+                       torque_ripple, planet_load, mesh_stiffness, mesh_waves, angles):  # fmt: skip
     """Change of each mesh's approach under its load, (points, 2, planets, angle).
 
     Harmonics of the deflection at the mesh's phase; what errors of the teeth ask for, and a torque that varies; and,
@@ -95,12 +111,13 @@ def transmission_error(mesh_deflection, mesh_compliance, load_variation, planet_
     """
     harmonic = np.arange(1, mesh_waves.shape[0] + 1)
     phase = np.exp(2j * np.pi * harmonic * planet_phase[None, :, :, None])
-    found = _synthesis(mesh_deflection, harmonic, phase, mesh_waves)
-    found -= np.stack([sun_error, ring_error])[None]
+    waves = mesh_waves[:, :angles]
+    found = _synthesis(mesh_deflection, harmonic, phase, waves)
+    found -= np.stack([sun_error, ring_error])[None, ..., :angles]
     ripple = planet_load[:, None, :] / mesh_stiffness
-    found += ripple[..., None] * torque_ripple
+    found += ripple[..., None] * torque_ripple[:angles]
     if np.any(load_variation):
-        found += _synthesis(mesh_compliance, harmonic, phase, mesh_waves) * load_variation[:, None]
+        found += _synthesis(mesh_compliance, harmonic, phase, waves) * load_variation[:, None]
     return found
 
 
@@ -112,6 +129,7 @@ def _synthesis(table, harmonic, phase, per_harmonic):
 
 
 QUANTITIES = (
+    angles,
     mesh_deflection,
     mesh_stiffness,
     mesh_compliance,

@@ -190,7 +190,7 @@ def check_assembly(gear: Gear) -> None:
         if total % gear.planets:
             fits = [n for n in range(2, 9) if total % n == 0]
             raise RequestError(
-                f"{gear.planets} planets cannot be equally spaced: z_sun + z_ring = {total} is no multiple of "
+                f"{gear.planets} planets cannot be equally spaced: z_sun + z_ring = {total} is not a multiple of "
                 f"{gear.planets}",
                 expected=f"{', '.join(map(str, fits)) or 'no'} planets, or planet_angles_deg in steps of 360/{total} "
                 f"= {360 / total:.4f} degrees",

@@ -4,6 +4,8 @@ import numpy as np
 
 from specan.models.quantity import quantity
 
+LEAST_LOAD = 0.02  # of the mean load: friction and inertia keep teeth touching
+
 
 @quantity(unit="1")
 def operating_points(sun_speed, carrier_torque, order):
@@ -27,17 +29,37 @@ def mean_load(operating_points, planet_count, base_radii):
     return operating_points[:, 1] / (planet_count * (base_radii[0] + base_radii[2]))
 
 
+@quantity(unit="1", reference="K x^e with the same stiffness at the mean of the loads")
+def contact_law(drawn_contact, contact_exponent, mean_load):
+    """K (N/m^e), e, C (N s/m), depth (m) of the contact law."""
+    stiffness, exponent, damping, depth = drawn_contact
+    if contact_exponent == exponent:
+        return drawn_contact
+    force = np.mean(mean_load)
+    slope = exponent * stiffness ** (1 / exponent) * force ** (1 - 1 / exponent)
+    changed = (slope / contact_exponent * force ** (1 / contact_exponent - 1)) ** contact_exponent
+    return np.array([changed, contact_exponent, damping, depth])
+
+
 @quantity(unit="N", axes=("planet",), reference="springs between rigid carrier, sun and ring, one a planet")
 def planet_load(mean_load, load_share, planet_position, load_stiffness, pressure_cosine):
     """Force that each planet passes on, (operating points, planets).
 
     Sun and ring push a planet forward, its pin holds it back. A pin that lies e ahead gives way: its planet carries
-    less by k cos(a) e, the others more.
+    less by k cos(a) e, the others more, so that together they hold the torque. A planet that would be pulled goes
+    almost without load.
     """
     share = load_share / np.mean(load_share)
     ahead = planet_position - np.mean(planet_position)
-    found = mean_load[:, None] * share - load_stiffness[:, None] * pressure_cosine * ahead
-    return np.maximum(found, 0.02 * mean_load[:, None])  # a planet is hardly ever without load
+    spring = load_stiffness[:, None] * pressure_cosine
+    given = mean_load[:, None] * share - spring * ahead
+    least, whole = LEAST_LOAD * mean_load[:, None], given.shape[1] * mean_load[:, None]
+    closer = np.zeros_like(whole)  # what the carrier turns back, as a force
+    for _ in range(given.shape[1]):  # each round takes out planets that lift off, at the latest all but one
+        carrying = given + closer > least
+        missing = whole - np.where(carrying, given + closer, least).sum(axis=1, keepdims=True)
+        closer = closer + missing / np.maximum(carrying.sum(axis=1, keepdims=True), 1)
+    return np.maximum(given + closer, least)
 
 
 @quantity(unit="N/m")
@@ -54,4 +76,12 @@ def planet_phase(nominal_phase, planet_position, centre_distance, ring_teeth, su
     return nominal_phase + np.stack([-sun_teeth * turn, ring_teeth * turn])
 
 
-QUANTITIES = (operating_points, point_of_line, mean_load, load_stiffness, planet_load, planet_phase)
+QUANTITIES = (
+    operating_points,
+    point_of_line,
+    mean_load,
+    contact_law,
+    load_stiffness,
+    planet_load,
+    planet_phase,
+)

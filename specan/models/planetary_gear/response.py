@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from specan.models.planetary_gear.simulated_recording import RIM_STIFFNESS, path_window
+from specan.models.planetary_gear.simulated_recording import RIM_STIFFNESS
 from specan.models.quantity import quantity
 
 _NEGLIGIBLE = 1e-10  # of the strongest line of the transmission error
@@ -14,12 +14,13 @@ _NEGLIGIBLE = 1e-10  # of the strongest line of the transmission error
     reference="linear equations of motion of carrier and planets, harmonic by harmonic",
 )
 def mesh_force(transmission_error, mesh_stiffness, mesh_damping, planet_load, operating_points, base_radii,
-               inertias, carrier_ratio, repeat_turns, shaft_receptance):  # fmt: skip
+               inertias, carrier_ratio, carrier_turn, shaft_receptance):  # fmt: skip
     """Forces of the ring's and the sun's meshes, (points, 2, planets, angle).
 
     The meshes are springs and dampers between the sun, which turns steadily, the planets, the carrier and the ring.
     """
     points, _, planets, samples = transmission_error.shape
+    turns = samples * carrier_turn[1]
     spectra = np.fft.rfft(transmission_error, axis=-1)
     size = np.abs(spectra).max(axis=(1, 2))
     found = np.zeros_like(spectra)
@@ -29,7 +30,7 @@ def mesh_force(transmission_error, mesh_stiffness, mesh_damping, planet_load, op
     for c in range(points):
         bins = np.flatnonzero(size[c] > _NEGLIGIBLE * size[c].max())
         bins = bins[bins > 0]
-        omega = 2 * np.pi * bins / repeat_turns * operating_points[c, 0] * carrier_ratio
+        omega = 2 * np.pi * bins / turns * operating_points[c, 0] * carrier_ratio
         spring = mesh_stiffness[c].ravel()[None, :] + 1j * omega[:, None] * mesh_damping[c].ravel()[None, :]
         matrix = -toward[None] / (omega**2)[:, None, None] + shaft_receptance(omega)[:, None, None] * torsion
         rows = np.arange(2 * planets)
@@ -50,28 +51,21 @@ def _compliance(base_radii, inertias, planets):
     return b / mass @ b.T + 0j
 
 
-@quantity(
-    unit="1", axes=("sensor", "planet"), reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677"
-)
-def transfer_path(carrier_turn, planet_angle, sensor_angle):
-    """Weight with which each sensor hears each planet as it passes, (sensors, planets, angle)."""
-    place = 2 * np.pi * carrier_turn[None, None, :] + planet_angle[None, :, None]
-    return path_window(place - sensor_angle[:, None, None])
-
-
 @quantity(unit="m", axes=("sensor",))
 def rim_displacement(mesh_force, transfer_path, friction_share):
     """How far the ring's rim gives way at the sensors, (points, sensors, angle)."""
-    return np.einsum("cis,kis->cks", mesh_force[:, 1] * (1.0 + friction_share), transfer_path) / RIM_STIFFNESS
+    angles = mesh_force.shape[-1]
+    pressed = mesh_force[:, 1] * (1.0 + friction_share[:, :angles])
+    return np.einsum("cis,kis->cks", pressed, transfer_path[..., :angles]) / RIM_STIFFNESS
 
 
 @quantity(unit="m/s^2", axes=("sensor",))
-def order_lines(rim_displacement, order, sun_speed, point_of_line, repeat_turns, carrier_ratio, housing_response,
+def order_lines(rim_displacement, order, sun_speed, point_of_line, carrier_turn, carrier_ratio, housing_response,
                 harmonic_gain, harmonic_of_line, line_coherence, tacho_angle):  # fmt: skip
     """Complex peak amplitude of the acceleration at each line, (sensors, lines)."""
     samples = rim_displacement.shape[-1]
     spectra = np.fft.rfft(rim_displacement, axis=-1) * (2.0 / samples)
-    place = np.asarray(order) * repeat_turns
+    place = np.asarray(order) * np.rint(samples * carrier_turn[1])
     nearest = np.rint(place).astype(int)
     inside = (np.abs(place - nearest) < 0.01) & (nearest < spectra.shape[-1])
     lines = spectra[point_of_line, :, np.where(inside, nearest, 0)].T * inside
@@ -105,6 +99,6 @@ def harmonic_gain(harmonic_count):
 
 
 QUANTITIES = (
-    mesh_force, transfer_path, rim_displacement, order_lines, harmonic_of_line, housing_response, line_coherence,
+    mesh_force, rim_displacement, order_lines, harmonic_of_line, housing_response, line_coherence,
     harmonic_gain,
 )  # fmt: skip

@@ -172,7 +172,7 @@ class BoxField:
                 self._done[source, port] = self._done[port, source]
         new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
         if new:
-            found = self._modal(source, new)
+            found = self.modal(source, new)
             # A ball averages away what lies above the truncation.
             plain = [i for i, port in enumerate(new) if not port.ball]
             if not source.ball and plain:
@@ -180,7 +180,8 @@ class BoxField:
             self._done |= {(source, port): column for port, column in zip(new, found.T, strict=True)}
         return np.stack([self._done[source, port] for port in receivers], axis=1)
 
-    def _modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
+    def modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
+        """The modes up to the truncation alone, array (lines, receivers): all but the near field, and cheap."""
         found = self.near.coupling(source, receivers)
         if self.far is not None and self.few is not None:
             found += self.few.everywhere(self.far.coupling(source, receivers))

@@ -38,7 +38,7 @@ class RoomModes(Protocol):
 class WallPlace:
     """A round patch of the wall at which an effect acts, in parts of the wall's edges.
 
-    Of a wall that is no rectangle: of the edges of the one around it.
+    Of a wall that is not a rectangle: of the edges of the one around it.
     """
 
     across: float

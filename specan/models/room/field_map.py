@@ -102,7 +102,7 @@ def read_plane(text: str) -> tuple[str, float]:
             return axis, float(value)
     except ValueError:
         pass
-    raise RequestError(f"{text!r} is no plane", expected="x=METRES, y=METRES or z=METRES")
+    raise RequestError(f"{text!r} is not a plane", expected="x=METRES, y=METRES or z=METRES")
 
 
 def field_map(chosen: ChosenModel, plane: tuple[str, float], frequency_hz: float) -> FieldMap:

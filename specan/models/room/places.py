@@ -1,16 +1,18 @@
-"""Places in a box: where microphones stand near a wall, and where further ones can stand."""
+"""Places in a box: where microphones are near a wall, and where further ones can stand."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.model import Model
 from specan.models.quantity import constant
-from specan.models.receivers import Places, ReceiverErrors, Receivers, WaveNumberStep
+from specan.models.receivers import PlacedEffects, Places, ReceiverErrors, Receivers, WaveNumberStep
+from specan.models.room.box_field import Port, point
 from specan.models.room.rig import Rig
 
 Array = NDArray[np.float64]
@@ -24,7 +26,7 @@ STEP_K = 0.02  # of a difference quotient by the temperature
 
 
 def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
-    """The microphones of a room, held against the vibrometer."""
+    """The microphones of a room, compared with the vibrometer."""
     given, dims = rig.uncertainty, rig.room.dims_m
     nominal_K = rig.air.nominal_temperature_C + 273.15
     positions = np.array(rig.mics.position_m)
@@ -59,7 +61,23 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
             depth=lambda wall, places: _depth(dims, wall, places),
             extent_m=dims,
         ),
+        placed=None if dims is None else PLACED,
     )
+
+
+def _patterns(quantities: Mapping[str, Any], wall: str, places: Array) -> NDArray[np.complex128]:
+    """Sound at the microphones of a source at places of a wall, without its near field."""
+    modes, heard = quantities["room_modes"], quantities["indicated_frf"] / quantities["field"]
+    ports = [modes.place(wall, across, along, 0.0) for across, along in places.tolist()]
+    found = [modes.modal(Port(point(p), 0), ports) for p in quantities["receiver_position"]]
+    return np.stack([column.T for column in found], axis=1) * heard
+
+
+PLACED = PlacedEffects(
+    shapes=dict.fromkeys(("helmholtz-resonator", "leak", "flanking-source"), ("across", "along")),
+    reads=("room_modes", "receiver_position", "indicated_frf", "field"),
+    patterns=_patterns,
+)
 
 
 def near_walls(

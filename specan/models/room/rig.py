@@ -120,9 +120,9 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
 
 
 def microphone_outside(number: int, place: Sequence[float], expected: str) -> RequestError:
-    """What to say of a microphone that does not stand in the room."""
+    """What to say of a microphone that is not in the room."""
     return RequestError(
-        f"microphone {number} stands at {list(place)} m, outside the room",
+        f"microphone {number} is at {list(place)} m, outside the room",
         expected=expected,
         remedy="correct [mics] position_m or the room",
     )
@@ -133,7 +133,7 @@ def _check_apart(points: np.ndarray) -> None:
         near = np.flatnonzero(np.linalg.norm(points[first + 1 :] - points[first], axis=1) < 1e-3)
         if near.size:
             raise RequestError(
-                f"microphones {first + 1} and {first + 2 + near[0]} stand in the same place",
+                f"microphones {first + 1} and {first + 2 + near[0]} are in the same place",
                 expected="places at least 1 mm apart",
                 remedy="correct [mics] position_m",
             )

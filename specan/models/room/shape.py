@@ -21,7 +21,7 @@ class RoomShape:
     axes : mapping
         Axes that only this shape has.
     lacks : mapping
-        ``{axis: reason}``: effects that act along such an axis cannot be had.
+        ``{axis: reason}``: effects that act along such an axis is not available.
     notes : tuple of str
         What is to be known before a study starts.
     """

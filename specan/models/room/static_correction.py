@@ -17,6 +17,7 @@ Real = NDArray[np.float64]
 
 
 KEPT = 100  # places along an axis
+KEPT_BYTES = 16_000_000  # of a wall's rows to all places
 DIED = 37.0  # exp(-37) is no more than rounding
 FAR = 6.0  # times the wave number, above which a mode is taken in powers of the ratio squared
 _ROOTS = (1.0, 1 / 2, 3 / 8, 5 / 16, 35 / 128)  # of (1 - x)^(-1/2); those of 1 / (1 - x) are all one
@@ -232,6 +233,34 @@ class _Closed:
         return kept[there][:, :last]
 
     @cached_property
+    def _between(self) -> dict[tuple[float, int], Real]:
+        return {}
+
+    def between(self, last: int, there: float) -> Real:
+        """`beyond` from the soft wall, real and imaginary parts as rows: wherever on the wall a source is."""
+        kept, key = self._between, (there, last)
+        if key not in kept:
+            found = np.stack([(part.real, part.imag) for part in self.beyond(last, self.wall, there)])
+            if sum(rows.nbytes for rows in kept.values()) + found.nbytes > KEPT_BYTES:
+                kept.clear()
+            kept[key] = found.reshape(-1, last)
+        return kept[key]
+
+    def beyond(self, last: int, here: float, there: float) -> tuple[Complex, Complex]:
+        """Each mode of the plane above the truncation between two places, and its change by the soft wall."""
+        if here == self.wall:
+            along = self.from_wall(last, there).copy()
+            softer = -self.from_wall(last, here) * along
+        else:
+            along = _closed_form(self.kappa(last), self.length, here, there)
+            softer = -self.from_wall(last, here) * self.from_wall(last, there)
+        low = np.flatnonzero(self.flat.low[:last])
+        rigid, change = self.truncated(here, there)
+        along[:, low] -= rigid
+        softer[:, low] -= change
+        return along, softer
+
+    @cached_property
     def _resolvents(self) -> list[Complex]:
         gap = self.flat.kt2[self.flat.low] - self.k2[:, None]
         return [1 / ((modes.q2[0] + gap[..., None]) * modes.norm[0]) for modes in self.modes]
@@ -285,15 +314,9 @@ class _Terms:
             rest += flat.beside(last, len(weight), weight, k2)
             weight = weight[:last]
         if here == closed.wall:
-            along = closed.from_wall(last, there).copy()
-            softer = -closed.from_wall(last, here) * along
-        else:
-            along = _closed_form(closed.kappa(last), closed.length, here, there)
-            softer = -closed.from_wall(last, here) * closed.from_wall(last, there)
-        low = np.flatnonzero(flat.low[:last])
-        rigid, change = closed.truncated(here, there)
-        along[:, low] -= rigid
-        softer[:, low] -= change
+            sums = (closed.between(last, there) @ weight).reshape(2, 2, len(k2))
+            return sums[0, 0] + 1j * sums[0, 1] + rest[0], sums[1, 0] + 1j * sums[1, 1] + rest[1]
+        along, softer = closed.beyond(last, here, there)
         return along @ weight + rest[0], softer @ weight + rest[1]
 
 

@@ -30,7 +30,7 @@ from specan.units import convert
 
 RPM = math.pi / 30
 BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
-OTHER_FORMS = {"bearing-friction": ("palmgren-bearings",)}
+OTHER_FORMS = {"bearing-friction": ("palmgren-bearings",), "churning": ("exponential-churning",)}
 
 # key of [uncertainty]: effect and parameter that it holds, factor from the key's unit to the parameter's
 CERTIFICATES = {

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.chosen_model import ChosenModel
-from specan.models.prediction import Columns, predict
+from specan.models.prediction import Columns
+from specan.models.prediction import simulated_table as measured_table
 
 
 def simulated_table(
@@ -32,18 +33,13 @@ def simulated_table(
     seed : int
         Of the noise.
     """
-    rows = {name: np.tile(np.asarray(values, float), repeats) for name, values in columns.items()}
-    size = len(next(iter(columns.values())))
-    torque = predict(chosen, rows)["input_torque"]
-    torque = torque + noise * np.random.default_rng(seed).standard_normal(torque.size)
-    ratio = float(chosen.assembly.evaluate({}, wanted=["gear_ratio"])["gear_ratio"])
-    ideal = rows["output_torque_Nm"] / ratio
-    found = {
-        **rows,
-        "input_torque_Nm": torque,
-        "efficiency": ideal / torque,
-        "power_loss_W": (torque - ideal) * rows["speed_rpm"] * np.pi / 30,
-    }
-    if repeats > 1:
-        found["repeat"] = np.repeat(np.arange(1.0, repeats + 1), size)
-    return found
+    found = measured_table(
+        chosen, columns, noise=noise, repeats=repeats, seed=seed, observables=("input_torque",)
+    )
+    number = {"repeat": found.pop("repeat")} if "repeat" in found else {}
+    torque = found["input_torque_Nm"]
+    ideal = found["output_torque_Nm"] / float(
+        chosen.assembly.evaluate({}, wanted=["gear_ratio"])["gear_ratio"]
+    )
+    loss = (torque - ideal) * found["speed_rpm"] * np.pi / 30
+    return {**found, "efficiency": ideal / torque, "power_loss_W": loss, **number}

@@ -72,6 +72,7 @@ def crude(rows: Rows, conditions: Mapping[str, Array] | None = None) -> TableObs
         recordings=rows.recordings,
         recording=rows.recording,
         available=frozenset(rows.conditions),
+        groups=rows.groups,
     )
 
 

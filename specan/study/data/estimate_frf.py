@@ -1,4 +1,4 @@
-"""From a recording of receivers and a reference channel to transfer functions that a model is held against."""
+"""From a recording of receivers and a reference channel to transfer functions that a model is compared with."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from specan.study.observation.window_leakage import fold
 BLOCK_S = 1.0  # lines 1 Hz apart
 SETTLE_S = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
-LEAST_BLOCKS = 4
+LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
 
 Complex = Any
 

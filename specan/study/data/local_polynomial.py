@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
 
-ORDER = 3
+ORDER = 3  # of the polynomial
 HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
 
 

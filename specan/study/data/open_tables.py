@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.models import Model, SettingError
+from specan.models.groups import grouped
 from specan.models.trial import is_own, try_model
 from specan.study.data.operating_table import Rows, check_varied, grouping_of, join
 from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
@@ -19,7 +20,7 @@ from specan.study.data.table_reader import Measurement, read_measurement
 from specan.units import convert
 
 TITLE = "a table (text with a header line, .xlsx, Parquet)"
-WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is no table
+WORKBOOKS = (".xlsx", ".xlsm")  # an archive of another name is not a table
 
 
 def reads(path: Path) -> bool:
@@ -58,6 +59,8 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         raise RequestError(
             "all rows are held out", expected="some to fit", remedy="hold out fewer conditions"
         )
+    rows = rows.names_of_first(~aside)
+    model = grouped(model, rows.groups)
     check_varied(rows.take(~aside), model)
     found = uncertainty(model, rows.take(~aside))
     whole = found.observe(rows)
@@ -92,9 +95,9 @@ def read_tables(
 
 
 def _read(file: DataFile, model: Model) -> Measurement:
-    numbers = {}
+    numbers: dict[str, float | str] = {}
     for column, value in file.conditions.items():
-        if isinstance(value, str):
+        if isinstance(value, str) and column not in model.groups:
             raise RequestError(f"{file.name}: the condition {column!r} is {value!r}", expected="a number")
         numbers[column] = value
     return read_measurement(file.path, model, numbers, name=file.name, columns=file.columns)
@@ -113,6 +116,8 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
     key, _, text = where.partition("=")
     name = _condition_named(key.strip(), rows, model)
     condition = model.conditions[name]
+    if condition.group:
+        return _named(rows, name, text, where) & _in_file(rows, file)
     setting = grouping_of(model, condition)
     found = np.zeros(rows.n, dtype=bool)
     for word in text.split(","):
@@ -120,7 +125,7 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
             value = float(convert(float(word), condition.column_unit, condition.unit))
         except ValueError:
             raise RequestError(
-                f"{word!r} in {where!r} is no number", expected=f"{condition.column}=value,value,..."
+                f"{word!r} in {where!r} is not a number", expected=f"{condition.column}=value,value,..."
             ) from None
         found |= _at_level(rows, name, value, setting)
         if not np.any(_at_level(rows, name, value, setting)):
@@ -129,11 +134,28 @@ def matching(rows: Rows, model: Model, where: str, file: str | None = None) -> N
                 f"no row has {condition.column} = {word.strip()}",
                 expected="one of " + ", ".join(f"{level:.4g}" for level in levels[:20]),
             )
-    if file is not None:
-        if file not in rows.recordings:
-            raise RequestError(f"no measurement {file!r}", remedy=nearest(file, rows.recordings))
-        found &= rows.recording == rows.recordings.index(file)
-    return found
+    return found & _in_file(rows, file)
+
+
+def _in_file(rows: Rows, file: str | None) -> NDArray[np.bool_]:
+    """Rows of a measurement; all where none is named."""
+    if file is None:
+        return np.ones(rows.n, dtype=bool)
+    if file not in rows.recordings:
+        raise RequestError(f"no measurement {file!r}", remedy=nearest(file, rows.recordings))
+    return np.asarray(rows.recording == rows.recordings.index(file))
+
+
+def _named(rows: Rows, axis: str, text: str, where: str) -> NDArray[np.bool_]:
+    """Rows of some names of a group."""
+    wanted = [word.strip() for word in text.split(",")]
+    for name in wanted:
+        if name not in rows.groups[axis]:
+            raise RequestError(
+                f"no row has {axis} = {name} ({where})",
+                expected="one of " + ", ".join(rows.groups[axis][:20]),
+            )
+    return np.isin(rows.conditions[axis], [rows.groups[axis].index(name) for name in wanted])
 
 
 def _at_level(rows: Rows, name: str, value: float, setting: SettingError) -> NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
+from specan.study.data.near_rows import TIME, not_repeats, parted, said_of_near_rows
 from specan.study.data.plausible_rows import check_limits, duplicates
 from specan.study.data.setpoints import cells, grouped, levels
 from specan.study.data.table_reader import Measurement
@@ -18,7 +19,7 @@ from specan.study.observation import Array
 from specan.study.observation.variable import Variable
 from specan.units import convert, printed_unit
 
-TIME = "elapsed_time"  # orders the readings; never a setting
+NEXT, LATER = 0.5, 0.1  # standard deviations of setting within which two rows are readings of one setting
 ENOUGH = 8  # degrees of freedom above which repeats are believed
 
 
@@ -41,7 +42,9 @@ class Rows:
     setup : array of int
         Rows that were read without setting anything in between share a number.
     setups_from : str
-        How set-ups were told apart: ``setup``, ``repeat`` or ``order``.
+        How set-ups were distinguished: ``setup``, ``repeat`` or ``order``.
+    groups : mapping
+        Names of each group; the rows' conditions hold their numbers.
     """
 
     recordings: tuple[str, ...]
@@ -57,6 +60,7 @@ class Rows:
     setup: NDArray[np.intp]
     setups_from: str
     notes: tuple[str, ...] = ()
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -78,6 +82,17 @@ class Rows:
             setup=self.setup[mask],
         )
 
+    def names_of_first(self, mask: NDArray[np.bool_]) -> Rows:
+        """The same with groups that hold the names of some rows only; other names have numbers behind them."""
+        conditions, levels, groups = dict(self.conditions), dict(self.levels), dict(self.groups)
+        for axis, names in self.groups.items():
+            codes = self.conditions[axis].astype(int)
+            used = [k for k in range(len(names)) if k in set(codes[mask].tolist())]
+            order = [*used, *(k for k in range(len(names)) if k not in used)]
+            conditions[axis] = levels[axis] = np.argsort(order)[codes].astype(float)
+            groups[axis] = tuple(names[k] for k in used)
+        return replace(self, conditions=conditions, levels=levels, groups=groups)
+
     def place(self, row: int) -> str:
         """File and line of a row, for messages."""
         return f"{self.recordings[self.recording[row]]}, line {self.lines[row]}"
@@ -92,6 +107,11 @@ class Rows:
         found: dict[str, NDArray[Any]] = {}
         for name, level in self.levels.items():
             condition = model.conditions[name]
+            if condition.group:
+                if np.unique(level).size > 1:
+                    names = (*self.groups[name], "another")
+                    found[name] = np.array(names)[np.minimum(level.astype(int), len(names) - 1)]
+                continue
             if condition.varies and np.unique(level).size > 1:
                 shown = np.asarray(convert(grouped(level), condition.unit, condition.column_unit))
                 digits = 6 if self.is_set[name] else 3
@@ -102,7 +122,7 @@ class Rows:
 
 
 def grouping_of(model: Model, condition: Condition) -> SettingError:
-    """Uncertainty of setting by which levels are told apart: the rig's, or what is usual for the condition."""
+    """Uncertainty of setting by which levels are distinguished: the rig's, or what is usual for the condition."""
     return model.rig.setting.get(condition.name, condition.usual_setting)
 
 
@@ -114,6 +134,12 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     sizes = [m.n for m in measurements]
     recording = np.repeat(np.arange(len(sizes)), sizes)
     conditions, steps, notes = _conditions(measurements, model)
+    groups = {
+        axis: tuple(dict.fromkeys(n for m in measurements for n in m.groups[axis])) for axis in model.groups
+    }
+    for axis, names in groups.items():
+        conditions[axis] = np.array([float(names.index(n)) for m in measurements for n in m.groups[axis]])
+        steps[axis] = np.zeros(recording.size)
     settings = {n: grouping_of(model, model.conditions[n]) for n in conditions}
     lines = np.concatenate([m.lines for m in measurements])
     places = [f"{measurements[int(k)].name}, line {line}" for k, line in zip(recording, lines, strict=True)]
@@ -123,10 +149,16 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     distinct = np.unique(np.stack([*conditions.values()], axis=1), axis=0) if conditions else np.empty((0, 0))
     level, is_set = {}, {}
     for k, (name, values) in enumerate(conditions.items()):
+        if name in groups:
+            level[name], is_set[name] = values, True
+            continue
         points, is_set[name] = levels(distinct[:, k], settings[name])
         back = dict(zip(distinct[:, k].tolist(), points.tolist(), strict=True))
         level[name] = np.array([back[x] for x in values.tolist()])
-    alike = cells(*(values for name, values in level.items() if name != TIME))
+    level = parted(level, is_set, measurements, recording, conditions, settings)
+    exact = not_repeats(measurements, conditions, level, model)
+    alike = cells(*(conditions[n] if n in exact else v for n, v in level.items() if n != TIME))
+    nearness = said_of_near_rows(conditions, level, exact, alike, lines, measurements, recording)
     replicate_group = _within_files(alike, recording)
     setup, how = _setups(measurements, recording, replicate_group, conditions, settings)
     return Rows(
@@ -146,8 +178,10 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
             *(f"{m.name}: {note}" for m in measurements for note in m.notes),
             *notes,
             *outside,
+            *nearness,
             *([copied] if copied else []),
         ),
+        groups=groups,
     )
 
 
@@ -195,15 +229,37 @@ def _setups(
     for how in ("setup", "repeat"):
         marks = [getattr(m, how) for m in measurements]
         if all(mark is not None for mark in marks):
-            return cells(recording, replicate_group, np.concatenate(marks)), how
+            marked = cells(recording, replicate_group, np.concatenate(marks))
+            if how == "setup":
+                return marked, how
+            # One round sets a condition once: rows of it at other values are other settings, not second readings.
+            order = np.argsort(marked, kind="stable")
+            new = (np.diff(marked[order], prepend=-1) != 0) | _set_anew(conditions, settings, order)
+            number = np.empty(order.size, dtype=np.intp)
+            number[order] = np.cumsum(new)
+            return number, how
     # Without a mark: the next row at the same condition, at values that were not set anew, is a second
     # reading; a condition that comes back later was set again.
+    everything = np.arange(recording.size)
     changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(replicate_group, prepend=-1) != 0)
+    return np.cumsum(changed | _set_anew(conditions, settings, everything)), "order"
+
+
+def _set_anew(
+    conditions: Mapping[str, Array], settings: Mapping[str, SettingError], order: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Whether a row lies further from the one before it, in an order, than readings of one setting do.
+
+    Half the scatter of setting where the one row follows the other in the table, a tenth where other rows lie between.
+    """
+    changed = np.zeros(order.size, dtype=bool)
+    share = np.where(np.diff(order, prepend=-1) == 1, NEXT, LATER)
     for name, values in conditions.items():
         if name != TIME:
-            apart = np.abs(np.diff(values, prepend=values[0]))
-            changed |= apart > 0.5 * settings[name].at(values) + 1e-12
-    return np.cumsum(changed), "order"
+            ordered = values[order]
+            apart = np.abs(np.diff(ordered, prepend=ordered[0]))
+            changed |= apart > share * settings[name].at(ordered) + 1e-12
+    return changed
 
 
 def check_varied(rows: Rows, model: Model) -> None:

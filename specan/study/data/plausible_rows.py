@@ -1,4 +1,4 @@
-"""Rows of a table held against the rig file and against each other, before anything is fitted."""
+"""Rows of a table compared with the rig file and against each other, before anything is fitted."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from specan.models import SettingError
 from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
-GROUPS = 8
+GROUPS = 8  # of neighbours, into which values without set-points are divided
 CHANCE = 1e-3  # probability below which gaps of two sizes are no accident
 
 
@@ -119,6 +119,51 @@ def _break(ordered: Array, setting: SettingError) -> float:
         return np.inf
     k = int(np.flatnonzero(usable)[np.argmax(size[1:][usable] / size[:-1][usable])])
     return float(np.sqrt(size[k] * size[k + 1]))
+
+
+MOST = 0.8  # of the rounds that have to hold the same number of rows of a level
+
+
+def apart_in_rounds(values: Array, level: Array, rounds: NDArray[np.intp], scatter: Array) -> Array:
+    """Levels of a column that was read, parted where one round of a plan holds several rows of a level.
+
+    A round of a plan sets each condition once. Neighbouring set values that scatter into each other look like one
+    level; their order in each round distinguishes them.
+
+    Parameters
+    ----------
+    values, level : array
+        Of one condition, every row.
+    rounds : array of int
+        Rows that share all other levels and the number of the round share a number.
+    scatter : array
+        Standard deviation of setting, every row: rows closer than half of it are readings of one setting.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> read = np.array([66.2, 75.9, 69.1, 79.8])
+    >>> apart_in_rounds(read, np.full(4, 72.75), np.array([0, 0, 1, 1]), 0.05 * read).round(2)
+    array([67.65, 77.85, 67.65, 77.85])
+    """
+    out = level.copy()
+    for value in np.unique(level):
+        rows = np.flatnonzero(level == value)
+        order = rows[np.lexsort((values[rows], rounds[rows]))]
+        _, first, counts = np.unique(rounds[order], return_index=True, return_counts=True)
+        several = int(np.median(counts))
+        full = counts == several
+        if several < 2 or np.mean(full) < MOST:
+            continue
+        rank = np.arange(order.size) - np.repeat(first, counts)
+        gaps = np.diff(values[order])[rank[1:] > 0] / scatter[order][1:][rank[1:] > 0]
+        if np.median(gaps) < 0.5:
+            continue
+        whole = np.repeat(full, counts)
+        centres = np.array([values[order][whole & (rank == k)].mean() for k in range(several)])
+        nearest = np.argmin(np.abs(values[order][:, None] - centres), axis=1)
+        out[order] = centres[np.where(whole, rank, nearest)]
+    return out
 
 
 def grouped(values: Array) -> Array:

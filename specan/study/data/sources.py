@@ -9,7 +9,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from specan.errors import RequestError, nearest
+from specan.errors import InputError, RequestError, nearest
 from specan.models import Model
 from specan.study.observation import Observation
 
@@ -64,7 +64,7 @@ class OpenedData:
     statements : tuple of str
         What was found and assumed, for a person.
     known : bool
-        False where nothing tells the uncertainty.
+        False where the uncertainty is unknown.
     discrepancy_percent : float
         Declared discrepancy of the model that the covariance holds.
     """
@@ -93,19 +93,23 @@ def kind_named(kind: str) -> Any:
 
 
 def kind_of(path: Path, model: Model) -> str:
-    """Kind of a measured file: the first that the model can be held against and that the file's content is of.
+    """Kind of a measured file: the first that the model can be compared with and that the file's content is of.
 
     Raises
     ------
+    InputError
+        The file is empty.
     RequestError
-        The file is of no kind that the model can be held against.
+        The file is of no kind that the model can be compared with.
     """
+    if path.is_file() and not path.stat().st_size:
+        raise InputError(f"{path.name} is empty", remedy="export it again")
     for kind in model.kinds:
         if kind_named(kind).reads(path):
             return kind
     titles = " or ".join(kind_named(kind).TITLE for kind in model.kinds)
     raise RequestError(
-        f"{path.name} is no kind of file that a study of the model {model.name} reads", expected=titles
+        f"{path.name} is not a kind of file that a study of the model {model.name} reads", expected=titles
     )
 
 

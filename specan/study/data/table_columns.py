@@ -20,7 +20,7 @@ MARKS = ("repeat", "setup")
 _WITH_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<a>[^]]*)\]|\((?P<b>[^)]*)\)|\s/\s*(?P<c>.+))\s*$")
 
 
-_PER_SECOND = ("1/s", "s^-1", "s-1", "hz")  # turns or radians: a factor of 2 pi
+_PER_SECOND = ("1/s", "/s", "s^-1", "s-1", "s**-1", "s⁻¹", "hz")  # turns or radians: a factor of 2 pi
 
 
 @dataclass(eq=False)
@@ -71,7 +71,7 @@ class ColumnNames:
             if unit:
                 self.units[column] = unit
         if unknown and not self.chosen and not self.lenient:
-            raise self._unknown(unknown)
+            raise self._unknown(unknown, found)
         self.passed_over = unknown
         return found
 
@@ -87,7 +87,7 @@ class ColumnNames:
             self.units.setdefault(name, cell_unit)
         for name, header in self.chosen.items():
             column = self._column_called(name)
-            if column not in self.units and column in self._targets:
+            if column not in self.units and column in self._targets and column not in self.model.groups:
                 known = self._targets[column]
                 unit = known.column_unit or known.unit
                 self.notes.append(
@@ -96,6 +96,8 @@ class ColumnNames:
         if self.passed_over:
             self.notes.append(f"columns passed over: {', '.join(self.passed_over)}")
         for name, unit in self.units.items():
+            if name in self.model.groups:
+                continue
             target = self._targets.get(name)
             wanted = (target.column_unit or target.unit) if target is not None else unit
             if wanted == unit:
@@ -152,6 +154,9 @@ class ColumnNames:
         """Column and unit of a header that names a column as it is, or a name with its unit behind."""
         if header in self._targets or header in MARKS:
             return header, ""
+        other_letters = [c for c in (*self._targets, *MARKS) if _plain(c) == _plain(header)]
+        if len(other_letters) == 1:
+            return other_letters[0], ""
         said = _WITH_UNIT.match(header)
         if said is None:
             return "", ""
@@ -159,7 +164,7 @@ class ColumnNames:
         close = [c for c, t in self._targets.items() if name in _aliases(c, t)]
         return (close[0], _unit(said)) if len(close) == 1 else ("", "")
 
-    def _unknown(self, unknown: list[str]) -> InputError:
+    def _unknown(self, unknown: list[str], known: Mapping[str, str]) -> InputError:
         allowed = [*self._targets, *MARKS]
         hints = []
         for header in unknown:
@@ -172,11 +177,14 @@ class ColumnNames:
         said_hints = "; ".join(
             f"{header!r}: {hint}" for header, hint in zip(unknown, hints, strict=True)
         ) if len(set(hints)) > 1 else hints[0]  # fmt: skip
-        example = next((c for c in self._targets if not c.startswith("note")), "NAME")
+        example = next((c for c in self._targets if c not in known.values()), "")
+        way = f'say which is which with --column "{example}={unknown[0]}"'
+        if not example:
+            header, column = next(iter(known.items()))
+            way = f'nothing is lacking; to pass over the rest, give --column "{column}={header}"'
         return InputError(
             f"{self.path}: unknown column{'s' if len(unknown) > 1 else ''} {names}",
-            remedy=f'{said_hints}; say which is which with --column "{example}={unknown[0]}"; '
-            "a column whose name begins with 'note' is passed over",
+            remedy=f"{said_hints}; {way}; a column whose name begins with 'note' is passed over",
         )
 
 

@@ -4,7 +4,7 @@ V = reading + setting anew + declared discrepancy of the model. What all rows sh
 zero of a sensor) is not in it: those are nuisance parameters with a prior. Repeats that were set anew
 each time hold reading and setting together and are believed first; back-to-back repeats hold the reading
 only, so that the setting's scatter must come from the rig file - taken for the whole, they would make
-every model fail. A condition that was read and stands in the table is known, however it scatters.
+every model fail. A condition that was read and is in the table is known, however it scatters.
 
 Decisions: docs/decisions/covariance.md.
 """
@@ -55,7 +55,7 @@ class Uncertainty:
     noise : mapping
         `Noise` of each observable.
     known : bool
-        False where nothing tells the uncertainty: residuals can then be shown, but nothing be concluded.
+        False where the uncertainty is unknown: residuals can then be shown, but nothing be concluded.
     statements : tuple of str
         What was found and assumed, for a person.
     """
@@ -80,6 +80,10 @@ class Uncertainty:
         """Rows with their covariance; `pure_error_dof` holds for the rows that this was worked out on."""
         reading, setup = self._variances(rows)
         together = (rows.setup[:, None] == rows.setup) & (rows.observable[:, None] == rows.observable)
+        # Scatter of set-ups without any of readings: too few second readings to tell, which count as set anew.
+        told = np.array([self.noise[name].reading is not None for name in rows.observable.tolist()])
+        declared = np.array([self.noise[name].setup is None for name in rows.observable.tolist()])
+        together &= (told | declared)[:, None] | np.eye(rows.n, dtype=bool)
         root = np.sqrt(setup)
         covariance = np.diag(reading) + np.where(together, np.outer(root, root), 0.0)
         part = self.discrepancy_percent / 100 * self.reference.effects_part(rows)
@@ -100,6 +104,7 @@ class Uncertainty:
             parts={"reading": np.sqrt(reading), "setting": root, "discrepancy": np.abs(part)},
             available=frozenset(rows.conditions),
             known=self.known,
+            groups=rows.groups,
             lines=rows.lines,
             replicate_group=rows.replicate_group,
         )
@@ -167,7 +172,10 @@ def uncertainty(model: Model, rows: Rows) -> Uncertainty:
     ranges = {
         name: (float(x.min()), float(x.max()))
         for name, x in rows.conditions.items()
-        if np.ptp(x) > 0 and name != TIME and model.conditions[name].varies
+        if np.ptp(x) > 0
+        and name != TIME
+        and model.conditions[name].varies
+        and not model.conditions[name].group
     }
     found = Uncertainty(model, centre, noise, ranges)
     percent = found.discrepancy_percent
@@ -183,7 +191,7 @@ def components(model: Model, centre: Reference, rows: Rows) -> dict[str, Array]:
     found = {"the reading": np.where(np.isfinite(predicted), predicted, rows.measured) ** 2}
     for name, x in rows.conditions.items():
         condition = model.conditions[name]
-        if name == TIME or not condition.varies or not np.ptp(rows.levels[name]) > 0:
+        if name == TIME or condition.group or not condition.varies or not np.ptp(rows.levels[name]) > 0:
             continue
         size = 1.0 if condition.usual_setting.absolute else x
         found[f"the scatter of {condition.column}"] = (centre.slope(rows, name) * size) ** 2
@@ -331,7 +339,11 @@ def _slopes(rows: Rows, predicted: Array) -> Array:
     linear in the deviation, and in the condition, is left to be fitted. Time went on: a machine runs in,
     quickly at first, by an amount or by a share of the reading.
     """
-    scaled = [(x - x.mean()) / x.std() for n, x in rows.levels.items() if np.ptp(x) > 0 and n != TIME]
+    scaled = [
+        (x - x.mean()) / x.std()
+        for n, x in rows.levels.items()
+        if np.ptp(x) > 0 and n != TIME and n not in rows.groups
+    ]
     deviations = {
         n: x - rows.levels[n] for n, x in rows.conditions.items() if n != TIME and not rows.is_set[n]
     }
@@ -362,7 +374,7 @@ def _check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array,
         return
     size = np.maximum(np.abs(part.measured), 1e-300)
     limit = np.maximum(0.1 * size, OUTRAGEOUS * np.sqrt(declared))
-    moved = repeated & (off > 0)  # the one in the middle of three is no measure of their scatter
+    moved = repeated & (off > 0)  # the one in the middle of three is not a measure of their scatter
     if np.sum(counts > 1) >= 4 and np.any(moved):
         usual, usual_share = np.median(off[moved]), np.median((off / size)[moved])
         limit = np.maximum(limit, OUTRAGEOUS * 1.4826 * np.maximum(usual, usual_share * size))
@@ -398,7 +410,11 @@ def _about_conditions(model: Model, rows: Rows) -> list[str]:
             continue
         distinct = np.unique(rows.levels[name]).size
         kind = "set values" if rows.is_set[name] else "read values (their scatter is known, no noise)"
-        if np.ptp(x) > 0:
+        if condition.group:
+            names = rows.groups[name]
+            shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+            said.append(f"{name}: {len(names)} groups of rows, {shown}")
+        elif np.ptp(x) > 0:
             said.append(f"{condition.column}: {kind}, {distinct} levels")
     return said
 

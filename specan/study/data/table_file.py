@@ -19,7 +19,7 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 
 @dataclass(frozen=True)
 class TableFile:
-    """Columns of numbers and the line of the file that each row stands in.
+    """Columns of numbers and the line of the file that each row is in.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class TableFile:
     lines : array of int
         Line number of each row, for messages.
     cell_units : dict
-        Header to the unit that stands behind the numbers themselves: ``percent`` for ``85 %``.
+        Header to the unit that is behind the numbers themselves: ``percent`` for ``85 %``.
     words : dict
         Header to the cells of the columns that are read as text.
     """
@@ -82,7 +82,7 @@ def read_table(
     Raises
     ------
     InputError
-        No such file, no text, no rows, a row of another length, a cell that is no number.
+        No such file, no text, no rows, a row of another length, a cell that is not a number.
     """
     try:
         raw = path.read_bytes() if content is None else content
@@ -96,7 +96,7 @@ def read_table(
     header, cells, lines = _header(sheet)
     doubled = sorted({name for name in header if name and header.count(name) > 1})
     if doubled:
-        raise InputError(f"{path}: the column {doubled[0]!r} stands there twice", remedy="rename one")
+        raise InputError(f"{path}: the column {doubled[0]!r} is there twice", remedy="rename one")
     _check_lengths(path, header, cells, lines)
     kept = [name for name in header if name and not name.startswith("note")]
     names = {name: name for name in kept} if choose is None else choose(kept)
@@ -126,7 +126,9 @@ def _text_sheet(path: Path, raw: bytes) -> _Sheet:
         text = raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError as fault:
         raise InputError(
-            f"the table {path} cannot be read ({fault})", expected="a text file in UTF-8"
+            f"the table {path} cannot be read ({fault})",
+            expected="a text file in UTF-8",
+            remedy="save it as UTF-8 (spreadsheets call it CSV UTF-8)",
         ) from None
     numbered = [
         (n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")
@@ -219,7 +221,7 @@ def _number(word: str, path: Path, column: str, line: int, comma: bool) -> float
         value = math.nan
     if not math.isfinite(value):
         raise InputError(
-            f"{path}, line {line}: {word!r} in the column {column!r} is no number",
+            f"{path}, line {line}: {word!r} in the column {column!r} is not a number",
             remedy="correct it, leave the cell empty, or begin the column's name with 'note' to pass over it",
         )
     return value

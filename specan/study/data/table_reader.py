@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,8 @@ class Measurement:
         Number of the set-up of a condition; mark that readings of one set-up share.
     notes : tuple of str
         What was assumed or left out.
+    groups : dict
+        Names in the columns of groups, one a row.
     """
 
     name: str
@@ -45,6 +48,7 @@ class Measurement:
     repeat: Array | None
     setup: Array | None
     notes: tuple[str, ...]
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -55,7 +59,7 @@ class Measurement:
 def read_measurement(
     path: Path,
     model: Model,
-    constants: Mapping[str, float] | None = None,
+    constants: Mapping[str, Any] | None = None,
     content: bytes | None = None,
     name: str = "",
     columns: Mapping[str, str] | None = None,
@@ -83,12 +87,14 @@ def read_measurement(
         Columns that are missing, unknown or contradict each other; values that cannot be.
     """
     names = ColumnNames(path, model, columns or {})
-    table = read_table(path, content, names.choose)
+    table = read_table(path, content, names.choose, texts=model.groups)
     names.convert(table)
-    known = {c.column: c for c in model.conditions.values() if c.column}
+    constants = dict(constants or {})
+    groups = {axis: _names(table, axis, constants) for axis in model.groups}
+    known = {c.column: c for c in model.conditions.values() if c.column and not c.group}
     measurable = {o.header: o for o in model.observables.values() if o.kind == "table"}
     _check_columns(table, known, measurable, model.table_rules)
-    _add_constants(table, constants or {}, known)
+    _add_constants(table, constants, known)
     steps = {n: np.full(table.lines.size, s) for n, s in table.steps.items()}
     notes = [*names.notes]
     if model.table_rules is not None:
@@ -106,7 +112,27 @@ def read_measurement(
         repeat=_mark(table, "repeat"),
         setup=_mark(table, "setup"),
         notes=tuple(notes),
+        groups=groups,
     )
+
+
+def _names(table: TableFile, axis: str, constants: dict[str, Any]) -> tuple[str, ...]:
+    """Names of a group, one a row: a column, or the study's word for the whole file."""
+    said = constants.pop(axis, None)
+    words = table.words.get(axis)
+    if words is None and said is None:
+        raise InputError(
+            f"{table.path}: the column {axis!r} is missing, which says to which {axis} each row belongs",
+            remedy=f'add it, or say which header it has: --column "{axis}=HEADER"',
+        )
+    if words is None:
+        return (str(said),) * table.lines.size
+    empty = np.array([not word for word in words])
+    if np.any(empty):
+        raise InputError(
+            f"{table.path}, {table.rows(empty)}: no name in the column {axis!r}", remedy="fill it"
+        )
+    return tuple(words)
 
 
 def _complete(table: TableFile, rules: TableRules, steps: dict[str, Array]) -> tuple[str, ...]:

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models import Condition, Model
+from specan.models import Model
+from specan.study.design.operating_grid import inside_block, operating_grid, planned_readings
 from specan.study.design.planned_receivers import spoken_place
 from specan.study.design.receiver_places import best_places, can_place, in_words, where_it_fails
 from specan.study.estimation.problem import Problem
@@ -32,8 +33,8 @@ from specan.units import convert, printed_unit
 Array = NDArray[np.float64]
 
 LEAST_WEIGHT = 0.02  # a wrong leader must not freeze the design
-STEPS = 9  # levels of each condition
 NEAR = 0.15  # share of the ranges within which a point is a near duplicate
+SAME = 1e-6  # share of the ranges within which two points are one
 SEPARATES = 2.0  # sigma that a measurement must promise to be worth proposing
 
 
@@ -54,7 +55,7 @@ class Proposal:
     """
 
     text: str
-    conditions: Mapping[str, float]
+    conditions: Mapping[str, float | str]
     predictions: Mapping[str, float]
     unit: str
     sigma: float | None
@@ -95,8 +96,8 @@ def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True
     if can_place(problem):
         found = _positions(rivals, count)
         return tuple(found or (_other_kinds(rivals) if other_kinds else []))
-    grid = _grid(problem)
-    planned = None if grid is None else _planned(problem, grid)
+    grid = operating_grid(problem)
+    planned = None if grid is None else planned_readings(problem, grid)
     found = []
     if planned is not None:
         found = _greedy(rivals, planned, count)
@@ -120,18 +121,18 @@ def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Prop
         return tuple(
             _position_to_explore(p, blocks[0], noun) for p in where_it_fails(start, blocks[0], count)
         )
-    grid = _grid(start.problem)
+    grid = operating_grid(start.problem, blocks[0] if blocks else None)
     if grid is None or not blocks:
         return ()
-    planned = _planned(start.problem, grid)
+    planned = planned_readings(start.problem, grid)
     predicted = _at(start.problem, planned).predictions(start.fit.theta)[0]
     place, measured = _places(planned), _measured_places(start.problem, planned)
-    usable = np.isfinite(predicted) & _inside(start.problem, planned, blocks[0])
+    usable = np.isfinite(predicted) & inside_block(start.problem, planned, blocks[0])
     found = []
     for _ in range(count):
         gap = np.min(np.linalg.norm(place[:, None] - measured[None], axis=2), axis=1)
         row = int(np.argmax(np.where(usable, gap, -1.0)))
-        if not usable[row]:
+        if not usable[row] or gap[row] < SAME:
             break
         one = _proposal([start], planned, predicted[None, row], row, 0.0)
         told = f"where the model fails ({blocks[0].text}) and nothing was measured nearby"
@@ -171,18 +172,6 @@ def _noun(model: Model) -> str:
     return model.receivers.noun
 
 
-def _inside(problem: Problem, planned: TableObservation, block: Block) -> NDArray[np.bool_]:
-    """Planned points at the levels of a block, or at the level of the grid next to it."""
-    inside = np.ones(planned.n, dtype=bool)
-    for condition in problem.assembly.model.conditions.values():
-        values = planned.conditions.get(condition.name)
-        if condition.column in block.where and values is not None and np.ptp(values) > 0:
-            level = convert(float(block.where[condition.column]), condition.column_unit, condition.unit)
-            gap = np.abs(values - level)
-            inside &= gap <= gap.min() * (1 + 1e-9)
-    return inside
-
-
 def _measured_places(problem: Problem, planned: TableObservation) -> Array:
     columns = []
     for name, values in planned.conditions.items():
@@ -190,71 +179,6 @@ def _measured_places(problem: Problem, planned: TableObservation) -> Array:
             seen = np.concatenate([o.conditions[name] for o in problem.observations])
             columns.append((seen - values.min()) / np.ptp(values))
     return np.column_stack(columns)
-
-
-def _grid(problem: Problem) -> dict[str, Array] | None:
-    """Conditions within the limits, SI; None where the rig names none or the data are no table."""
-    model = problem.assembly.model
-    limits = model.rig.limits
-    usable = {n: limits[n] for n in limits if n in model.conditions}
-    if not usable or not all(isinstance(o, TableObservation) for o in problem.observations):
-        return None
-    axes = [_round_steps(model.conditions[name], low, high) for name, (low, high) in usable.items()]
-    points = np.array(list(product(*axes)))
-    return dict(zip(usable, points.T))
-
-
-def _round_steps(condition: Condition, low: float, high: float) -> Array:
-    """Levels that a person would set: even steps, round in the column's unit."""
-    ends = [float(convert(v, condition.unit, condition.column_unit)) for v in (low, high)]
-    raw = (ends[1] - ends[0]) / (STEPS - 1)
-    size = 10.0 ** np.floor(np.log10(raw))
-    step = size * next(m for m in (1, 2, 2.5, 5, 10) if m * size >= raw * 0.999)
-    inner = np.arange(np.ceil(ends[0] / step), np.floor(ends[1] / step) + 1) * step
-    levels = np.unique(np.concatenate([ends[:1], inner, ends[1:]]))
-    return np.asarray(convert(levels, condition.column_unit, condition.unit))
-
-
-def _planned(problem: Problem, grid: Mapping[str, Array]) -> TableObservation:
-    """The grid as readings that are still to be made, as uncertain as the nearest ones that were made."""
-    observation = problem.observations[0]
-    assert isinstance(observation, TableObservation)
-    size = next(iter(grid.values())).size
-    conditions = {
-        name: grid[name] if name in grid else np.full(size, np.median(values))
-        for name, values in observation.conditions.items()
-    }
-    near = _nearest(observation, conditions, grid)
-    main = max(set(observation.observable.tolist()), key=observation.observable.tolist().count)
-    sigma = observation.sigma[near]
-    return replace(
-        observation,
-        name="planned",
-        observable=np.full(size, main),
-        measured=np.zeros(size),
-        conditions=conditions,
-        covariance=np.diag(sigma**2),
-        labels={},
-        recordings=problem.recordings,  # each its own elements of a parameter; the readings count to the first
-        recording=np.zeros(size, dtype=np.intp),
-        parts={},
-        series=None,
-        position=None,
-        pure_error_dof=0.0,
-    )
-
-
-def _nearest(
-    observation: TableObservation, conditions: Mapping[str, Array], grid: Mapping[str, Array]
-) -> NDArray[np.intp]:
-    distance: Any = 0.0
-    for name in grid:
-        if name in observation.conditions:
-            span = float(np.ptp(conditions[name])) or 1.0
-            distance = (
-                distance + ((conditions[name][:, None] - observation.conditions[name][None, :]) / span) ** 2
-            )
-    return np.asarray(np.argmin(distance, axis=1))
 
 
 def _greedy(rivals: Sequence[Refit], planned: TableObservation, count: int) -> list[Proposal]:
@@ -326,9 +250,7 @@ def _proposal(
     model = rivals[0].problem.assembly.model
     observable = model.observables[str(planned.observable[row])]
     conditions = {
-        model.conditions[name].column: float(
-            f"{convert(values[row], model.conditions[name].unit, model.conditions[name].column_unit):.6g}"
-        )
+        model.conditions[name].column: _shown(model, name, float(values[row]))
         for name, values in planned.conditions.items()
         if np.ptp(values) > 0
     }
@@ -346,8 +268,18 @@ def _proposal(
     return Proposal(text, conditions, predictions, observable.unit, sigma, apart)
 
 
-def _spoken(model: Model, column: str, value: float) -> str:
+def _shown(model: Model, name: str, value: float) -> float | str:
+    """A condition in the unit of its column; of a group, the name."""
+    condition = model.conditions[name]
+    if condition.group:
+        return model.group_elements[name][int(value)]
+    return float(f"{convert(value, condition.unit, condition.column_unit):.6g}")
+
+
+def _spoken(model: Model, column: str, value: float | str) -> str:
     condition = next(c for c in model.conditions.values() if c.column == column)
+    if isinstance(value, str):
+        return f"{condition.words} {value}"
     return f"{condition.words} {value:g} {printed_unit(condition.column_unit)}".rstrip()
 
 

@@ -11,7 +11,7 @@ from specan.study.observation import Array
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 from specan.study.observation.window_leakage import Folding
 
-EVERY_HZ = 3.0
+EVERY_HZ = 3.0  # lines that a planned receiver is looked at
 
 
 def few_lines(observation: FrfObservation) -> FrfObservation:

@@ -16,6 +16,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
 STAGES = (20.0, 5.0)  # per cent of the RMS over channels
+CONTINUED = 2  # of several starts
 ENOUGH = 8  # Jacobians a stage: what a fit still gains then, such uncertainties do not tell from nothing
 
 
@@ -32,11 +33,13 @@ def down_weighted(
     return problem.over([o.down_weighted(percent) for o in seen])
 
 
-def continuation_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> dict[str, Any]:
+def continuation_fit(
+    problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},), rough: bool = False
+) -> dict[str, Any]:
     """SI values where a fit in stages ends, the best of several starts.
 
-    A down-weighted view does not see small effects. Of several starts that fit it equally well, a subsample with the
-    windows chooses.
+    Of many starts the two that some Jacobians lead lowest go on. A down-weighted view does not see small effects. Of
+    several starts that fit it equally well, a subsample with the windows chooses; not where a `rough` fit will do.
 
     Raises
     ------
@@ -48,9 +51,11 @@ def continuation_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({}
     reason = ""
     for values in starts:
         try:
-            near.append(descend_steps(first, problem.start(values), ENOUGH))
+            few = SCREENING_JACOBIANS if len(starts) > CONTINUED else ENOUGH
+            near.append(descend_steps(first, problem.start(values), few))
         except ComputationError as fault:
             reason = fault.found
+    near = sorted(near, key=lambda theta: _chi2(first, theta))[:CONTINUED]
     try:
         theta = descend_steps(last, best_screened(last, near), ENOUGH)
     except ComputationError as fault:
@@ -58,7 +63,7 @@ def continuation_fit(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({}
             f"a first fit failed: {reason or fault.found}",
             remedy="give other start values or narrower bounds",
         ) from fault
-    if len(starts) == 1:
+    if len(starts) == 1 or rough:
         return problem.values_at(theta)
     plain = down_weighted(
         problem, values=problem.values_at(theta)

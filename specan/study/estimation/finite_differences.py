@@ -20,7 +20,7 @@ _FOURTH_AT_AN_END: _Rule = ((1, 2, 3, 4), (4.0, -3.0, 4 / 3, -1 / 4), -25 / 12)
 def usual_stencil(
     theta: Array, scale: Array, low: Array, high: Array, exact: bool
 ) -> tuple[list[Array], Array]:
-    """Points around theta (itself first) and the weights that make derivatives of their predictions.
+    """Points around theta (itself first, where it counts) and the weights that make derivatives of their predictions.
 
     Central differences; one-sided ones of second order where a bound is near. Plain one-sided ones where they
     need not be `exact`: what they err by, the step's share of the parameter's width, no step
@@ -41,28 +41,30 @@ def usual_stencil(
     return _stencil(theta, steps, rules)
 
 
-def fine_stencil(theta: Array, steps: Array, low: Array, high: Array) -> tuple[list[Array], Array]:
-    """The same of fourth order, with a step for each element of theta; one-sided where a bound is near.
+def chosen_stencil(
+    theta: Array, steps: Array, low: Array, high: Array, order: int
+) -> tuple[list[Array], Array]:
+    """The same of second or fourth order, with a step for each element of theta; one-sided where a bound is near.
 
     Examples
     --------
     >>> import numpy as np
     >>> none = np.array([np.inf])
-    >>> points, weights = fine_stencil(np.array([1.0]), np.array([1e-3]), -none, none)
+    >>> points, weights = chosen_stencil(np.array([1.0]), np.array([1e-3]), -none, none, 4)
     >>> derivative = np.exp(np.array(points)[:, 0]) @ weights
     >>> bool(abs(derivative[0] - np.e) < 1e-12)
     True
     """
+    inside, at_an_end = (_FOURTH, _FOURTH_AT_AN_END) if order == 4 else (_CENTRAL, _AT_AN_END)
     steps = np.minimum(steps, (high - low) / 8)  # four of them fit between one end and the middle
     steps = (theta + steps) - theta
     rules = []
     for k, step in enumerate(steps):
-        if low[k] <= theta[k] - 2 * step and theta[k] + 2 * step <= high[k]:
-            rules.append(_FOURTH)
+        reach = order // 2 * step
+        if low[k] <= theta[k] - reach and theta[k] + reach <= high[k]:
+            rules.append(inside)
         else:
-            rules.append(
-                _FOURTH_AT_AN_END if theta[k] + 4 * step <= high[k] else _mirrored(_FOURTH_AT_AN_END)
-            )
+            rules.append(at_an_end if theta[k] + 2 * reach <= high[k] else _mirrored(at_an_end))
     return _stencil(theta, steps, rules)
 
 
@@ -80,4 +82,4 @@ def _stencil(theta: Array, steps: Array, rules: list[_Rule]) -> tuple[list[Array
             weights[len(points), k] = weight / step
             points.append(theta.copy())
             points[-1][k] += offset * step
-    return points, weights
+    return (points, weights) if np.any(weights[0]) else (points[1:], weights[1:])

@@ -15,6 +15,8 @@ from specan.study.estimation.problem import Problem
 from specan.study.estimation.refinement import MOST_JACOBIANS, refine
 from specan.study.observation import Array
 
+NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
+NORMAL_95 = 1.96  # standard deviations on either side of 95 % of a normal law
 FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
 
@@ -136,9 +138,9 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> Minimum:
             bounds=(low, high),
             x_scale=problem.scale,
             method="trf",
-            xtol=1e-9,
-            ftol=1e-9,
-            gtol=1e-9,
+            xtol=NEAR,
+            ftol=NEAR,
+            gtol=NEAR,
             max_nfev=max_evaluations,
         )
     except np.linalg.LinAlgError as fault:
@@ -305,7 +307,7 @@ def profile_interval(
         Widen by the root of the reduced chi-square where that exceeds one.
     """
     if name not in problem.names:
-        raise RequestError(f"{name!r} is no free parameter", remedy=nearest(name, problem.names))
+        raise RequestError(f"{name!r} is not a free parameter", remedy=nearest(name, problem.names))
     quantile = _quantile(level, problem.noise_dof)
     if inflate and best.dof > 0:
         quantile *= max(1.0, best.reduced_chi2)

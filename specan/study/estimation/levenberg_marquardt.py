@@ -23,10 +23,13 @@ STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still pr
 STALL_TOLERANCE = 0.02  # or by which it has fallen over the last five exact Jacobians, in a valley that bends
 POOR_FIT = 10.0  # reduced chi-square above which the exact minimum of a frugal fit is of no interest
 FAR_TOLERANCE = 0.05  # share by which five Jacobians have to lower chi-square there to be worth going on
-MOST_JACOBIANS = 25
+MOST_JACOBIANS = 25  # of one descent, before it counts as not converged
 SCREENING_JACOBIANS = 3  # Jacobians that each of several starts is led by before the others are left
-MOST_SECANTS = 12
-MOST_DOUBLINGS = 8
+MOST_SECANTS = 12  # steps between two exact Jacobians
+MOST_DOUBLINGS = 8  # of a step that keeps paying
+# Damping of the first step, in units of the diagonal of J'J. In a valley of nearly collinear parameters 1e-4 shortens
+# every step; where an evaluation is expensive a step that fails costs more than that.
+FAR_START, LEAST_START = 1e-4, 1e-8
 LEAST_DAMPING = 1e-6  # damping with which a minimum is confirmed: a large one must not pass for it
 
 
@@ -122,7 +125,8 @@ class _Descent:
         residual = finite_residual(problem, self.theta)
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")
-        self.residual, self.damping = residual, 1e-4
+        self.residual = residual
+        self.damping = LEAST_START if problem.strategy.exact_minimum else FAR_START
 
     @property
     def chi2(self) -> float:

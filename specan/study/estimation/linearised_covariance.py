@@ -16,7 +16,7 @@ from specan.study.estimation.continuation import continuation_fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
 
-JACOBIANS = 3
+JACOBIANS = 3  # of all lines, about whose end the covariance is taken
 
 
 def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> Problem:

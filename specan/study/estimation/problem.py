@@ -26,8 +26,9 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
+from specan.models.groups import grouped
 from specan.models.parameter_name import ParameterName
-from specan.study.estimation.finite_differences import fine_stencil, usual_stencil
+from specan.study.estimation.finite_differences import chosen_stencil, usual_stencil
 from specan.study.estimation.pseudo_measurements import KnownRanges, PseudoMeasurements
 from specan.study.observation import Array, Observation
 from specan.study.observation.strategy import Strategy, joined
@@ -92,7 +93,7 @@ class Problem:
         for name, parameter in self.assembly.parameters.items():
             if parameter.per == "recording":
                 found[name] = self.recordings
-            elif parameter.per:
+            elif parameter.per and parameter.per not in self.assembly.model.groups:
                 found[name] = tuple(self.assembly.model.axes[parameter.per])
         return found
 
@@ -243,16 +244,16 @@ class Problem:
         ]
         return np.concatenate([*parts, self.pseudo.residual(np.asarray(theta, dtype=float))])
 
-    def jacobian(self, theta: Array, steps: Array | None = None) -> Array:
-        """Derivative of `residual`, one column for each element of theta."""
-        slopes = self.sensitivities(theta, steps)
+    def jacobian(self, theta: Array, steps: Array | None = None, order: int = 2) -> Array:
+        """Derivative of `residual`, one column for each element of theta; see `sensitivities`."""
+        slopes = self.sensitivities(theta, steps, order)
         white = [o.whiten(slope) for o, slope in zip(self.observations, slopes, strict=True)]
         return np.concatenate([*white, self.pseudo.jacobian(np.asarray(theta, dtype=float))], axis=0)
 
-    def sensitivities(self, theta: Array, steps: Array | None = None) -> list[Array]:
+    def sensitivities(self, theta: Array, steps: Array | None = None, order: int = 2) -> list[Array]:
         """Derivative of `predictions`, one matrix (n, len(theta)) an observation, by finite differences.
 
-        With `steps`, one for each element of theta, they are of fourth order.
+        With `steps`, one for each element of theta, they are of the given order, 2 or 4.
         """
         theta = np.asarray(theta, dtype=float)
         if not theta.size:
@@ -261,7 +262,7 @@ class Problem:
         if steps is None:
             points, weights = usual_stencil(theta, self.scale, low, high, self.strategy.exact_minimum)
         else:
-            points, weights = fine_stencil(theta, steps, low, high)
+            points, weights = chosen_stencil(theta, steps, low, high, order)
         many = [self.values_at(p) for p in points]
         return [
             o.predict_many(self.assembly, [self.seen_by(o, v) for v in many]) @ weights
@@ -401,9 +402,19 @@ def base_problem(
     uses : iterable of Use or str, optional
         Effects instead of the model's base effects.
     """
+    model = grouped_by(model, observations)
     assembly = model.assemble(model.base_effects if uses is None else uses)
     free = assembly.free(varying(o.conditions for o in observations))
     return _with_nuisances(Problem(assembly, tuple(observations), free))
+
+
+def grouped_by(model: Model, observations: Iterable[Observation]) -> Model:
+    """The model with the names of the groups that the observations hold."""
+    names: dict[str, dict[str, None]] = {}
+    for one in observations:
+        for axis, own in getattr(one, "groups", {}).items():
+            names.setdefault(axis, {}).update(dict.fromkeys(own))
+    return grouped(model, {axis: tuple(own) for axis, own in names.items()})
 
 
 def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:

@@ -20,8 +20,10 @@ SHARE = 1e-4  # of all predictions, by which a step of a derivative changes them
 MOST_OF_ITSELF = 1e-3  # of a parameter's size, which a step does not exceed
 ORTHOGONAL = 1e-16  # share of chi-square that another step may still promise
 ROUNDED = 1e-10  # share of chi-square below which rounding hides whether a step lowers it
+ROUNDING = 1e-14  # of chi-square, that a sum over some hundred rows may be off by
 UNDETERMINED = 1e-11  # of the largest singular value: directions that no step goes in
-MOST_JACOBIANS = 200
+FAR = 1e-3  # share of chi-square promised, above which derivatives of second order do
+MOST_JACOBIANS = 200  # of one refinement
 MOST_DAMPED = 25  # tries of one step
 REACH = 0.1  # of a step, at which its acceleration is measured
 MOST_BEND = 0.75  # acceleration over velocity, both of a step that is trusted
@@ -43,15 +45,17 @@ def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
         Not finite at the start.
     """
     descent = _Refinement(problem, start)
-    promised = np.inf
+    before, promised, order = np.inf, descent.derive(2), 2
     for _ in range(MOST_JACOBIANS):
-        before, promised = promised, descent.take_jacobian()
-        if promised <= ORTHOGONAL * descent.chi2 or not descent.step():
-            break
-        if promised <= ROUNDED * descent.chi2 and promised > before / 2:
+        if order == 2 and promised < FAR * descent.chi2:
+            order, promised = 4, descent.derive(4)
+        chi2 = descent.chi2
+        moved = promised > ORTHOGONAL * chi2 and descent.step()
+        gained = moved and descent.chi2 < chi2 * (1 - ROUNDING)
+        if order == 4 and not (gained or (moved and promised <= ROUNDED * chi2 and promised <= before / 2)):
             break  # rounding, or the accuracy of the model, is reached
-    else:
-        promised = descent.take_jacobian()
+        order = order if gained else 4
+        before, promised = promised, descent.derive(order)
     return descent.minimum(), promised < STEP_TOLERANCE * unit(problem, descent.chi2)
 
 
@@ -66,8 +70,8 @@ class _Refinement:
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")
         self.residual = residual
-        self.jacobian = _finite(problem.jacobian(self.theta))
         self.damping = 0.0
+        self.jacobian = _finite(problem.jacobian(self.theta))
         self.predicted = float(
             np.linalg.norm(problem.whiten(np.concatenate(problem.predictions(self.theta))))
         )
@@ -79,14 +83,9 @@ class _Refinement:
     def minimum(self) -> Minimum:
         return Minimum(self.theta, self.residual, self.jacobian, self.chi2)
 
-    def take_jacobian(self) -> float:
+    def derive(self, order: int) -> float:
         """Derive at theta; the fall in chi-square that an undamped step promises."""
-        columns = np.linalg.norm(self.jacobian[: self.problem.n_data], axis=0)
-        most = MOST_OF_ITSELF * np.maximum(self.problem.scale, np.abs(self.theta))
-        share = SHARE * self.predicted / np.maximum(columns, 1e-300)
-        self.jacobian = _finite(
-            self.problem.jacobian(self.theta, np.where(share > 0, np.minimum(share, most), most))
-        )
+        self.jacobian = _finite(self.problem.jacobian(self.theta, self._steps(), order))
         uphill = self.jacobian.T @ self.residual
         held = ((self.theta <= self.low) & (uphill > 0)) | ((self.theta >= self.high) & (uphill < 0))
         self.moving = np.flatnonzero(~held & np.any(self.jacobian != 0, axis=0))
@@ -96,6 +95,13 @@ class _Refinement:
         determined = values > UNDETERMINED * values.max(initial=0.0)
         self.left, self.values, self.right = left[:, determined], values[determined], right[determined]
         return float(np.sum((self.left.T @ self.residual) ** 2))
+
+    def _steps(self) -> Array:
+        """Steps of derivatives: such that each changes the predictions by the same share."""
+        columns = np.linalg.norm(self.jacobian[: self.problem.n_data], axis=0)
+        most = MOST_OF_ITSELF * np.maximum(self.problem.scale, np.abs(self.theta))
+        share = SHARE * self.predicted / np.maximum(columns, 1e-300)
+        return np.where(share > 0, np.minimum(share, most), most)
 
     def step(self) -> bool:
         """Take a step that does not raise chi-square, if there is one."""

@@ -34,7 +34,7 @@ from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.variable import Variable
 
-MOST_SENTENCES = 3
+MOST_SENTENCES = 3  # that are told
 LONGEST_RUN = 3  # third octaves: an error that goes on further is said of all frequencies
 GAIN = 1.1  # by how much |z| has to be larger for a smaller or larger place to be named instead
 

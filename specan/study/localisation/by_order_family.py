@@ -22,8 +22,8 @@ from specan.study.observation import Array
 from specan.study.observation.order_lines import OrderLinesObservation
 
 LOUDER = 2.0  # dB between the first and the last level from which a failure is said to grow or fall
-MOST_SENTENCES = 3
-MOST_Z = 40.0
+MOST_SENTENCES = 3  # that are told
+MOST_Z = 40.0  # beyond which a normal law gives no number
 
 
 def by_order_family(problem: Problem, best: Fit) -> Localisation:
@@ -71,7 +71,7 @@ class _Lines:
 def _middle(o: OrderLinesObservation) -> Array:
     """Root mean square of the strongest line of each row's sensor and harmonic, over its two parts."""
     strongest = np.zeros(o.kept.shape)
-    for group in o.groups:
+    for group in o.of_one_gain:
         strongest[group] = np.abs(o.amplitude[group]).max() / np.sqrt(2)
     return o.stack((strongest * (1 + 1j)).astype(complex))
 

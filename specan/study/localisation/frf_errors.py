@@ -24,7 +24,7 @@ from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
 
 Complex = NDArray[np.complex128]
-DB = 20 / np.log(10)
+DB = 20 / np.log(10)  # decibels of a relative change
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class FrfErrors:
             clear = np.nan_to_num(np.abs(self.level_dB) / self.u_level_dB).max(axis=1)
             return int(np.argmax(clear))
         if channel not in used:
-            raise RequestError(f"{channel!r} is no channel that is fitted", remedy=nearest(channel, used))
+            raise RequestError(f"{channel!r} is not a channel that is fitted", remedy=nearest(channel, used))
         return self.channels.index(channel)
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,4 +1,7 @@
-"""What was measured, in the form in which a model can be held against it."""
+"""What was measured, in the form in which a model can be compared with it.
+
+Decisions: docs/decisions/covariance.md, docs/decisions/leakage.md.
+"""
 
 from __future__ import annotations
 

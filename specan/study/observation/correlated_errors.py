@@ -16,7 +16,7 @@ Complex = NDArray[np.complex128]
 Responses = Callable[[Assembly, Sequence[Mapping[str, Any]]], list[Complex]]
 
 DISCREPANCY_BANDS = 3  # an octave: how quickly the model's own error may turn with frequency
-STEP_M = 1e-3
+STEP_M = 1e-3  # of the differences that give slopes of the field
 PLACE = slice(0, 3)  # columns of the three coordinates
 
 

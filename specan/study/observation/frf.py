@@ -1,4 +1,4 @@
-"""Transfer functions of receivers against a reference channel, held against a model's.
+"""Transfer functions of receivers against a reference channel, compared with a model's.
 
 Rows are the real parts of all receivers (one after the other, each over its lines), then the
 imaginary parts.

@@ -1,4 +1,4 @@
-"""Complex order lines of vibration sensors, held against a model's.
+"""Complex order lines of vibration sensors, compared with a model's.
 
 Rows are the real parts of all sensors (one after the other, each over its lines), then the imaginary parts. What lies
 between machine and sensor is unknown: each sensor has a free complex gain for every harmonic, so that nothing rests on
@@ -84,7 +84,7 @@ class OrderLinesObservation:
     @property
     def n_effective(self) -> float:
         """Number of real values less two for every gain that is eliminated."""
-        return float(self.n - 2 * len(self.groups))
+        return float(self.n - 2 * len(self.of_one_gain))
 
     @property
     def recordings(self) -> tuple[str, ...]:
@@ -97,7 +97,7 @@ class OrderLinesObservation:
         return frozenset({self.order_condition, *self.point})
 
     @cached_property
-    def groups(self) -> list[NDArray[np.bool_]]:
+    def of_one_gain(self) -> list[NDArray[np.bool_]]:
         """Lines in use, (sensors, lines), of each sensor and harmonic: those that share a gain."""
         found = []
         for sensor in range(len(self.channels)):
@@ -202,7 +202,7 @@ class OrderLinesObservation:
     def with_gains(self, lines: Complex) -> Array:
         """Rows of predicted lines (sensors, lines), each sensor and harmonic with the gain that fits best."""
         columns = []
-        for group in self.groups:
+        for group in self.of_one_gain:
             alone = self.stack(np.where(group, lines, 0.0))
             columns += [alone, self.stack(np.where(group, 1j * lines, 0.0))]
         whole = np.stack(columns, axis=1)

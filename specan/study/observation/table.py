@@ -33,11 +33,13 @@ class TableObservation:
     recording : array of int, shape (n,)
         Index into `recordings`.
     known : bool
-        False where nothing tells the uncertainty: residuals can be shown, but nothing be concluded.
+        False where the uncertainty is unknown: residuals can be shown, but nothing be concluded.
     series, position
         Conditions of the whole table that these rows were taken from, and their places in it.
     lines, replicate_group : array of int
         Line of each row in its file; rows that were meant to be alike share a replicate group.
+    groups : mapping
+        Names of the groups whose numbers are in `conditions`.
     """
 
     name: str
@@ -57,6 +59,7 @@ class TableObservation:
     series: tuple[Mapping[str, Array], NDArray[np.intp]] | None = None
     position: NDArray[np.intp] | None = None
     lines: NDArray[np.int_] | None = None
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     replicate_group: NDArray[np.intp] | None = None
     kind: ClassVar[str] = "table"
     strategy: ClassVar[Strategy] = TABLE
@@ -72,7 +75,7 @@ class TableObservation:
 
     @property
     def n_effective(self) -> float:
-        """Number of rows: what correlates them stands in the covariance."""
+        """Number of rows: what correlates them is in the covariance."""
         return float(self.n)
 
     @cached_property
@@ -93,7 +96,7 @@ class TableObservation:
         values, vectors = np.linalg.eigh(correlation)
         if values[0] < 1e-10:
             raise InputError(
-                f"{self.name}: {self._alike(correlation)} so strongly correlated that they cannot be told apart",
+                f"{self.name}: {self._alike(correlation)} so strongly correlated that they cannot be distinguished",
                 remedy="remove rows that are copies; or declare a smaller model discrepancy or a larger reading "
                 "uncertainty",
             )
@@ -179,7 +182,7 @@ class TableObservation:
         """Predictions for several sets of values, all in one pass where the model's parts allow it.
 
         The conditions are repeated once for each set and every parameter becomes one value a row. What
-        cannot be had so is found out on first use, and evaluated set by set from then on.
+        is not available so is found out on first use, and evaluated set by set from then on.
         """
         if rows_are_coupled(assembly, self.conditions):
             return np.stack([self._in_order(assembly, values) for values in many], axis=1)
@@ -236,8 +239,10 @@ class TableObservation:
         """Values with one element a row for parameters of each recording, rows repeated `times` times."""
         prepared = dict(values)
         for name, value in values.items():
-            if self._is_vector(assembly, name, value) and np.size(value) != self.n * times:
-                prepared[name] = np.tile(self._per_row(value), times)
+            if np.ndim(value) != 1 or assembly.parameters[name].per != "recording":
+                continue
+            if np.size(value) != self.n * times:
+                prepared[name] = np.tile(np.asarray(value, dtype=float)[self._recording], times)
         return prepared
 
     def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:

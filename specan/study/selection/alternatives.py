@@ -1,4 +1,4 @@
-"""Which explanations the data cannot tell apart.
+"""Which explanations the data cannot distinguish.
 
 D is the chi-square that a rival leaves on the noise-free data of another: the criterion of T-optimal designs
 (Atkinson & Fedorov 1975, Biometrika 62:57) on the measured design. With D = 9 one is mistaken for the other in
@@ -12,14 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from specan.study.estimation.projection import Projection
-from specan.study.selection.acceptance import DECISIVE
+from specan.study.selection.acceptance import DECISIVE, complete
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
 from specan.study.selection.score_test import best_of_each, score, score_pairs
 from specan.study.selection.search import Search
 from specan.study.selection.starting_values import scan_shapes
 
-DISTINGUISHABLE = 10.0  # D below which two explanations are not told apart
+DISTINGUISHABLE = 10.0  # D below which two explanations are not distinguished
 WIDE = 30.0  # D of the linearised distance within which a rival is refitted
 
 
@@ -119,6 +119,8 @@ def _indistinguishable(search: Search, best: Refit, rival: Refit) -> bool:
     if search.believable(best) and not search.believable(rival):  # it is named beside them, with its values
         return False
     if len(rival.uses) > 1 and not search.needs_all(rival):
+        return False
+    if complete(best, rival):
         return False
     behind = rival.bic(best.dispersion) - best.bic(best.dispersion)
     explained = (search.base.chi2 - best.chi2) / best.dispersion

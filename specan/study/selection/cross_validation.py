@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from specan.study.estimation.projection import Projection
 
 Array = NDArray[np.float64]
-MOST_LEVELS = 12
+MOST_LEVELS = 12  # blocks of one operating variable
 
 
 def blocks(labels: Mapping[str, Array], n_data: int) -> list[NDArray[np.intp]]:

@@ -1,19 +1,23 @@
-"""What the data alone would take of a model, held against what is known of its values."""
+"""What the data alone would take of a model, compared with what is known of its values."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from specan.study.estimation.fit import describe, fit
-from specan.study.selection.acceptance import LEVEL, noise_dof
+from specan.study.selection.acceptance import LEVEL, held_out_gain, noise_dof
 from specan.study.selection.f_test import improvement_probability
 from specan.study.selection.pulls import Pull, pulls
 from specan.study.selection.refits import Refit
 
-STARTS = 3
-PRICE = (
-    2.0  # chi-square that a freed value has to gain to predict better (Akaike 1974, IEEE Trans. AC-19:716)
-)
+STARTS = 3  # of the fit without known ranges
+# chi-square that a freed value has to gain to predict better (Akaike 1974, IEEE Trans. AC-19:716)
+PRICE = 2.0
+# Twice the logarithm of the ratio of cross-validated predictive densities (pseudo-Bayes factor, Geisser and Eddy 1979,
+# JASA 74:153) at which equal prior odds leave the known ranges a probability of `LEVEL`: 12.4.
+ODDS = -2 * float(np.log(LEVEL))
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,8 @@ class DataAlone:
         Probability of such a gain if the true values lie within what is known.
     likelier : bool
         The free fit predicts better by Akaike's criterion, which asks 2 for every value that is held.
+    predicts : float
+        Gain of the free fit in blocked cross-validation: twice the logarithm of the ratio of predictive densities.
     """
 
     values: tuple[Pull, ...] = ()
@@ -39,11 +45,16 @@ class DataAlone:
     held: int = 0
     p_value: float = 1.0
     likelier: bool = False
+    predicts: float = 0.0
 
     @property
     def contradicts(self) -> bool:
-        """Whether the data refute the known ranges, at the family-wise level at which an effect is named."""
-        return bool(self.values) and self.p_value <= LEVEL
+        """Whether the data refute the known ranges, at the family-wise level at which an effect is named.
+
+        Either by the fall in chi-square, or by predicting: conditions that are left out are predicted better by odds
+        that are the inverse of that level.
+        """
+        return bool(self.values) and (self.p_value <= LEVEL or (self.likelier and self.predicts > ODDS))
 
 
 def data_alone(base: Refit) -> DataAlone:
@@ -67,4 +78,5 @@ def data_alone(base: Refit) -> DataAlone:
     if not values or gain <= 0:
         return DataAlone()
     chance = improvement_probability(gain, held, dispersion=alone.dispersion, noise_dof=noise_dof(alone))
-    return DataAlone(values, gain, held, chance, gain / alone.dispersion > PRICE * held)
+    likelier = gain / alone.dispersion > PRICE * held
+    return DataAlone(values, gain, held, chance, likelier, held_out_gain(base, alone) if likelier else 0.0)

@@ -16,8 +16,8 @@ from specan.study.selection.f_test import detectable_noncentrality, needed_reduc
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import Point, changes, default_value
 
-POWER = 0.8
-ROUNDS = 4
+POWER = 0.8  # of repetitions that would find the effect; the usual one (Cohen 1988)
+ROUNDS = 4  # of the secant
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,8 @@ def _of(start: Refit, candidate: Candidate, level: float, dispersion: float) -> 
     price = DECISIVE + candidate.count * float(np.log(start.problem.n_effective))
     amplitudes, dof = max(len(candidate.amplitudes), 1), noise_dof(start)
     gain = max(needed_reduction(level, amplitudes, dof, 1 if _one_sided(candidate) else 2), price)
-    needed = detectable_noncentrality(gain, amplitudes, dof, POWER) * dispersion
+    # Under the alternative the shapes are identified, and their fit gains as well: the law has all of the parameters.
+    needed = detectable_noncentrality(gain, max(candidate.count, amplitudes), dof, POWER) * dispersion
     value = (
         _size_without_prior(start, candidate, needed)
         if candidate.without_prior

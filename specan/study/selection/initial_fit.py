@@ -22,11 +22,10 @@ from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.linearised_covariance import about
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import candidates, confounded_with
-from specan.study.selection.refits import POOR_FIT, PRUNING_FACTOR, EffectSet, Refit, Refits
+from specan.study.selection.refits import FORM_TOLERANCE, POOR_FIT, PRUNING_FACTOR, EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, score
-from specan.study.selection.shape_grid import shape_grid
 from specan.study.selection.signatures import Known, signatures
-from specan.study.selection.starting_values import promised, scan_promising, scan_shapes
+from specan.study.selection.starting_values import planned_points, promised, scan_promising, scan_shapes
 
 SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
 REFITTED, PER_EFFECT = 4, 2  # of them that are refitted, and at most so many of one effect
@@ -126,7 +125,7 @@ def _tried(problem: Problem) -> list[Refit]:
     for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}
-        points = shape_grid(best.problem, best.fit, found, known)
+        points = planned_points(best, found, known)
         scored = best_of_each(
             score(best.linear, signatures(best.problem, best.fit, found, points, known), best.weights)
         )
@@ -145,7 +144,7 @@ def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scor
     better = best
     while queue and better.reduced > SURE and len(looked_at) < MOST_REFITTED:
         use = queue.pop(0)
-        if use in looked_at or use not in scored:
+        if use in looked_at or use not in scored or not _may_win(best, better, use):
             continue
         looked_at.add(use)
         items = closer.get(use) or scan_shapes(best, [use]).get(use) or scored[use][:1]
@@ -154,6 +153,14 @@ def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scor
             better = refit
             queue = [*confounded_with(best.problem.assembly.model, use), *queue]
     return better
+
+
+def _may_win(start: Refit, better: Refit, use: Use) -> bool:
+    """Whether a candidate may still come first: where a set leaves what its form may, only what is much like it."""
+    if better is start or better.reduced > 1 or better.chi2 > FORM_TOLERANCE**2 * start.chi2:
+        return True
+    (found,) = better.uses - start.uses
+    return use.name == found.name or use in confounded_with(start.problem.assembly.model, found)
 
 
 def _of_several_names(order: Sequence[Use]) -> list[Use]:

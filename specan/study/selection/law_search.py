@@ -1,7 +1,7 @@
 """Laws of the grammar that explain what a model leaves, with the chance of such a find among all laws tried.
 
 Every law is scored with the model's parameters free (linearised about the fit) and its shapes on a scan. Three tests:
-the largest fall in chi-square of all laws is held against that of noise (family-wise, by simulation); a law has to
+the largest fall in chi-square of all laws is compared with that of noise (family-wise, by simulation); a law has to
 predict blocks of conditions that were left out; and laws within a BIC of 6 of the best one are told together, since
 these data cannot distinguish them. See docs/decisions/proposed_laws.md.
 """
@@ -28,12 +28,12 @@ Array = NDArray[np.float64]
 
 LEVEL = 0.005  # family-wise: of two hundred models that lack nothing, one gets a law
 INDISTINGUISHABLE = 6.0  # BIC: posterior odds of twenty to one
-MOST_LAWS = 4
+MOST_LAWS = 4  # that are proposed
 REFINED = 40  # formulas whose shapes are fitted after the scan
-SIMULATIONS = 200
+SIMULATIONS = 200  # of data without a law, for the family-wise level
 MOST_VALUES = 4_000_000  # of columns held at a time
 STEP = 1e-3  # of a quantity's typical size: by how much it is changed to see what the observables do
-LEAST_ROWS = 12
+LEAST_ROWS = 12  # below which no law is looked for
 NAME = "proposed-shift"
 
 
@@ -247,7 +247,7 @@ def _scan(
         before = np.linalg.norm(columns, axis=0)
         columns = start.linear.project_out(columns)
         after = np.linalg.norm(columns, axis=0)
-        # What the model's own parameters do already is no law.
+        # What the model's own parameters do already is not a law.
         columns = np.where(after > 1e-6 * before, columns / np.maximum(after, 1e-300), 0.0)
         share = (columns.T @ there) ** 2
         best = int(np.argmax(share))

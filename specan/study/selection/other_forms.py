@@ -6,8 +6,9 @@ not known beforehand, so a misfit that another form removes is no missing effect
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 from specan.errors import ComputationError
 from specan.models import Use
@@ -15,46 +16,56 @@ from specan.study.estimation.fit import fit
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.refits import Refit
 
-STARTS = 3
+STARTS = 3  # of the fit of each form
 
 
 @dataclass(frozen=True, eq=False)
 class OtherForm:
-    """The base with one part in another published form.
+    """The base with one part or several in another published form.
 
     Attributes
     ----------
-    part, form : str
-        Base effect, and what stands in its place.
+    parts : mapping
+        Base effect, and what is in its place.
     start : Refit
     """
 
-    part: str
-    form: str
+    parts: Mapping[str, str]
     start: Refit
 
     @property
     def text(self) -> str:
         """``palmgren-bearings in place of bearing-friction``."""
-        return f"{self.form} in place of {self.part}"
+        return " and ".join(f"{form} in place of {part}" for part, form in self.parts.items())
 
 
 def other_forms(base: Refit) -> Iterator[OtherForm]:
-    """Every other form of a part of the base that meets the data decisively better, fitted.
+    """Every choice of other forms of parts of the base that meets the data decisively better, fitted, best first.
 
-    Both have as many parameters or pay for them: better is a BIC, pulls of known ranges included, lower by 6.
+    Parameters are paid for: better is a BIC, pulls of known ranges included, lower by 6.
     """
     problem = base.problem
-    model = problem.assembly.model
-    for part, forms in model.other_forms.items():
-        if not problem.strategy.secondary_refits or Use(part) not in problem.assembly.uses:
-            continue
-        for form in forms:
-            other = problem.without(part).with_uses([form])
-            count = len(other.names) - len(problem.names)
-            try:
-                start = Refit(frozenset(), other, fit(other, starts=STARTS), count=count)
-            except ComputationError:
-                continue
-            if base.bic(start.dispersion) - start.bic(start.dispersion) > DECISIVE:
-                yield OtherForm(part, form, start)
+    if not problem.strategy.secondary_refits:
+        return
+    there = {part: forms for part, forms in problem.assembly.model.other_forms.items()
+             if Use(part) in problem.assembly.uses}  # fmt: skip
+    found = []
+    for chosen in product(*((part, *forms) for part, forms in there.items())):
+        parts = {part: form for part, form in zip(there, chosen, strict=True) if form != part}
+        start = _with(base, parts) if parts else None
+        if start is not None and base.bic(start.dispersion) - start.bic(start.dispersion) > DECISIVE:
+            found.append(OtherForm(parts, start))
+    least = min((other.start.dispersion for other in found), default=1.0)
+    yield from sorted(found, key=lambda other: other.start.bic(least))
+
+
+def _with(base: Refit, parts: Mapping[str, str]) -> Refit | None:
+    """The base with other forms of some parts; None where it cannot be fitted."""
+    other = base.problem
+    for part, form in parts.items():
+        other = other.without(part).with_uses([form])
+    try:
+        fitted = fit(other, starts=STARTS)
+    except ComputationError:
+        return None
+    return Refit(frozenset(), other, fitted, count=len(other.names) - len(base.problem.names))

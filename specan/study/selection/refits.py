@@ -181,7 +181,7 @@ class Refits:
         Returns
         -------
         Refit or None
-            None where no start converged; the reason stands in `failed`.
+            None where no start converged; the reason is in `failed`.
         """
         uses = start.uses | {s.use for s in signatures[0]}
         before = self.done.get(uses)
@@ -228,7 +228,7 @@ class Refits:
             return []
         own = [{n: v for n, v in s.items() if ParameterName(n).owner in map(str, uses)} for s in starts]
         try:
-            return [continuation_fit(problem, own)]
+            return [continuation_fit(problem, own, self.rough)]
         except ComputationError:  # the other starts may do better
             return []
 

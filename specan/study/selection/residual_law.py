@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Effect, LawSpace, Parameter, effect
+from specan.study.estimation.fit import NORMAL_95
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import noise_dof
@@ -28,13 +29,12 @@ from specan.study.selection.signatures import residuals
 
 Array = NDArray[np.float64]
 
-LOW, HIGH = -1.0, 4.0
+LOW, HIGH = -1.0, 4.0  # exponents that are looked for
 COARSE = (0.0, 1.0, 2.0, 3.0)  # exponents of the grid on which the starts are chosen
-STARTS = 4
+STARTS = 4  # exponents of the grid from which the law is fitted
 VARIES = 1.05  # ratio of largest to smallest value below which a variable says nothing
 FLOOR = 0.01  # of the largest value or of the mean: a power of zero load is not asked for
 NAME = "unknown-law"
-WIDTH = 1.96
 STEP = 0.01  # of the quantity's mean: amplitude of the law whose signature is worked out
 
 
@@ -207,7 +207,7 @@ def _describe(
     space: LawSpace, start: Refit, means: Mapping[str, float], fitted: _Fitted, size: float
 ) -> ResidualLaw:
     symbols = list(means)
-    errors = WIDTH * np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))[1:]
+    errors = NORMAL_95 * np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))[1:]
     exponents = {s: float(x) for s, x in zip(symbols, fitted.exponents)}
     low = {s: float(x - e) for s, x, e in zip(symbols, fitted.exponents, errors)}
     high = {s: float(x + e) for s, x, e in zip(symbols, fitted.exponents, errors)}

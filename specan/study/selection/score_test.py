@@ -22,10 +22,8 @@ from specan.study.selection.signatures import Signature
 
 Array = NDArray[np.float64]
 
-# Share of a signature, in chi-square, below which it is collinear with the base's Jacobian, and the chi-square
-# that it must be able to leave at some size in its domain to be worth a test.
-INVISIBLE = 1e-6
-WORTH_A_TEST = 1.0
+INVISIBLE = 1e-6  # share of a signature, in chi-square, below which it is collinear with the base's Jacobian
+WORTH_A_TEST = 1.0  # chi-square that a signature must be able to leave at some size in its domain
 SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhere
 
 

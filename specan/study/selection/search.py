@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.models import Use
-from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision
+from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision, complete
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.pulls import Pull, too_far
 from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit, Refits
@@ -28,7 +29,11 @@ from specan.study.selection.starting_values import promised, scan_promising
 
 SCANNED = 6  # candidates with few signatures that are looked at closer before, beside the best place of every effect
 WINDOW = 10.0  # and all whose BIC lies within this of the best
-STARTS = 2
+STARTS = 2  # signatures of a candidate from which it is refitted
+# Standard deviations of a chi-square, and times the middle receiver's mean square.
+STANDS_OUT, LOUDER = 5.0, 1.2
+MOST_OUTSTANDING = 3  # receivers
+HALF = 0.5  # of what a set leaves, that a further effect must promise to be refitted whatever the form of the others
 
 Progress = Callable[[str], None]
 
@@ -100,8 +105,26 @@ class Search:
         pair = self._best_pair(single)
         if pair is not None:
             self.best = pair
-        if len(self.best.uses) == 2:
+        several = self._several_places()
+        if several is not None and several.bic(several.dispersion) < self.best.bic(several.dispersion):
+            self.best = several
+        if len(self.best.uses) >= 2:
             self.third = self._best_third()
+        while self.third is not None and self.of_one_instrument(self.third):
+            self.best = self.third
+            self.third = self._best_third()
+
+    def of_one_instrument(self, refit: Refit) -> bool:
+        """Whether a set is one instrument error at several places: several receivers that stand elsewhere, say.
+
+        That is one explanation, however many they are, as long as most are in order.
+        """
+        names = {use.name for use in refit.uses}
+        if len(names) != 1 or any(not use.at for use in refit.uses):
+            return False
+        effect = self.base.problem.assembly.model.effects[next(iter(names))]
+        places = sum(use.name in names for use in self.step(self.base).by_use)
+        return effect.instrument and 2 * len(refit.uses) <= places
 
     def too_far(self, refit: Refit) -> tuple[Pull, ...]:
         """Values of a refitted set that contradict what is known, worst first."""
@@ -161,6 +184,9 @@ class Search:
         for use in _worth_refitting(step):
             if use not in first and not (self.only or self._pruned(step, use)):
                 self._extend(step, use)
+        if step.start.problem.strategy.pruning and not self._met:
+            for use in _outstanding(step):
+                self._extend(step, use)
         return self._best_passed(self.refits.of_size(1))
 
     @property
@@ -199,6 +225,12 @@ class Search:
         for predicted, start, members in promising[: self.base.problem.strategy.pairs]:
             if self._below_pruning_bound(reference, predicted):
                 break
+            if (
+                single is not None
+                and self._completed(single)
+                and predicted > single.bic(1.0) - _excess(single)
+            ):
+                break  # what may still win promises at least to take away what the single effect leaves
             self.progress("refitting with " + _text({*start.uses, *(m.use for m in members)}))
             self.refits.fit(start, [members])
         passed, needed = [], []
@@ -206,13 +238,19 @@ class Search:
             self.decisions[refit.uses] = decision = self._pair_decision(refit, single)
             if decision.accepted_if_exact and self.needs_all(refit):
                 needed.append(refit)
-                passed += [refit] if decision.accepted else []
+                passed += (
+                    [refit] if decision.accepted or (single is not None and complete(refit, single)) else []
+                )
         dispersion = min((r.dispersion for r in needed), default=1.0)
         best = min(passed, key=lambda r: r.bic(dispersion), default=None)
         if best is None and single is not None and needed:
             least = min(r.bic(dispersion) for r in needed)
             self.extensions = [r for r in needed if r.bic(dispersion) < least + DECISIVE]
         return best
+
+    def _completed(self, single: Refit) -> bool:
+        """Whether a second effect was found that explains all that the best single one leaves."""
+        return any(single.uses < pair.uses and complete(pair, single) for pair in self.refits.of_size(2))
 
     def _pair_decision(self, refit: Refit, single: Refit | None) -> Decision:
         if single is None:
@@ -261,15 +299,40 @@ class Search:
         Where a refit is expensive the promise comes from a subsample, whose noise counts several times; and what the
         form of the effects that were found may have left does not pass, so that to know it is not worth a refit.
         """
-        least = 0.4 * DECISIVE
-        if reference.problem.strategy.pruning:
+        least, promised_fall = 0.4 * DECISIVE, reference.bic(1.0) - promised_bic
+        if reference.problem.strategy.pruning and not promised_fall > HALF * _excess(reference):
             price, acceptance = float(np.log(self.base.problem.n_effective)), self.step(reference).acceptance
             least = max(
                 least,
                 acceptance.needed_reduction - price,
                 FORM_TOLERANCE**2 * acceptance.explained / reference.dispersion,
             )
-        return promised_bic > reference.bic(1.0) - least * reference.dispersion
+        return promised_fall < least * reference.dispersion
+
+    # --- one instrument error at several places --------------------------------------------------
+
+    def _several_places(self) -> Refit | None:
+        """The errors of several receivers together, where each of them passes alone and the set needs all of them."""
+        step = self.step(self.base)
+        by_name: dict[str, list[Refit]] = {}
+        for refit in self.refits.of_size(1):
+            if self.of_one_instrument(refit) and self.decision(refit).accepted:
+                by_name.setdefault(next(iter(refit.uses)).name, []).append(refit)
+        found = []
+        for parts in by_name.values():
+            uses = frozenset().union(*(refit.uses for refit in parts))
+            if len(parts) < 2:
+                continue
+            values = {
+                name: v for refit in parts for name, v in refit.problem.values_at(refit.fit.theta).items()
+            }
+            own = {n: v for refit in parts for n, v in refit.fit.values.items() if _owned(n, refit.uses)}
+            self.progress("refitting with " + _text(uses))
+            self.refits.known = {**self.refits.known, uses: values | own}
+            whole = self.refits.fit(step.seen, [[step.by_use[use][0] for use in sorted(uses)]])
+            if whole is not None and self.of_one_instrument(whole) and self.needs_all(whole):
+                found += [whole] if self.decision(whole).accepted else []
+        return min(found, key=lambda r: r.bic(r.dispersion), default=None)
 
     # --- three -----------------------------------------------------------------------------------
 
@@ -289,6 +352,41 @@ class Search:
             if decision.accepted:
                 passed.append(refit)
         return min(passed, key=lambda r: r.chi2, default=None)
+
+
+def _outstanding(step: Step) -> list[Use]:
+    """Instrument errors of the few receivers whose own rows stand out most.
+
+    One that stands far from its place is beyond what a linearised score can promise.
+    """
+    residual = step.start.fit.residual * step.start.weights
+    rows: dict[str, NDArray[np.float64]] = {}
+    first = 0
+    for observation in step.start.problem.observations:
+        own = residual[first : first + observation.n]
+        first += observation.n
+        for label in observation.labels.values():
+            for element in {str(value) for value in label}:
+                part = own[np.asarray(label).astype(str) == element]
+                rows[element] = np.concatenate([rows.get(element, np.empty(0)), part])
+    effects = step.start.problem.assembly.model.effects
+    uses = [use for use in step.by_use if use.at in rows and effects[use.name].instrument]
+    size = {use.at: float(np.mean(rows[str(use.at)] ** 2)) for use in uses}
+    usual = float(np.median([*size.values()])) if size else 1.0
+    excess = {
+        at: (mean - 1) * np.sqrt(rows[str(at)].size / 2) for at, mean in size.items() if mean > LOUDER * usual
+    }
+    order = sorted((at for at, off in excess.items() if off > STANDS_OUT), key=lambda at: -excess[at])
+    return [use for at in order[:MOST_OUTSTANDING] for use in uses if use.at == at]
+
+
+def _owned(name: str, uses: EffectSet) -> bool:
+    return any(name.startswith(f"{use}.") for use in uses)
+
+
+def _excess(refit: Refit) -> float:
+    """Chi-square that a set leaves beyond the noise; at least what the noise leaves in doubt."""
+    return max(refit.lack_of_fit_chi2 - refit.dof, float(np.sqrt(2 * refit.dof)))
 
 
 def _not_finite(start: Refit, found: Sequence[Candidate]) -> dict[str, str]:

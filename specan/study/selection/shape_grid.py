@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 
 SAME_DIRECTION = 0.985  # cosine above which two sizes of an effect leave one direction
 REFINE_BELOW = 0.8  # cosine below which a shape is tried between two others
-ROUNDS = 4
+ROUNDS = 4  # of refinement of one shape
 MOST_PLACES = 60  # places of its shapes that one candidate is tried at
 # Evaluations for all candidates together: for a small table, and where there are very many rows.
 MOST_EVALUATIONS, LEAST_EVALUATIONS = 4000, 400
 ROWS = 175  # of a small table
-FEW = 10  # places below which sizes are not told apart
+FEW = 10  # places below which sizes are not distinguished
 COLLINEAR = 1e-6  # share of a signature, in chi-square, that is no more than rounding
 
 

@@ -87,6 +87,7 @@ def _of(
 ) -> Iterator[Signature]:
     if candidate.without_prior:
         yield _certificate(problem, fit, candidate)
+        yield from _beside_certificate(problem, fit, candidate)
     elif len(candidate.amplitudes) > 1:
         yield from _several_amplitudes(problem, fit, candidate, points)
     else:
@@ -134,6 +135,28 @@ def _certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Signature:
         candidate.use, columns, candidate.without_prior, np.zeros(count), np.zeros(count),
         {n: default_value(candidate, n) for n in candidate.shapes}, (-np.inf, np.inf),
     )  # fmt: skip
+
+
+def _beside_certificate(problem: Problem, fit: Fit, candidate: Candidate) -> Iterator[Signature]:
+    """Amplitudes that have no certificate, together with those that have one and lose it, to either side."""
+    certificate = _certificate(problem, fit, candidate)
+    fitted = {n: float(fit.theta[fit.names.index(n)]) for n in candidate.without_prior}
+    held: dict[str, float] = {str(n): candidate.neutral(n) for n in candidate.amplitudes}
+    held.update(certificate.shapes)
+    held.update((str(n), value) for n, value in fitted.items())
+    for name in candidate.amplitudes:
+        if name in candidate.without_prior:
+            continue
+        neutral, value = candidate.neutral(name), default_value(candidate, name)
+        low, high = candidate.extended.domain(name.whole)
+        mirrored = min(max(2 * neutral - value, low), high)
+        there, back = changes(problem, fit, candidate, [{**held, name: value}, {**held, name: mirrored}])
+        for column, end in _sides(there, back, value, mirrored):
+            yield Signature(
+                candidate.use, np.column_stack([certificate.columns, column]),
+                (*candidate.without_prior, name), np.append(certificate.neutral, neutral),
+                np.append(certificate.size, end - neutral), certificate.shapes, (-np.inf, np.inf),
+            )  # fmt: skip
 
 
 def with_rows_of(columns: Array, old: Problem, new: Problem) -> Array:

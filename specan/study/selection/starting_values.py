@@ -21,12 +21,13 @@ from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.linearised_covariance import JACOBIANS, about
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, candidates, grid
+from specan.study.selection.matched_field import Found, likely_places
 from specan.study.selection.refits import Refit, start_from
 from specan.study.selection.score_test import Scored, best_of_each, different, score
 from specan.study.selection.shape_grid import shape_grid
 from specan.study.selection.signatures import Known, Point, default_value, signatures
 
-STARTS = 3
+STARTS = 3  # signatures of a candidate that lie apart
 EVERYWHERE = 2  # effects that are looked for at every place
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
@@ -100,11 +101,54 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     if not found:
         return {}
     points = shape_grid(refit.problem, refit.fit, list(found.values()), known)
-    scored = _scored(refit, list(found.values()), points, known)
-    return {
-        use: [*_coordinate_optima(refit, found[use], items[0], known), *different(items, STARTS)[1:]]
-        for use, items in best_of_each(scored).items()
-    }
+    scored = best_of_each(_scored(refit, list(found.values()), points, known))
+    places = likely_places(refit, list(found.values()))
+    peaks = {}
+    for use, items in scored.items():
+        optima = _coordinate_optima(refit, found[use], items[0], known)
+        optima += _at_places(refit, found[use], places.get(use, ()), known)
+        optima.sort(key=lambda s: -s.chi2_reduction)
+        peaks[use] = [*optima[:STARTS], *different(items, STARTS)[1:]]
+    return peaks
+
+
+def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
+    """Points at which candidates are to be tried, for those that act at one place the likeliest of each element too."""
+    places = likely_places(refit, found)
+    points = shape_grid(refit.problem, refit.fit, found, known)
+    for candidate in found:
+        if candidate.use in places:
+            more = _at_place(candidate, places[candidate.use][0], _sizes(candidate)[:1])
+            points[candidate.use] = [*points.get(candidate.use, []), *more]
+    return points
+
+
+def _at_places(refit: Refit, candidate: Candidate, places: Sequence[Found], known: Known) -> list[Scored]:
+    """Where the searches from the likely places of a candidate lead, best first."""
+    peaks = []
+    for place in places:
+        points = _at_place(candidate, place, _sizes(candidate))
+        scored = _scored(refit, [candidate], {candidate.use: points}, known)
+        if scored:
+            best = max(scored, key=lambda s: s.chi2_reduction)
+            peaks.append(_coordinate_search(refit, candidate, best, known))
+    return sorted(peaks, key=lambda s: -s.chi2_reduction)
+
+
+def _at_place(candidate: Candidate, place: Found, sizes: Sequence[float]) -> list[Point]:
+    """The other shapes over the range of a resonance, with some sizes, at one place."""
+    usual = {n: default_value(candidate, n) for n in candidate.shapes} | place.shapes
+    narrow = [n for n in candidate.shapes if candidate.parameter(n).unit == "Hz"]
+    shaped = [{**usual, narrow[0]: v} for v in _range_of(candidate, narrow[0])] if narrow else [usual]
+    amplitude = candidate.amplitudes[0]
+    return [{**shape, amplitude: size} for size in sizes for shape in shaped]
+
+
+def _sizes(candidate: Candidate) -> list[float]:
+    """The usual size of a candidate's amplitude and a large one: where it acts strongly a mode splits otherwise."""
+    amplitude = candidate.amplitudes[0]
+    usual, (_, high) = default_value(candidate, amplitude), candidate.plausible(amplitude)
+    return list(dict.fromkeys([usual, float(np.sqrt(abs(usual * high)))]))
 
 
 def _coordinate_optima(refit: Refit, candidate: Candidate, best: Scored, known: Known) -> list[Scored]:

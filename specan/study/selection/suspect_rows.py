@@ -13,8 +13,10 @@ from specan.study.selection.refits import Refit
 
 # Family-wise probability below which rows stand out, as of a lack of fit; and that above which the rest is whole.
 STANDS_OUT, WHOLE = 1e-3, 0.05
-MOST_LINES = 6
-LEAST_ROWS = 3
+MOST_LINES = 6  # of a table that a sentence names
+LEAST_ROWS = 3  # of each kind, below which kinds are not compared
+LEAST_REPEATED = 20  # rows whose repeats tell what is usual
+ODD = 6.0  # usual deviations beyond which a repeat is shown
 KINDS = "coupled"  # condition that tells runs with the brake from those without it
 
 
@@ -43,15 +45,40 @@ def suspect_rows(refit: Refit) -> str:
         worst = int(np.argmax(falls))
         block = blocks[worst]
         chance = len(blocks) * lack_of_fit_probability(falls[worst], block.size, problem.noise_dof)
-        rest = lack_of_fit_probability(
-            max(refit.lack_of_fit_chi2 - falls[worst], 0.0),
-            max(refit.dof - block.size, 1.0),
-            problem.noise_dof,
-        )
-        if chance < STANDS_OUT and rest > WHOLE:
+        if chance < STANDS_OUT and _without(refit, observation, block) > WHOLE:
             where = _where(observation, block)
             return f"one {kind} carries the misfit ({where}): without it the model fits; check it before anything else"
     return ""
+
+
+def odd_repeat(refit: Refit) -> str:
+    """A sentence on a reading that lies far from the repeats of its condition; the scatter takes it in otherwise.
+
+    Deviations from the mean of a replicate group, in units of 1.4826 times the median of their sizes (a scale that
+    a few outliers do not move); what the model predicts for the conditions that were read is taken off before.
+    """
+    problem, observation = refit.problem, refit.problem.observations[0]
+    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
+        return ""
+    if observation.lines is None or observation.replicate_group is None:
+        return ""
+    _, index, counts = np.unique(observation.replicate_group, return_inverse=True, return_counts=True)
+    repeated = counts[index] > 1
+    if repeated.sum() < LEAST_REPEATED:
+        return ""
+    left = (observation.measured - problem.predictions(refit.fit.theta)[0]) / observation.sigma
+    off = np.abs(left - (np.bincount(index, left) / counts)[index]) / np.sqrt(
+        1 - 1 / np.maximum(counts[index], 2)
+    )
+    usual = 1.4826 * float(np.median(off[repeated]))
+    worst = int(np.argmax(np.where(repeated, off, 0.0)))
+    if not off[worst] > ODD * usual:
+        return ""
+    group = np.flatnonzero(index == index[worst])
+    lines = group if group.size == 2 else np.array([worst])
+    what = "two repeats differ" if group.size == 2 else "a repeat lies off"
+    times = f"{off[worst] / usual:.0f} times the usual scatter"
+    return f"{_where(observation, lines)}: {what} by {times}; check it, the stated scatter is larger for it"
 
 
 def rows_of_two_kinds(refit: Refit) -> str:
@@ -85,6 +112,18 @@ def rows_of_two_kinds(refit: Refit) -> str:
             where = _where(observation, np.flatnonzero(~loaded))
             return f"rows without load contradict the others: without them ({where}) the model fits{ask}"
     return ""
+
+
+def _without(refit: Refit, observation: TableObservation, rows: NDArray[np.intp]) -> float:
+    """Lack of fit of the other rows, refitted: a large error bends the fit out of the reach of linear algebra.
+
+    What repeats of the other rows hold is no longer known by number, and counts as fit.
+    """
+    kept = np.ones(observation.n, dtype=bool)
+    kept[rows] = False
+    part = refit.problem.over([observation.take(kept)])
+    rest = Refit(frozenset(), part, fit(part, start=refit.fit.theta, starts=2))
+    return rest.lack_of_fit
 
 
 def _fall(refit: Refit, rows: NDArray[np.intp]) -> float:

@@ -37,7 +37,7 @@ def test_all_effects_of_the_catalogue_are_there():
         "planet-runout", "pitch-errors", "tooth-crack", "mesh-damping", "ring-flexibility", "backlash", "tip-relief",
         "torque-ripple", "speed-fluctuation", "tooth-friction", "housing-resonance", "shaft-flexibility",
         "harmonic-gain",
-        "tacho-angle",
+        "tacho-angle", "contact-exponent",
     }  # fmt: skip
     for effect in MODEL.effects.values():
         assert effect.reference
@@ -132,7 +132,9 @@ def test_the_order_domain_agrees_with_the_run_in_time():
     in_time = np.abs(np.fft.rfft(motion.ring_force[0]))[2 * 66 :: 2 * 66][:3] * 2 / motion.time.size
     assembly = MODEL.assemble([])
     force = assembly.evaluate(ORDERS, wanted=["mesh_force"])["mesh_force"][0, 1, 0]
-    turns = 28
+    turns = round(
+        force.size * float(MODEL.assemble([]).evaluate(ORDERS, wanted=["carrier_turn"])["carrier_turn"][1])
+    )
     in_orders = np.abs(np.fft.rfft(force))[66 * turns :: 66 * turns][:3] * 2 / force.size
     print(in_time, in_orders)
     assert np.all(np.abs(in_time - in_orders) < 0.1 * in_time.max())
@@ -151,3 +153,18 @@ def test_a_set_out_of_phase_suppresses_its_mesh_order():
     )
     assert found[[1, 2, 4]].max() < 1e-9 * found.max()
     assert found[[0, 3]].min() > 1e-3 * found.max()
+
+
+@pytest.mark.parametrize("error", [0.5e-6, 3e-6, 30e-6, -30e-6])
+def test_planets_hold_the_torque_together(error):
+    """Whatever pin lies ahead and whichever planet lifts off, the loads add up to the torque."""
+    assembly = MODEL.assemble(["planet-position-error@P2"])
+    found = assembly.evaluate(
+        {"order": np.full(2, 66.0), "sun_speed": np.full(2, 30.0), "carrier_torque": np.array([10.0, 60.0])},
+        {"planet-position-error@P2.error": error},
+        wanted=["planet_load"],
+    )["planet_load"]
+    arm = 1e-3 * (24 + 66) * np.cos(np.radians(20))  # base radii of sun and ring
+    assert found.sum(axis=1) == pytest.approx(np.array([10.0, 60.0]) / arm, rel=1e-12)
+    assert np.all(found > 0)
+    assert np.all((found[:, 1] < found[:, 0]) == (error > 0))

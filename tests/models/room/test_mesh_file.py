@@ -126,7 +126,7 @@ def test_a_file_that_is_no_mesh_or_not_there(tmp_path, capsys):
     with pytest.raises(RequestError, match="does not exist"):
         read_room_mesh(tmp_path / "none.msh")
     for name in ("junk.msh", "junk.abc"):
-        (tmp_path / name).write_text("this is no mesh\n")
+        (tmp_path / name).write_text("this is not a mesh\n")
         with pytest.raises(RequestError, match="cannot be read"):
             read_room_mesh(tmp_path / name)
     assert capsys.readouterr().out == ""

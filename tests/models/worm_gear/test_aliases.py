@@ -1,7 +1,7 @@
-"""Which effects look alike is declared in words and held against numbers.
+"""Which effects look alike is declared in words and compared with numbers.
 
 Seen is what a refitted base leaves of an effect: its derivative less its projection on the base's. Two effects
-whose remainders point the same way cannot be told apart on that grid.
+whose remainders point the same way cannot be distinguished on that grid.
 """
 
 import itertools

@@ -38,6 +38,7 @@ EFFECTS = {
     "bearing-preload": Signature(torque=0, speed=1),
     "brake-drag": Signature(sign=0),  # only without load
     "churning": Signature(torque=0),  # its exponents are its parameters
+    "exponential-churning": Signature(torque=0, viscosity=0),
     "inlet-shear-heating": Signature(sign=-1),
     "load-dependent-friction": Signature(speed=1, viscosity=0),
     "mesh-starvation": Signature(torque=1),

@@ -166,7 +166,7 @@ def test_rows_are_held_out_by_level(tmp_path, tables, gear):
 
 @pytest.mark.parametrize(
     ("where", "told"),
-    [("torque=63", "expected one of"), ("tork=60", "one of speed_rpm"), ("torque=fast", "is no number"),
+    [("torque=63", "expected one of"), ("tork=60", "one of speed_rpm"), ("torque=fast", "is not a number"),
      ("e=5", "names no single column")],
 )  # fmt: skip
 def test_a_wrong_hold_out_says_what_there_is(tmp_path, tables, gear, where, told):

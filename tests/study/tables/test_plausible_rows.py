@@ -1,4 +1,4 @@
-"""Tables held against the rig and against themselves, before a fit."""
+"""Tables compared with the rig and against themselves, before a fit."""
 
 from dataclasses import replace
 

@@ -193,7 +193,7 @@ def test_an_effect_file_that_fails_later_can_be_taken_out_and_replaced(study, tm
     assert drop_effect_file(study.directory, "mine.py") == "effects/mine.py"
     assert Study(study.directory).content.effect_file == ()
     Study(study.directory, effects=[own])
-    with pytest.raises(RequestError, match="no effect file"):
+    with pytest.raises(RequestError, match="not an effect file"):
         drop_effect_file(study.directory, "another.py")
 
 

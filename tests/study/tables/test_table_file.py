@@ -50,7 +50,7 @@ def test_an_empty_cell_is_not_a_number_and_rows_keep_their_line(tmp_path):
         ("", "no rows"),
         ("a,b\n", "no rows"),
         ("a,b\n1,x\n", "line 2: 'x' in the column 'b'"),
-        ("a,b\n1,inf\n", "is no number"),
+        ("a,b\n1,inf\n", "is not a number"),
         ("a,a\n1,2\n", "twice"),
         ("a,b\n1,5,2,5\n", "decimal comma"),
     ],

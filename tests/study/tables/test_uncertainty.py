@@ -181,6 +181,17 @@ def test_the_readings_share_in_the_scatter_of_setups_is_counted_once(tables, tmp
     assert np.median(parts["setting"]) < 0.012
 
 
+def test_neighbouring_set_values_of_one_round_are_no_second_readings(tables, tmp_path):
+    """Set values 8 N*m apart, a brake that scatters by 5 %: some rows of one round lie near a neighbour's level."""
+    plan = tables.grid(torques=(5, 20, 63, 71, 79, 87))
+    for seed in range(6):
+        gear, data = opened(tables, tmp_path, tables.bench(seed, repeats=2, points=plan))
+        observed = data.fitted[0]
+        off = ~np.eye(observed.n, dtype=bool)
+        assert np.mean(observed.covariance[off] != 0) < 1e-3  # rows that share the deviation of a set-up
+        assert reduced(gear, data).p_value > 1e-3
+
+
 def test_rows_without_marks_are_told_apart_by_their_order(tables, tmp_path):
     anew = tables.bench(repeats=2, setting="set", marks=False)
     _, data = opened(tables, tmp_path, anew)

@@ -21,9 +21,10 @@ def backlash(
     bounce=Parameter(1.0, "um", min=0.1, max=20.0, lower=-200.0, upper=200.0, doc="at vanishing load"),
     load=Parameter(100.0, "N", min=5.0, max=500.0, doc="of a mesh, beyond which teeth stay together"),
 ):
-    """Teeth that part between two meshes come back every second one: lines at half the order of the mesh.
+    """Teeth that separate return at every second mesh:
 
-    It lives at small torque only. The form is that of a subharmonic motion; its size is free.
+    lines at half the order of the mesh. It occurs at small torque only. The form is that of a subharmonic
+    motion; its size is free.
     """
     at = np.pi * (ring_teeth * carrier_turn[None, :] + nominal_phase[1][:, None])
     return bounce * np.exp(-np.mean(mean_load) / load) * np.cos(at)

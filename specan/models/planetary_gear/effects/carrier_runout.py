@@ -23,9 +23,10 @@ def carrier_runout(
     ),
     sine=Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="a quarter turn on"),
 ):
-    """The ring's teeth are off the carrier's axis by a vector that stands still: every planet feels it once a turn.
+    """The ring's teeth are eccentric to the axis of the carrier by a fixed vector: every planet is loaded once a turn.
 
-    Each planet is loaded once a turn, the planets one after the other; lines about 66h +- 1 are locked to the angle.
+    Each planet is loaded once a turn, the planets one after the other; lines about 66h +- 1 are locked to
+    the angle.
     """
     at = 2 * np.pi * carrier_turn[None, :] + planet_angle[:, None] + pressure_angle
     return cosine * np.sin(at) - sine * np.cos(at)

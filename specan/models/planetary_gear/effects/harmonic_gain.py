@@ -18,5 +18,5 @@ def harmonic_gain(
     real=Parameter(0.5, "1", min=-3.0, max=3.0, lower=-50.0, upper=50.0, doc="real part of what is added"),
     imaginary=Parameter(0.2, "1", min=-3.0, max=3.0, lower=-50.0, upper=50.0, doc="imaginary part"),
 ):
-    """What lies between mesh and sensor is not known: all lines about one harmonic are turned and scaled alike."""
+    """The path between mesh and sensor is unknown: all lines about one harmonic have the same gain and phase shift."""
     return real + 1j * imaginary

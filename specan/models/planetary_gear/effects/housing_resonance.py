@@ -26,6 +26,6 @@ def housing_resonance(
     ),
     damping=Parameter(0.03, "1", min=0.005, max=0.1, lower=0.001, upper=0.5, doc="damping ratio"),
 ):
-    """Housing or sensor answer most at a frequency of their own, whatever the order that hits it."""
+    """Housing or sensor have a resonance at a fixed frequency, whichever order excites it."""
     ratio = np.asarray(order) * sun_speed * carrier_ratio / resonance
     return strength * ratio**2 / (1 - ratio**2 + 2j * damping * ratio)

@@ -24,6 +24,6 @@ def mesh_damping(
 ):
     """Lubricated teeth are stiffer and more damped, or less, than the dry contact law says.
 
-    The level of the mesh's harmonics against each other changes, and no new line appears.
+    The ratios of the mesh harmonics change, and no new line appears.
     """
     return {"stiffness_change": stiffness * np.ones(2), "damping_scale": damping}

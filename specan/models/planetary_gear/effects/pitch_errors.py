@@ -25,10 +25,11 @@ def pitch_errors(
     ),
     phase=Parameter(0.5, "rad", min=0.0, max=6.3, lower=-20.0, upper=20.0, doc="place on the sun"),
 ):
-    """The sun's teeth do not follow each other evenly: a comb of lines of the sun's turn, from its second on.
+    """The pitch of the sun's teeth varies: lines at multiples of the turn of the sun, from the second on.
 
-    To a sensor on the ring, multiples of the shaft's turn beside the mesh: 66h +- 7.5 and +- 4.5 of the article's
-    gear. What turns once a turn is runout.
+    To a sensor on the ring, multiples of the shaft's turn beside the mesh: 66h +- 7.5 and +- 4.5 of the
+    article's
+    gear. The first multiple belongs to runout.
     """
     at = 2 * np.pi * sun_order * carrier_turn[None, :] - planet_angle[:, None]
     return cumulative * sum(4.0 / k**2 * np.cos(k * (at - phase)) for k in range(2, HARMONICS + 1))

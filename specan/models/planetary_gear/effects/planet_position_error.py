@@ -19,9 +19,9 @@ def planet_position_error(
         2.0, "um", min=-50.0, max=50.0, lower=-500.0, upper=500.0, doc="tangential, ahead positive"
     ),
 ):
-    """A pin lies ahead of its place: its planet carries less (the sun drives), and meets the ring earlier.
+    """A pin is ahead of its position: its planet carries less (the sun drives), and meets the ring earlier.
 
-    The part of the load falls with 1/torque and is the same at every harmonic; the part of the phase grows with the
-    harmonic and does not know the torque.
+    Its effect on the load falls with 1/torque and is the same at every harmonic; its effect on the phase
+    grows with the harmonic and does not depend on the torque.
     """
     return error

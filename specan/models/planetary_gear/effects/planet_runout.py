@@ -11,7 +11,7 @@ from specan.models import Parameter, effect
     at="planet",
     neutral={"cosine": 0.0, "sine": 0.0},
     aliases=("pitch-errors",),
-    separate_by="the phase of its lines tells which planet",
+    separate_by="the phase of its lines shows which planet",
     reference="approach of an eccentric gear, e sin(angle against the line of action), in both its meshes",
 )
 def planet_runout(
@@ -24,7 +24,8 @@ def planet_runout(
 ):
     """An eccentric planet presses sun and ring in turn, once a turn of the planet against the carrier.
 
-    The loads of all planets add up to the torque, so the lines lie once a turn beside the planet's: for the article's
+    The loads of all planets add up to the torque, so the lines are one carrier order beside those of the
+    planet: for the article's
     gear 66h +- 3.1429 +- 1.
     """
     at = 2 * np.pi * planet_order * carrier_turn

@@ -24,7 +24,7 @@ def ring_flexibility(
     ),
     supports=Parameter(3.0, "1", min=2.0, max=12.0, doc="supports around the ring", fixed=True),
 ):
-    """A thin ring gives way between its supports: its meshes are softer, and softest midway.
+    """A thin ring deflects between its supports: its meshes are softer, and softest midway.
 
     As many lobes a turn as supports; lines about 66h at multiples of them grow, frequencies of the set fall.
     """

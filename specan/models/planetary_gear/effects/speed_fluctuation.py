@@ -18,5 +18,5 @@ def speed_fluctuation(
     *,
     jitter=Parameter(0.2, "degree", min=0.01, max=1.0, lower=0.0, upper=10.0, doc="of the carrier's angle"),
 ):
-    """The speed flutters faster than the tacho tells, or the tacho is bad: high orders lose height."""
+    """The speed varies faster than the tacho resolves, or the tacho is inaccurate: high orders lose amplitude."""
     return np.exp(-0.5 * (np.asarray(order) * jitter) ** 2)

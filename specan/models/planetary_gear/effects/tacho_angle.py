@@ -17,5 +17,8 @@ def tacho_angle(
         1.0, "degree", min=-10.0, max=10.0, lower=-60.0, upper=60.0, doc="of planet 1 at a pulse"
     ),
 ):
-    """The pulse does not come where the rig says, with planet 1 at zero: sidebands turn, the farther the more."""
+    """The pulse is not at the angle in the rig file, with planet 1 at zero:
+
+    the phase of a sideband changes with its distance from the mesh line.
+    """
     return angle

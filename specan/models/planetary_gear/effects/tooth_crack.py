@@ -30,7 +30,7 @@ def tooth_crack(
         0.0, "1", min=0.0, max=1.0, lower=-1.0, upper=2.0, doc="of the tooth, in turns of the sun", fixed=True
     ),
 ):
-    """A cracked tooth gives way while it carries, with each planet once a turn of the sun: pulses 8.25 times a turn.
+    """A cracked tooth deflects more under load, with each planet once a turn of the sun: pulses 8.25 times a turn.
 
     Many lines of 2.75 orders; the pulses rise with the load.
     """

@@ -22,6 +22,6 @@ def tooth_friction(
     *,
     coefficient=Parameter(0.05, "1", min=0.02, max=0.1, lower=-0.5, upper=1.0, doc="coefficient of friction"),
 ):
-    """Sliding turns round at the pitch point, and with it the friction: a square wave at the order of the mesh."""
+    """Sliding reverses at the pitch point, and with it the friction: a square wave at the order of the mesh."""
     at = 2 * np.pi * (ring_teeth * carrier_turn[None, :] + planet_phase[1][:, None])
     return coefficient * 4 / np.pi * sum(np.sin((2 * k - 1) * at) / (2 * k - 1) for k in range(1, HARMONICS))

@@ -22,7 +22,9 @@ def torque_ripple(
     ),
     sine=Parameter(0.01, "1", min=-0.05, max=0.05, lower=-0.5, upper=0.5, doc="part in quadrature"),
 ):
-    """The drive pulls unevenly, or is unbalanced: all meshes feel it at once, once a turn of the sun's shaft.
+    """The drive torque varies, or the drive is unbalanced:
+
+    all meshes are loaded together, once a turn of the shaft of the sun.
 
     For the article's gear lines at 66h +- 3.75 and at the shaft's own order.
     """

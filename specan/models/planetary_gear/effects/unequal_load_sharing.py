@@ -16,7 +16,7 @@ def unequal_load_sharing(
     *,
     share=Parameter(0.1, "1", min=-0.3, max=0.3, lower=-0.9, upper=2.0, doc="part by which it carries more"),
 ):
-    """One planet carries more, by the same part at every torque; the others carry less.
+    """One planet carries more, by the same fraction at every torque; the others carry less.
 
     Lines at 66h +- 1, +- 2 appear, in the same ratio to the mesh at every harmonic.
     """

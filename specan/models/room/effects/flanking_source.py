@@ -26,6 +26,6 @@ def flanking_source(
     across=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's first edge"),
     along=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's second edge"),
 ):
-    """The cabinet, a port or the rear of the cone radiates too: an addition with the pattern of its place."""
+    """The cabinet, a port or the rear of the cone radiates too: an additional source at its own position."""
     strength = ratio * np.pi * piston_radius**2 * np.exp(-2j * np.pi * frequency * delay)
     return Source(WallPlace(across, along, 0.02), strength)

@@ -28,9 +28,9 @@ def helmholtz_resonator(
     across=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's first edge"),
     along=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's second edge"),
 ):
-    """The air in a neck swings against the volume behind it and splits a mode near its own frequency.
+    """The air in a neck vibrates against the volume behind it and splits a mode near its own frequency.
 
-    It acts at one place of the wall; the mode that has a pressure maximum there suffers most.
+    It acts at one place of the wall; the mode with a pressure maximum there changes most.
     """
     omega, omega0 = 2 * np.pi * frequency, 2 * np.pi * resonance
     impedance = density * neck_length * (omega0 / quality + 1j * (omega - omega0**2 / omega))

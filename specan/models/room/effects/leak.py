@@ -14,7 +14,7 @@ _RADIUS = 0.01  # m, of the patch over which it acts; the result hardly depends 
     at="wall",
     neutral={"area": 0.0},
     aliases=("helmholtz-resonator", "panel-resonance"),
-    separate_by="sealing it; the lowest frequencies, where the room leaves its stiffness line",
+    separate_by="sealing it; the lowest frequencies, where the response leaves the stiffness line",
     reference="Kinsler et al., Fundamentals of Acoustics, ch. 10 (open side branch): Z = r + j w rho l / S",
 )
 def leak(
@@ -27,7 +27,7 @@ def leak(
     across=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's first edge"),
     along=Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's second edge"),
 ):
-    """Air goes in and out through an opening; with the room's stiffness its mass makes a low resonance.
+    """Air flows through an opening; its mass forms a low resonance with the stiffness of the room.
 
     Below that resonance the pressure falls off instead of following rho c^2 / (j w V).
     """

@@ -16,5 +16,5 @@ from specan.models import Parameter, effect
 def microphone_delay(
     *, delay=Parameter(2e-5, "s", min=-1e-3, max=1e-3, lower=-2e-3, upper=2e-3, doc="of a card")
 ):
-    """A card starts late: the phase of its microphones falls in proportion to frequency, levels stay."""
+    """A card starts late: the phase of its microphones falls in proportion to frequency; levels do not change."""
     return delay

@@ -16,5 +16,5 @@ from specan.models import Parameter, effect
 def microphone_gain(
     *, gain=Parameter(0.06, "1", min=-0.12, max=0.12, lower=-0.5, upper=1.0, doc="relative error")
 ):
-    """One microphone is louder or softer than its calibration says, by the same part at every frequency."""
+    """One microphone is louder or softer than its calibration says, by the same factor at every frequency."""
     return gain

@@ -29,8 +29,8 @@ def panel_resonance(
     """A panel on the air behind it is a mass on a spring: it takes sound around its resonance only.
 
     Below the resonance it is a spring (modes fall), above it a mass (modes rise), at it an absorber.
-    A sound field shows the ratio of coverage and mass only: the mass is held, and a coverage above one says
-    that the panel is lighter than declared.
+    A sound field shows the ratio of coverage and mass only: the mass keeps its default, and a coverage
+    above one means that the panel is lighter than declared.
     """
     omega, omega0 = 2 * np.pi * frequency, 2 * np.pi * resonance
     impedance = mass * (loss_factor * omega0 + 1j * (omega - omega0**2 / omega))

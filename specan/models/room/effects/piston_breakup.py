@@ -18,7 +18,7 @@ def piston_breakup(
     resonance=Parameter(1200.0, "Hz", min=300.0, max=8000.0, doc="of the cone"),
     loss_factor=Parameter(0.1, "1", min=0.02, max=0.5, doc="of the cone"),
 ):
-    """The laser sees one point; near a resonance of the cone its mean velocity is another.
+    """The laser sees one point; near a resonance of the cone the mean velocity differs.
 
     The factor is common to all microphones.
     """

@@ -23,7 +23,7 @@ def porous_absorber(
     flow_resistivity=Parameter(15e3, "Pa*s/m^2", min=3e3, max=60e3, doc="of the material"),
     thickness=Parameter(0.03, "m", min=0.005, max=0.1, doc="of the layer on its rigid backing"),
 ):
-    """Foam or mineral wool on a wall turns sound into heat, more of it the higher the frequency.
+    """Foam or mineral wool on a wall absorbs sound, more at higher frequencies.
 
     The layer's impedance is that of Miki's material before a rigid backing, Z = -j Zc cot(k d). At low
     frequencies it acts as a soft spring and lowers the modes a little.

@@ -1,4 +1,4 @@
-"""R17: an object stands in the room."""
+"""R17: an object is in the room."""
 
 import numpy as np
 
@@ -27,9 +27,9 @@ def scatterer(
     y=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
     z=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
 ):
-    """A rigid object takes the place of air that would be compressed and moved: modes shift one by one.
+    """A rigid object displaces air that would be compressed and moved: each mode shifts differently.
 
-    A mode falls where the object stands in a pressure node, and rises where it stands in an antinode.
+    A mode falls where the object is in a pressure node, and rises where it is in an antinode.
     """
     place = point(room_origin + np.array([x, y, z]) * room_dimensions)
     radius = float((3 * volume / (4 * np.pi)) ** (1 / 3)) or 1e-6

@@ -15,5 +15,5 @@ from specan.models import Parameter, effect
 def temperature(
     *, offset=Parameter(1.0, "K", min=-10.0, max=10.0, lower=-30.0, upper=30.0, doc="true less nominal")
 ):
-    """All natural frequencies move by the same part, 0.17 % a kelvin: so they do in a room of other size."""
+    """All natural frequencies change by the same factor, 0.17 % per kelvin, as in a room of another size."""
     return offset

@@ -15,5 +15,5 @@ from specan.models import Parameter, effect
 def vibrometer_delay(
     *, delay=Parameter(2e-5, "s", min=-1e-3, max=1e-3, lower=-2e-3, upper=2e-3, doc="lateness")
 ):
-    """The demodulator needs time: every microphone seems early, by a phase in proportion to frequency."""
+    """The demodulator delays the velocity: every microphone seems early, by a phase proportional to frequency."""
     return delay

@@ -15,5 +15,5 @@ from specan.models import Parameter, effect
 def vibrometer_gain(
     *, gain=Parameter(0.02, "1", min=-0.05, max=0.05, lower=-0.3, upper=0.5, doc="relative error")
 ):
-    """The velocity reads too high or too low: all transfer functions are off by the same part."""
+    """The velocity reads too high or too low: all transfer functions are wrong by the same factor."""
     return 1 + gain

@@ -26,12 +26,12 @@ def wall_impedance(
     mass=Parameter(0.0, "kg/m^2", min=0.0, max=500.0, lower=0.0, doc="surface mass"),
     stiffness=Parameter(0.0, "Pa/m", min=0.0, max=2e9, lower=0.0, doc="stiffness a unit area"),
 ):
-    """One wall takes energy (resistance) and shifts the modes that touch it (mass, stiffness).
+    """One wall absorbs energy (resistance) and shifts the modes that reach it (mass, stiffness).
 
-    Its surface impedance is Z = R + j (w m - s / w); each point of the wall answers to the pressure at
-    that point alone. Modes that move along the wall's normal broaden most. With parameters that a study
+    Its surface impedance is Z = R + j (w m - s / w); each point of the wall responds to the pressure at that
+    point only. Modes that move along the wall's normal broaden most. With parameters that a study
     makes free in every third octave (per = "third_octave"), they are joined by straight lines over the
-    logarithm of frequency; a mass that may be negative then stands for any reactance.
+    logarithm of frequency; a mass that may be negative then represents any reactance.
     """
     omega = 2 * np.pi * frequency
     g, m, s = (_at(frequency, third_octave_hz, value) for value in (conductance, mass, stiffness))

@@ -20,9 +20,9 @@ def axial_preload(
         300.0, "N", min=50.0, max=2000.0, lower=0.0, upper=10000.0, doc="on each locating bearing"
     ),
 ):
-    """A spring, a shim or a tight fit presses the bearings of a shaft together, loaded or not.
+    """A spring, a shim or a tight fit presses the bearings of a shaft together, with or without load.
 
-    The balls of an idle gear then carry a load that nothing from outside explains. Rolling and sliding moments grow
-    as if the mesh pushed harder along the shaft: much at light load, less where the mesh pushes anyway.
+    The balls then carry a load although the gear idles. Rolling and sliding moments grow
+    as if the mesh pushed harder along the shaft: strongly at light load, less where the mesh already pushes.
     """
     return force * (bearing_axial_load >= 0)

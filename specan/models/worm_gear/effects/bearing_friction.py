@@ -18,9 +18,10 @@ def bearing_friction(
     """Balls roll in oil and slide a little in their grooves.
 
     The SKF model gives the moment of each bearing from its radial and axial load, the speed and the viscosity:
-    rolling goes with load^0.54 and (viscosity x speed)^0.6, sliding with load^1.67. A catalogue value is good to
-    some 30 %, and published models of the same bearing (SKF, Palmgren in Harris, Rolling Bearing Analysis, ISO/TR
-    14179-1) differ by up to a factor of three at light load; the scale is that of all four bearings together.
+    rolling goes with load^0.54 and (viscosity x speed)^0.6, sliding with load^1.67. A catalogue value has
+    an uncertainty of about 30 %, and published models of the same bearing (SKF, Palmgren in Harris, Rolling
+    Bearing Analysis, ISO/TR
+    14179-1) differ by up to a factor of three at light load; one scale applies to all four bearings.
     """
     return {
         "worm_bearing_torque": scale * bearing_moment[WORM].sum(axis=0),

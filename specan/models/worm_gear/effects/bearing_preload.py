@@ -27,9 +27,9 @@ def bearing_preload(
         needs=("indicated_oil_temperature",),
     ),
 ):
-    """A shaft that grows more than its housing presses its bearings together; the drag follows temperature.
+    """A shaft that expands more than its housing presses its bearings together; the drag follows temperature.
 
-    M = k (theta - theta_0), whatever the load: T^0 n^1, a straight line over temperature where the viscous
+    M = k (theta - theta_0), at any load: T^0 n^1, a straight line over temperature where the viscous
     losses are curved.
     """
     return growth * (oil_temperature - free_temperature) * worm_speed

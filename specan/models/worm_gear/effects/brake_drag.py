@@ -23,9 +23,9 @@ def brake_drag(
         2.0, "N*m", min=0.5, max=5.0, doc="output torque below which a run counts as idle", fixed=True
     ),
 ):  # fmt: skip
-    """The brake or its belt drags in runs that count as idle, and nobody measures it.
+    """The brake or its belt drags in runs that count as idle, and no sensor measures it.
 
-    Set to a torque, the brake's control takes its drag into account; at zero it cannot. Idle runs then carry a small
-    load: they alone stand out.
+    Set to a torque, the brake's control takes its drag into account; at zero it cannot. Idle runs then
+    carry a small load; only they deviate.
     """
     return drag * brake_coupled * np.exp(-((indicated_output_torque / idle_torque) ** 2))

@@ -42,10 +42,10 @@ def churning(
         needs=("oil_level",),
     ),
 ):
-    """What turns in the oil pushes and shears it: a loss that is there without load and falls with warm oil.
+    """Rotating parts displace and shear the oil: a loss without load, which falls with warm oil.
 
-    The article's empirical law nu(T) (alpha omega^beta + C). With the viscosity's own power free it also stands
-    for what bearings and mesh shear without load. A lower oil level means less of it.
+    The article's empirical law nu(T) (alpha omega^beta + C). With a free power of the viscosity it also
+    describes the viscous losses of bearings and mesh without load. It falls with the oil level.
     """
     speed = worm_speed / REFERENCE_SPEED
     viscosity = kinematic_viscosity / REFERENCE_VISCOSITY

@@ -28,7 +28,7 @@ def inlet_shear_heating(
         0.3, "1", min=0.0, max=1.0, doc="of the viscous loss without load that the bearings have"
     ),
 ):
-    """Not all oil gets through a rolling contact: some flows back in front of it, is sheared and heated.
+    """Part of the oil in front of a rolling contact flows back, is sheared and heated.
 
     The film becomes thinner and rolling easier. It matters for large bearings, thick oil and high speed, and
     acts on the rolling moments and on that share of the viscous loss without load which is the bearings'.

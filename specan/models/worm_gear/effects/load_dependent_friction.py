@@ -27,11 +27,13 @@ def load_dependent_friction(
     change=Parameter(0.005, "1", min=-0.03, max=0.02, lower=-0.2, upper=0.2, doc="of mu, from 40 to 80 kN/m"),
     exponent=Parameter(0.2, "1", min=-1.0, max=0.5, lower=-2.0, upper=4.0, doc="of the load's power"),
 ):
-    """Flanks that are pressed harder wear their film thinner (friction rises) or use it better (friction falls).
+    """A higher load on the flanks makes the oil film thinner (friction rises) or more effective (friction falls).
 
     mu = mu_0 + c ((x^a - 1)/(2^a - 1)) with x the load over 40 kN/m: the power law mu ~ (F/b)^a beside a share
-    that does not know the load. The loss over torque bends as no constant coefficient of friction makes it. No
-    film makes friction rise as fast as the load itself: where the data ask for an exponent above 0.5 by more than
-    its uncertainty, it is something else whose loss goes with a power of the torque (a collar, a twisted housing).
+    that does not depend on the load. The loss over torque is curved, which a constant coefficient of friction
+    cannot cause. No
+    film makes friction rise as fast as the load itself: where the data ask for an exponent above 0.5 by
+    more than
+    its uncertainty, another effect is likely whose loss is a power of the torque (a collar, a twisted housing).
     """
     return change * power_step(np.hypot(tooth_load / REFERENCE_LOAD, NO_LOAD), exponent)

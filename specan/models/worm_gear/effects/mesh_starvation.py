@@ -33,10 +33,10 @@ def mesh_starvation(
         needs=("oil_level",),
     ),
 ):  # fmt: skip
-    """The worm throws off the oil that the next tooth would need.
+    """The worm throws off the oil that the next tooth needs.
 
-    The film between the flanks cannot become thicker than the oil that comes back in time. Friction then rises with
-    speed where it should fall or stay: an extra loss at high speed, in proportion to the torque.
+    The film between the flanks cannot become thicker than the oil that comes back in time. Friction then
+    rises with speed instead of falling: an extra loss at high speed, in proportion to the torque.
     """
     full = (
         sliding_speed / speed * kinematic_viscosity / REFERENCE_VISCOSITY

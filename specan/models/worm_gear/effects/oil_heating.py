@@ -17,9 +17,9 @@ def oil_heating(
     *,
     resistance=Parameter(0.02, "K/W", min=0.005, max=0.1, lower=0.0, upper=0.5, doc="contact to sump"),
 ):
-    """The power lost heats the oil where it is lost, before it comes to the thermometer in the sump.
+    """The power loss heats the oil in the contacts, before it reaches the thermometer in the sump.
 
-    Warmer oil is thinner and loses less: a closed loop, solved for its fixed point. The loss at high torque and
-    speed is lower than the sump temperature makes one expect, a cross term of torque and speed.
+    Warmer oil is thinner and causes less loss; this loop is solved for its fixed point. The loss at high
+    torque and speed is lower than expected from the sump temperature: a cross term of torque and speed.
     """
     return resistance * power_loss

@@ -20,9 +20,9 @@ def palmgren_bearings(
 ):
     """Balls roll in oil and slide a little in their grooves, as Palmgren measured them.
 
-    A published form of the same part as `bearing-friction`, not an effect beside it: one moment that knows no load
-    and goes with (viscosity x speed)^(2/3), and one that goes with the load to the power 1.55 and knows neither speed
-    nor oil.
+    A published form of the same part as `bearing-friction`, not an effect beside it: one moment
+    proportional to (viscosity x speed)^(2/3) and independent of load, and one proportional to the load to
+    the power 1.55 and independent of speed and oil.
     """
     return {
         "worm_bearing_torque": scale * bearing_palmgren_moment[WORM].sum(axis=0),

@@ -24,10 +24,10 @@ def running_in(
     drag=Parameter(0.02, "N*m", min=0.0, max=0.3, lower=-1.0, upper=5.0, doc="of seals at the start"),
     time=Parameter(5.0, "hour", min=0.2, max=100.0, lower=0.05, upper=500.0, doc="in which 63 % is gone"),
 ):
-    """The bronze flanks of a new wheel fit themselves to the worm, seal lips to their shaft: losses fall with time.
+    """The bronze flanks of a new wheel adapt to the worm and the seal lips to the shaft: losses fall with time.
 
-    What is left has an order in time and none in torque, speed or temperature, unless the grid was run in that
-    order: then it looks like anything.
+    The residual depends on time and not on torque, speed or temperature. If the conditions were run in
+    order, it can look like any effect.
     """
     left = np.exp(-elapsed_time / time)
     return {"friction_coefficient": friction * left, "no_load_loss": drag * left * worm_speed}

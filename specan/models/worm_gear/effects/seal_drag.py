@@ -18,9 +18,10 @@ def seal_drag(
     *,
     torque=Parameter(0.1, "N*m", min=0.02, max=0.5, lower=0.0, upper=5.0, doc="at the worm shaft"),
 ):
-    """The lip of a radial shaft seal rubs on the shaft with a torque that knows neither load nor oil.
+    """The lip of a radial shaft seal rubs on the shaft with a torque that does not depend on load or oil.
 
-    The power goes with the speed, T^0 n^1 nu^0. A zero error of the input torque sensor looks exactly the same,
-    and much of it hides in a fitted no-load loss.
+    The power is proportional to the speed, T^0 n^1 nu^0. A zero error of the input torque sensor looks exactly
+    the same,
+    and a fitted no-load loss can reproduce much of it.
     """
     return torque * worm_speed

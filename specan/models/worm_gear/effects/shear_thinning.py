@@ -29,9 +29,9 @@ def shear_thinning(
         doc="sliding speed at which it sets in, for oil of 100 mm^2/s",
     ),
 ):
-    """Long molecules line up where oil is sheared hard, and it flows more easily than the data sheet says.
+    """Long molecules align in strongly sheared oil, and its viscosity falls below that of the data sheet.
 
-    What counts is the stress, viscosity times speed: cold oil thins at a lower speed than warm oil. Viscous
+    The shear stress, viscosity times speed, decides: cold oil thins at a lower speed than warm oil. Viscous
     losses grow less with speed and with the viscosity than they should.
     """
     stress = sliding_speed * kinematic_viscosity / REFERENCE_VISCOSITY

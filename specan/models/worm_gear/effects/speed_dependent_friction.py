@@ -31,7 +31,7 @@ def speed_dependent_friction(
 ):
     """A film of oil builds up between the flanks as they slide faster, and friction falls (Stribeck's curve).
 
-    mu = mu_fast + rise / (1 + v/v_0): the loss goes with the torque and grows less than the speed; what stands
-    out is an extra loss at low speed and high torque.
+    mu = mu_fast + rise / (1 + v/v_0): the loss is proportional to the torque and grows less than the speed; the
+    trace is an extra loss at low speed and high torque.
     """
     return rise / (1.0 + sliding_speed / speed)

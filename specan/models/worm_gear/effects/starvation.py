@@ -40,10 +40,10 @@ def starvation(
         needs=("oil_level",),
     ),
 ):
-    """Each ball pushes the oil aside, and before it has flowed back the next one comes.
+    """Each ball pushes the oil aside, and the next ball arrives before the oil has flowed back.
 
-    With thick oil and high speed the contacts run with less oil than they want: the rolling loss falls where
-    one expects it to grow. The lower the oil level, the sooner it begins. It acts on the rolling moments and on
+    With thick oil and high speed the contacts have too little oil, and the rolling loss falls instead of
+    growing. It begins earlier at a lower oil level. It acts on the rolling moments and on
     that share of the viscous loss without load which is the bearings'.
     """
     bore, outside = 1e3 * bearing_bore, 1e3 * bearing_outside

@@ -18,9 +18,9 @@ def temperature_bias(
         1.0, "K", min=-2.0, max=2.0, lower=-30.0, upper=30.0, doc="indicated less true temperature"
     ),
 ):
-    """The thermometer shows another temperature than the oil has.
+    """The thermometer does not show the temperature of the oil.
 
-    Every loss that goes with the viscosity is scaled by nearly the same factor, and a fitted no-load loss takes
-    that up: with a free churning power it can hardly ever be seen.
+    Every viscous loss is scaled by nearly the same factor, which a fitted no-load loss can reproduce. With
+    a free churning power the effect is hardly ever visible.
     """
     return -bias

@@ -10,7 +10,7 @@ from specan.models import Parameter, effect
     adds_to="contact_temperature",
     neutral={"idle_offset": 0.0, "time": 0.0},
     aliases=("torque-zero-error", "oil-heating", "axial-preload", "brake-drag"),
-    separate_by="dwell at each condition until the loss stands still, go up and down in steps, record the time",
+    separate_by="dwell at each condition until the loss is constant, go up and down in steps, record the time",
     reference="first-order lag of a body behind its surroundings; both constants are left free here",
 )
 def thermal_lag(
@@ -41,10 +41,11 @@ def thermal_lag(
         2.0, "N*m", min=0.5, max=5.0, doc="output torque below which a run counts as idle", fixed=True
     ),
 ):
-    """The mesh and the bearings follow the oil sump late, and runs without load find them in another state.
+    """The mesh and the bearings follow the oil sump late, and runs without load find them at another temperature.
 
     A gear that idles at the start of the day is colder inside than one that has carried load for an hour,
-    though both sump thermometers may say the same. With the time of each reading the lag itself is followed.
+    though both sump thermometers may say the same. If the time of each reading is known, the lag itself is
+    modelled.
     """
     idle = np.exp(-((output_torque / idle_torque) ** 2))
     return idle_offset * idle + lag(np.asarray(oil_temperature, float), elapsed_time, time)

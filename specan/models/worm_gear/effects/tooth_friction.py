@@ -12,7 +12,7 @@ from specan.models import Parameter, effect
 def tooth_friction(*, mu=Parameter(0.05, "1", min=0.01, max=0.12, lower=0.0, upper=0.6, doc="coefficient")):
     """The flanks of a worm gear slide along each other much faster than they roll.
 
-    A coefficient of friction that knows neither load, speed nor oil gives a loss that is proportional to the
-    torque. Whatever it depends on in truth is an effect of its own: speed-, viscosity-, load-dependent friction.
+    A coefficient of friction that does not depend on load, speed or oil gives a loss proportional to the
+    torque. Each dependence is a separate effect: speed-, viscosity-, load-dependent friction.
     """
     return mu

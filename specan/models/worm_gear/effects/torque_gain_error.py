@@ -21,9 +21,9 @@ def torque_gain_error(
         0.3, "percent", min=-1.0, max=1.0, lower=-20.0, upper=20.0, doc="indicated over true, less 1"
     ),
 ):
-    """A torque sensor shows some parts in a thousand too much.
+    """A torque sensor reads some parts in a thousand too high.
 
-    The loss is the small difference of two large torques, so that it feels a gain error many times over. It goes
-    with the torque and passes for a change of the coefficient of friction: T^1 n^1 nu^0.
+    The loss is the small difference of two large torques, so a gain error changes it many times more. It is
+    proportional to the torque and looks like a change of the coefficient of friction: T^1 n^1 nu^0.
     """
     return {"indicated_input_torque": 1.0 + input, "output_torque": 1.0 / (1.0 + output)}

@@ -25,9 +25,10 @@ def torque_hysteresis(
         0.02, "N*m", min=-0.1, max=0.1, lower=-1.0, upper=1.0, doc="read too high after the load was raised"
     ),
 ):
-    """What was there before is remembered: the sensor, or dry friction in its coupling, lags behind the load.
+    """The sensor, or dry friction in its coupling, lags behind the load.
 
-    A reading after the load was raised is too high (or too low) by as much as one after it was lowered is too low.
+    A reading after the load was raised is too high (or too low) by as much as one after it was lowered is
+    too low.
     """
     return half_width * direction(np.asarray(output_torque, float), elapsed_time)
 

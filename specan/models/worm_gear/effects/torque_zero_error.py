@@ -21,10 +21,11 @@ def torque_zero_error(
         0.5, "N*m", min=-2.0, max=2.0, lower=-20.0, upper=20.0, doc="indicated less true torque"
     ),
 ):
-    """A torque sensor shows something where there is nothing.
+    """A torque sensor reads a torque without load.
 
-    At the input it looks like a seal, T^0 n^1 nu^0. At the output the gear is not given the torque that one
-    believes: all losses belong to a neighbouring torque, and idle runs stand out. Runs with the brake uncoupled have no
+    At the input it looks like a seal, T^0 n^1 nu^0. At the output the true torque differs from the
+    indicated one: all losses belong to a neighbouring torque, and idle runs deviate. Runs with the brake
+    uncoupled have no
     output torque, and no error of it.
     """
     return {"indicated_input_torque": input, "output_torque": -output * brake_coupled}

@@ -26,7 +26,8 @@ def viscosity_dependent_friction(
 ):
     """Thick oil keeps the flanks further apart: friction rises as the oil thins, mu ~ nu^-s.
 
-    The residual goes with the torque and changes its sign at some temperature in the middle: with warm oil the
+    The residual is proportional to the torque and changes its sign at some temperature in the middle: with
+    warm oil the
     gear loses more under load than the model says, with cold oil less.
     """
     return change * power_step(REFERENCE_VISCOSITY / kinematic_viscosity, exponent)

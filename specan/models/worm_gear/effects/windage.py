@@ -19,9 +19,9 @@ def windage(
     power=Parameter(4.0, "W", min=0.5, max=20.0, lower=0.0, upper=500.0, doc="at 1500 rpm"),
     exponent=Parameter(3.0, "1", min=2.7, max=3.0, lower=2.6, upper=3.2, doc="power of the speed"),
 ):
-    """Whatever turns in air or mist drags it along: a loss with about the third power of the speed.
+    """Rotating parts drag air or oil mist along: a loss with about the third power of the speed.
 
-    T^0 n^3 nu^0. It is nothing at low speed and suddenly there at high speed. The drag of bearings in an oil
-    bath has the same law and cannot be told from it.
+    T^0 n^3 nu^0. It is negligible at low speed and large at high speed. The drag of bearings in an oil
+    bath has the same law and cannot be distinguished from it.
     """
     return power * (worm_speed / REFERENCE_SPEED) ** exponent

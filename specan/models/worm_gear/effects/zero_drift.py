@@ -19,9 +19,9 @@ def zero_drift(
     *,
     rate=Parameter(0.01, "N*m/hour", min=-0.1, max=0.1, lower=-1.0, upper=1.0, doc="of the indicated torque"),
 ):
-    """The sensor at the input warms up or creeps, and what it shows without torque moves on steadily.
+    """The sensor at the input warms up or creeps, and its reading without torque drifts steadily.
 
-    All readings move alike, whatever the load and the speed; wear that runs in acts on the loaded flanks and comes to
-    an end.
+    All readings drift equally at any load and speed. Running-in, in contrast, acts on the loaded flanks and
+    ends.
     """
     return rate * elapsed_time

@@ -1,0 +1,74 @@
+"""What the bench tries on planetary gears: nulls, single effects, pairs, and a bearing that no effect describes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hidden_effects.cases import FIRST_DEVELOPMENT_SEED, FIRST_RESERVED_SEED
+from truth.planetary_gear import Gear, draw, write_case
+
+CATALOGUE = (
+    "planet-position-error", "unequal-load-sharing", "sun-runout", "planet-runout", "carrier-runout", "torque-ripple",
+    "tooth-crack", "transmission-path",
+)  # fmt: skip
+OUTSIDE = ("bearing-defect",)
+STRENGTHS = (0.3, 3.0)  # over the sizes that the simulator draws
+FULL = {"null": 40, "single": 80, "pair": 20, "unknown": 10}
+_STREAM = {"single": 14, "pair": 15, "unknown": 16}
+
+
+@dataclass(frozen=True)
+class Case:
+    """Three recordings of a drawn set, and what is hidden in it."""
+
+    kind: str
+    seed: int
+    effects: tuple[str, ...] = ()
+    strength: float = 1.0
+
+    engine: ClassVar[str] = "hidden_effects.gear_engine"
+
+    @property
+    def key(self) -> str:
+        """Name of the case in result files."""
+        return f"{self.kind}/{self.seed}"
+
+    @property
+    def truth(self) -> tuple[str, ...]:
+        """Catalogue names of what is hidden."""
+        return tuple(sorted(name for name in self.effects if name in CATALOGUE))
+
+    def simulate(self, cache: Path | None = None) -> Gear:
+        """The drawn machine."""
+        return draw(self.seed, *self.effects, strength=self.strength, drawn_set=True)
+
+    def write(self, truth: Gear, folder: Path, cache: Path | None = None) -> None:
+        """Recordings and the rig file."""
+        write_case(truth, folder)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a result file."""
+        return asdict(self)
+
+
+def planned(kind: str, count: int, *, reserved: bool = False, only: tuple[str, ...] = ()) -> list[Case]:
+    """The first `count` cases of a kind."""
+    first = FIRST_RESERVED_SEED if reserved else FIRST_DEVELOPMENT_SEED
+    return [_case(kind, number, first + number, only) for number in range(count)]
+
+
+def _case(kind: str, number: int, seed: int, only: tuple[str, ...]) -> Case:
+    if kind == "null":
+        return Case(kind, seed)
+    rng = np.random.default_rng([seed, _STREAM[kind]])
+    strength = float(f"{np.exp(rng.uniform(*np.log(STRENGTHS))):.3g}")
+    if kind == "pair":
+        pairs = [p for p in combinations(CATALOGUE, 2) if set(only) <= set(p)]
+        return Case(kind, seed, pairs[int(rng.integers(len(pairs)))], strength)
+    pool = [n for n in (CATALOGUE if kind == "single" else OUTSIDE) if not only or n in only]
+    return Case(kind, seed, (pool[number % len(pool)],), strength)

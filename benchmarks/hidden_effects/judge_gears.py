@@ -1,0 +1,39 @@
+"""What counts as right for planetary gears: the rows of the table."""
+
+from __future__ import annotations
+
+from hidden_effects.judge import (
+    Record,
+    Row,
+    among,
+    doubted,
+    is_null,
+    is_single,
+    names_something,
+    truth_first,
+    unknown_recognised,
+)
+
+_SAME_LINES = frozenset({"planet-position-error", "unequal-load-sharing"})  # told apart over torque only
+
+
+def same_lines(record: Record) -> bool:
+    """The first place of the ranking has the lines of the truth: the effect itself, or the one that shares them."""
+    ranking = record["verdict"]["ranking"]
+    if record["verdict"]["verdict"] not in ("effect", "group", "fits-only-if") or not ranking:
+        return False
+    first, truth = set(ranking[0]["effects"]), set(record["truth"])
+    return bool(first == truth or (first <= _SAME_LINES and truth <= _SAME_LINES))
+
+
+ROWS = (
+    Row("null: something named", is_null, names_something),
+    Row("single, lambda >= 100: first", is_single(100), truth_first),
+    Row("  or the one with the same lines", is_single(100), same_lines),
+    Row("  truth among the alternatives", is_single(100), among),
+    Row("  'or one unknown' added", is_single(100), doubted),
+    Row("single, lambda < 100: first", is_single(0, 100), truth_first),
+    Row("pair: exact", lambda r: r["kind"] == "pair", among),
+    Row("bearing defect: something named or unknown", lambda r: r["kind"] == "unknown", names_something),
+    Row("bearing defect: recognised as unknown", lambda r: r["kind"] == "unknown", unknown_recognised),
+)

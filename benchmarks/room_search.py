@@ -1,0 +1,260 @@
+"""How often a diagnosis of a room finds its way from far away: cases far from the base, and the minimum at the truth.
+
+    python benchmarks/room_search.py --cases 20 --seed 3000 --cache DIR --out results.jsonl
+    python benchmarks/room_search.py --report results.jsonl
+
+Each case hides what is strong in a simulated room, asks for a verdict, and starts a fit at the truth besides. A
+search has missed the minimum where none of the sets that it fitted comes as low as that fit. Strengths, walls and
+places are drawn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import numpy as np
+
+from hidden_effects.run import fingerprint
+from specan.study.create import begin
+from specan.study.estimation.levenberg_marquardt import descend_steps
+from specan.study.estimation.linearised_covariance import about
+from specan.study.estimation.problem import Problem
+from specan.study.study import Study
+from truth.room import RoomCase, simulate, write
+
+JACOBIANS = 8  # from the truth, and from where a search has ended
+MISSED = 1.1, 12.0  # times the chi-square at the truth, and beyond it, above which a search has missed it
+HELD_OUT = 2
+
+Values = dict[str, dict[str, float]]
+
+
+def drawn(kind: str, seed: int, n_mics: int) -> dict[str, float]:
+    """What is hidden in a case, with strengths and places that are drawn."""
+    rng = np.random.default_rng([seed, 40])
+    sign = float(rng.choice([-1.0, 1.0]))
+    first, second = (int(m) + 1 for m in rng.choice(n_mics, 2, replace=False))
+    lining = {"wall-impedance": float(np.exp(rng.uniform(*np.log([0.3, 1.0]))))}
+    warm = {"temperature": sign * rng.uniform(10.0, 14.0)}
+    return {
+        "null": {},
+        "lining": lining,
+        "corner": {"helmholtz-resonator@corner": float(np.exp(rng.uniform(*np.log([1e-3, 4e-3]))))},
+        "warm": warm,
+        "lining-warm": lining | warm,
+        "box": {"scatterer@floor": float(np.exp(rng.uniform(*np.log([2e-3, 5e-3]))))},
+        "moved": {f"microphone-position@Mic {first}": rng.uniform(0.025, 0.045)},
+        "two-moved": {
+            f"microphone-position@Mic {first}": rng.uniform(0.025, 0.045),
+            f"microphone-position@Mic {second}": sign * rng.uniform(0.02, 0.04),
+        },
+        "panel-delay": {
+            "panel-resonance": float(np.exp(rng.uniform(*np.log([0.1, 0.5])))),
+            "microphone-delay": sign * rng.uniform(5e-5, 1.5e-4),
+        },
+    }[kind]
+
+
+KINDS = ("lining", "corner", "warm", "lining-warm", "box", "moved", "two-moved", "panel-delay", "null")
+
+
+def at_truth(made: RoomCase) -> dict[str, Values]:
+    """What was hidden as effects of the catalogue, by their use, with SI values as near to the truth as it has them."""
+    found: dict[str, Any] = {}
+    dims = np.array(made.truth.layout.dims_m)
+    for full, strength in made.effects.items():
+        kind, _, _ = full.partition("@")
+        details = made.truth.details[full]
+        if kind in ("wall-impedance", "panel-resonance"):
+            omega = 2 * np.pi * float(details["frequency_hz"])
+            mass = float(details["mass_kg_m2"])
+            values = {"conductance": strength, "mass": mass, "stiffness": mass * omega**2}
+            if kind == "panel-resonance":
+                values = {
+                    "coverage": 5.0 / mass,
+                    "resonance": omega / 2 / np.pi,
+                    "loss_factor": 1 / float(details["quality"]),
+                }
+            found[f"{kind}@{details['wall']}"] = values
+        elif kind == "helmholtz-resonator":
+            wall = str(details["wall"])
+            place = np.delete(_place(details["place_m"]) / dims, "xyz".index(wall[0]))
+            area = np.pi * float(details["neck_radius_m"]) ** 2
+            found[f"{kind}@{wall}"] = {
+                "neck_area": area * 0.03 / float(details["length_m"]),
+                "resonance": float(details["frequency_hz"]),
+                "quality": float(details["quality"]),
+                "across": place[0],
+                "along": place[1],
+            }
+        elif kind == "temperature":
+            found[kind] = {"offset": made.truth.temperature_C - 20.0}
+        elif kind == "scatterer":
+            found[kind] = {"volume": strength, **dict(zip("xyz", _place(details["place_m"]) / dims))}
+        elif kind == "microphone-position":
+            found[f"{kind}@Mic {details['microphone']:.0f}"] = dict(
+                zip(("dx", "dy", "dz"), _place(details["moved_m"]))
+            )
+        elif kind == "microphone-delay":
+            found[f"{kind}@card {details['card']:.0f}"] = {"delay": strength}
+    return found
+
+
+def _place(text: object) -> np.ndarray:
+    return np.array([float(v) for v in str(text).strip("()").split(",")])
+
+
+def run(kind: str, seed: int, arguments: argparse.Namespace) -> dict[str, Any]:
+    """One case: verdict, time, the chi-square at the truth and the lowest that the search reached."""
+    hidden = drawn(kind, seed, arguments.mics)
+    made = simulate(seed, hidden, n_mics=arguments.mics, cache=arguments.cache)
+    made.rig["band"]["f_max_hz"] = arguments.f_max
+    record: dict[str, Any] = {"kind": kind, "seed": seed, "effects": hidden, "at_truth": at_truth(made)}
+    bad = {full.split()[-1] for full in hidden if full.startswith("microphone-position")}
+    aside = [m for m in range(arguments.mics, 0, -1) if str(m) not in bad][:HELD_OUT]
+    with tempfile.TemporaryDirectory() as folder:
+        write(made, folder)
+        place = Path(folder)
+        start = time.process_time()
+        hold_out = ["channel=" + ",".join(f"Mic {m}" for m in aside)]
+        begin(place / "study", "room", place / "rig.toml", [place / "recording.tdms"], hold_out=hold_out)
+        study = Study(place / "study")
+        said = study.diagnose().to_json()
+        record["cpu_s"] = round(time.process_time() - start, 1)
+        record["verdict"] = {**said, "ranking": said["ranking"][:6]}
+        record["values"] = study.problem.n_data
+        record["chi2"] = _compared(study.problem, record["at_truth"], said)
+    return record
+
+
+def _compared(problem: Problem, true: Mapping[str, Any], said: Mapping[str, Any]) -> dict[str, float]:
+    """Chi-square over the number of values from the truth, and from every set of the search, with the same covariance.
+
+    Rows out of the ranking are started at their values; what they leave to the base is fitted again.
+    """
+    seen = about(problem, *_extended(problem, true))
+    found = {"truth": _lowest(seen, true)}
+    for row in said["ranking"]:
+        owners = sorted({name.rpartition(".")[0] for name in row["parameters"]})
+        values = {use: {} for use in owners}
+        extended = problem.with_uses(owners)
+        for name, entry in row["parameters"].items():
+            use, _, own = name.rpartition(".")
+            values[use][own] = extended.assembly.parameters[name.split("[")[0]].to_si(entry["value"])
+        found[" + ".join(owners)] = _lowest(seen, values)
+    return found
+
+
+def _extended(problem: Problem, values: Mapping[str, Any]) -> tuple[Any, dict[str, float]]:
+    """The assembly with some uses, and where it is near the field: the base fitted beside them."""
+    whole = problem.with_uses(sorted(values))
+    theta = descend_steps(whole, whole.start(_flat(values)), JACOBIANS)
+    return whole.assembly, whole.values_at(theta)
+
+
+def _flat(values: Mapping[str, Any]) -> dict[str, float]:
+    return {f"{use}.{own}": value for use, table in values.items() for own, value in table.items()}
+
+
+def _lowest(seen: Problem, values: Mapping[str, Any]) -> float:
+    whole = seen.with_uses(sorted(values))
+    theta = descend_steps(whole, whole.start(_flat(values)), JACOBIANS)
+    return float(np.sum(whole.residual(theta) ** 2)) / whole.n_data
+
+
+def missed(record: Mapping[str, Any]) -> bool:
+    """Whether no set of the search came down to the fit that was started at the truth."""
+    true = record["chi2"]["truth"]
+    values = record.get("values", 1e4)
+    least = min((c for name, c in record["chi2"].items() if name != "truth"), default=np.inf)
+    return bool(record["effects"]) and least > MISSED[0] * true + MISSED[1] / values
+
+
+def right(record: Mapping[str, Any]) -> str:
+    """``right`` where exactly what is hidden is named, ``group`` where it is one of the alternatives."""
+    wanted = sorted({use.partition("@")[0] for use in record["at_truth"]})
+    named = record["verdict"]["alternatives"]
+    if not wanted:
+        return "right" if record["verdict"]["verdict"] in ("nothing-missing",) else "wrong"
+    if named and named[0] == wanted and len(named) == 1:
+        return "right"
+    return "group" if wanted in named else "wrong"
+
+
+def table(records: Sequence[Mapping[str, Any]]) -> str:
+    """One line a kind: how many, right, in the group, minimum missed, CPU seconds."""
+    lines = [
+        "| kind | rooms | right alone | in the group | 'unknown' | minimum missed | CPU s (middle, most) |"
+    ]
+    lines.append("|---|---|---|---|---|---|---|")
+    for kind in KINDS:
+        own = [r for r in records if r["kind"] == kind and "error" not in r]
+        if own:
+            said = [right(r) for r in own]
+            cpu = [r["cpu_s"] for r in own]
+            unknown = sum(r["verdict"]["verdict"] == "unknown-effect" for r in own)
+            lines.append(
+                f"| {kind} | {len(own)} | {said.count('right')} | {said.count('group')} | {unknown} "
+                f"| {sum(map(missed, own))} | {np.median(cpu):.0f}, {max(cpu):.0f} |"
+            )
+    return "\n".join(lines)
+
+
+def brief(record: Mapping[str, Any]) -> str:
+    """One line of a record."""
+    if "error" in record:
+        return f"{record['kind']} {record['seed']}: {record['error'].strip().splitlines()[-1]}"
+    said = record["verdict"]
+    return (
+        f"{record['kind']} {record['seed']} {right(record)}{' MISSED' if missed(record) else ''} "
+        f"{record['cpu_s']} s: {said['verdict']} {said['alternatives']} {said['at']}; truth {record['at_truth']}; chi2 "
+        + ", ".join(f"{name} {value:.4g}" for name, value in record["chi2"].items())
+        + f"; {said['reason']}"
+    )
+
+
+def main() -> int:
+    """Run and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--cases", type=int, default=len(KINDS))
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--seed", type=int, default=3000)
+    parser.add_argument("--mics", type=int, default=8)
+    parser.add_argument("--f-max", type=float, default=450.0)
+    parser.add_argument("--cache", type=Path)
+    parser.add_argument("--out", type=Path, default=Path("room_search.jsonl"))
+    parser.add_argument("--report", type=Path)
+    arguments = parser.parse_args()
+    if arguments.report:
+        records = [json.loads(line) for line in arguments.report.read_text(encoding="utf-8").splitlines()]
+        print(*map(brief, records), table(records), sep="\n")
+        return 0
+    code = fingerprint()
+    for number in range(arguments.cases):
+        kind = arguments.kinds[number % len(arguments.kinds)]
+        seed = arguments.seed + number
+        try:
+            record = run(kind, seed, arguments)
+        except Exception:  # what breaks in one case is counted, the others go on
+            record = {"kind": kind, "seed": seed, "error": traceback.format_exc(limit=-4)}
+        record["code"] = code
+        with arguments.out.open("a", encoding="utf-8", newline="\n") as file:
+            file.write(json.dumps(record) + "\n")
+        print(brief(record), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,31 @@
+"""The bench of planetary gears: cases are what their seed says, and one is found."""
+
+import pytest
+
+pytest.importorskip("numba")
+from hidden_effects import gear_cases, judge_gears
+from hidden_effects.gear_cases import CATALOGUE, OUTSIDE, planned
+from hidden_effects.judge import table
+from hidden_effects.run import run_case
+
+
+def test_cases_are_the_same_again_and_cover_the_catalogue() -> None:
+    one, two = planned("single", 16), planned("single", 16)
+    assert one == two
+    assert {name for case in one for name in case.effects} == set(CATALOGUE)
+    assert planned("null", 1)[0].simulate().machine.hidden == {}
+    assert {case.effects for case in planned("unknown", 3)} == {(name,) for name in OUTSIDE}
+    assert all(len(set(case.effects)) == 2 for case in planned("pair", 5))
+    assert len({case.simulate().machine.z_ring for case in planned("null", 12)}) > 2
+    assert set(gear_cases.FULL) == {"null", "single", "pair", "unknown"}
+
+
+def test_an_undisturbed_set_of_a_foreign_simulator_lacks_nothing() -> None:
+    """Four planets of 24 teeth, counter-phased, with another mesh stiffness and other paths than the model's."""
+    record = run_case(planned("null", 1)[0])
+    assert "error" not in record, record.get("error")
+    assert record["verdict"]["verdict"] == "nothing-missing"
+    assert record["lambda"] < 100
+    rows = {row["row"]: row for row in table([record], judge_gears.ROWS)}
+    assert rows["null: something named"]["count"] == 0
+    assert rows["null: something named"]["of"] == 1

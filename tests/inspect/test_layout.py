@@ -1,0 +1,106 @@
+"""The page fits the screen of a laptop, its units are apart, and it says which command gives the same."""
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("bokeh")
+
+from specan.inspect.grouped_lines import GroupedLines
+from specan.inspect.opened import Opened
+from specan.inspect.plots import Curve
+from specan.inspect.same_command import commands
+from specan.inspect.view import View
+from specan.io.open import open_recording
+from specan_cli.main import main
+
+ROOT = Path(__file__).parents[2]
+NOISE = ROOT / "sample_data" / "recordings" / "noise" / "noise_24_microphones.tdms"
+MODEL = "Bokeh.documents[0].get_model_by_name"
+
+
+@pytest.mark.parametrize(
+    "view",
+    [
+        View(fraction=12, weighting="A", start=0.5, stop=2.0),
+        View(averaging="fast", hold="max", fmin=100.0),
+        View(tab="fft", lines=400, window="flat-top", spectrum_averaging="exponential", reference="Mic 1"),
+        View(tab="frf", lines=400, estimator="H3c", overlap=0.75, unwrapped=True),
+        View(tab="levels", level_weighting="A", level_averaging="slow"),
+        View(tab="spectrogram", lines=200, of="Measurement/Mic 2"),
+        View(tab="info"),
+    ],
+    ids=lambda view: view.tab,
+)
+def test_the_command_of_a_view_runs_and_takes_its_settings(view, tmp_path):
+    opened = Opened((open_recording(NOISE),))
+    (line,) = commands(opened, view.but(channel=("Measurement/Mic 1", "Measurement/Mic 2")))
+    program, *arguments = shlex.split(line)
+    assert program == "specan"
+    result = CliRunner().invoke(main, [*arguments, "--json"], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    if view.tab == "octave":
+        assert found["fraction"] == view.fraction
+        assert [c["channel"] for c in found["channels"]] == ["Mic 1", "Mic 2"]
+
+
+def test_each_unit_has_a_figure_and_many_lines_have_few_colours():
+    made = []
+    group = GroupedLines("Frequency / Hz", made.append, hertz=True, dynamics=90.0)
+    x = np.array([100.0, 200.0])
+    many = [Curve(f"Mic {k}", x, np.array([60.0 + k, 61.0 + k])) for k in range(12)]
+    group.draw({"dB re 20 µPa": many, "dB re 1 nm/s": [Curve("Laser", x, np.array([140.0, 141.0]))]})
+    assert [panel.sheet.yaxis[0].axis_label for panel in made] == ["dB re 20 µPa", "dB re 1 nm/s"]
+    assert made[0].sheet.x_range is made[1].sheet.x_range
+    first, second = (panel.sheet.y_range for panel in made)
+    assert first.end < 80 < 130 < second.start
+    data = made[0].sheet.select_one({"name": "curves"}) or made[0]._source
+    coloured = [
+        name for name, alpha in zip(data.data["name"], data.data["alpha"], strict=True) if alpha == 1.0
+    ]
+    assert set(coloured) == {"Mic 0", "Mic 11", "Mic 1"} or set(coloured) == {"Mic 0", "Mic 11", "Mic 10"}
+    group.draw({"dB re 1 nm/s": [Curve("Laser", x, np.array([140.0, 141.0]))]})
+    assert group.body.children == [made[0].sheet]
+
+
+@pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "info"])
+def test_a_tab_needs_no_scrolling_on_a_laptop(browser, open_page, recording_page, tab):
+    size = browser.get_window_size()
+    metrics = {"width": 1366, "height": 768, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    try:
+        page = open_page(f"{recording_page}?tab={tab}")
+        page.wait(
+            lambda: page.script(f"return {MODEL}('status') && !{MODEL}('status').text.includes('computing')")
+        )
+        page.wait(lambda: page.script("return document.documentElement.scrollHeight <= innerHeight"))
+        assert page.script("return document.documentElement.scrollWidth <= innerWidth")
+        assert page.complaints == []
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        browser.set_window_size(size["width"], size["height"])
+
+
+def test_keys_change_the_tab_the_colours_and_copy_the_command(open_page, recording_page):
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    page = open_page(recording_page)
+    page.wait(lambda: "97." in page.text("overall"))
+    ActionChains(page.browser).send_keys("2").perform()
+    page.wait(lambda: "tab=fft" in page.browser.current_url)
+    ActionChains(page.browser).send_keys("d").perform()
+    page.wait(lambda: page.script("return document.documentElement.classList.contains('dark')"))
+    page.wait(lambda: page.script(f"return {MODEL}('status').text.includes('computing') === false"))
+    ActionChains(page.browser).send_keys("l").perform()
+    page.wait(lambda: "specan fft" in page.text("status"))
+    assert page.complaints == []
+
+
+@pytest.fixture
+def recording_page(serve) -> str:
+    return serve(str(NOISE))

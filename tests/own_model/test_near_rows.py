@@ -1,0 +1,71 @@
+"""Rows that are merely near each other are no repeats, unless somebody says how well a condition is set."""
+
+import numpy as np
+
+from specan.models import Model
+from specan.study.data.open_tables import read_tables
+
+NOISE = 1.0  # m/s^2 of one reading of a falling ball's acceleration
+
+
+def falling(speed, drag):
+    return 9.81 - drag * speed**2
+
+
+def model(**more):
+    return Model.from_function(
+        falling, conditions={"speed": ("m/s", 0.5, 12)}, observables={"falling": "m/s^2"},
+        parameters={"drag": (0.03, 0, 0.5, "1/m")}, **more,
+    )  # fmt: skip
+
+
+def balls(path, marks=""):
+    """Readings of three balls, of which the lighter ones are slowed down more; which is which stands nowhere."""
+    random, lines = np.random.default_rng(4), ["speed,falling" + (",repeat" if marks else "")]
+    for drag in (0.02, 0.05, 0.09):
+        for k, speed in enumerate(np.linspace(1, 8, 15)):
+            read = speed * (1 + 0.004 * random.standard_normal())
+            found = 9.81 - drag * read**2 + NOISE * random.standard_normal()
+            lines.append(f"{read:.4f},{found:.4f}" + (f",{k}" if marks else ""))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_near_rows_are_not_taken_for_repeats_and_this_is_said(tmp_path):
+    data = read_tables(model(), [balls(tmp_path / "balls.csv")])
+    said = " ".join(data.statements)
+    assert (
+        "and not taken for repeats, since nothing says how well it is set (declare speed_setting_percent"
+        in said
+    )
+    assert "lines 2, 17, 32" in said  # the three readings near 1 m/s
+    assert not data.known  # the difference between the balls is no scatter
+    assert "from repeats" not in said
+
+
+def test_a_declared_uncertainty_is_not_widened_by_near_rows(tmp_path):
+    data = read_tables(model(uncertainty={"falling": NOISE}), [balls(tmp_path / "balls.csv")])
+    np.testing.assert_allclose(data.fitted[0].sigma, NOISE, rtol=1e-6)
+
+
+def test_near_rows_are_repeats_where_the_scatter_of_setting_is_declared_and_this_is_said(tmp_path):
+    declared = model(uncertainty={"speed_setting_percent": 1.0})
+    said = " ".join(read_tables(declared, [balls(tmp_path / "balls.csv")]).statements)
+    assert "taken for repeats, since they differ in speed by no more than the scatter of setting" in said
+    assert "lines 2, 17, 32" in said
+
+
+def test_equal_rows_are_repeats(tmp_path):
+    random, path = np.random.default_rng(5), tmp_path / "t.csv"
+    rows = [
+        f"{v:g},{9.81 - 0.03 * v**2 + NOISE * random.standard_normal():.4f}"
+        for v in range(1, 9)
+        for _ in range(5)
+    ]
+    path.write_text("speed,falling\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    data = read_tables(model(), [path])
+    assert data.known
+    assert np.median(data.fitted[0].sigma) == np.clip(
+        np.median(data.fitted[0].sigma), 0.75, 1.3
+    )  # 32 degrees of freedom
+    assert not any("near each other" in text for text in data.statements)

@@ -1,0 +1,81 @@
+"""What a diagnosis says of rows before it blames physics, and of parts that have another published form."""
+
+import numpy as np
+import pytest
+
+from specan.study.data.open_tables import read_tables
+from specan.study.diagnose import diagnose
+from specan.study.estimation.problem import base_problem
+from specan.study.selection.data_alone import ODDS, DataAlone
+from specan.study.selection.pulls import Pull
+
+
+def verdict(tables, tmp_path, columns, **uncertainty):
+    gear = tables.model(**uncertainty)
+    data = read_tables(gear, [tables.write_table(tmp_path / "table.csv", columns)])
+    return diagnose(base_problem(gear, data.fitted))
+
+
+GRID = {"speeds": (600, 1000, 1500, 2000, 2800), "torques": (5, 15, 30, 50, 90)}
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.1])
+def test_a_drift_over_the_rows_is_told_with_its_size(tables, tmp_path, drift):
+    columns = tables.bench(3, repeats=2, points=tables.grid(**GRID))
+    number = columns["input_torque_Nm"].size
+    columns["input_torque_Nm"] = columns["input_torque_Nm"] + drift * np.arange(number) / (number - 1)
+    said = [r for r in verdict(tables, tmp_path, columns).remarks if "from the first row to the last" in r]
+    assert len(said) == (1 if drift else 0)
+    if drift:
+        assert float(said[0].partition("move by ")[2].split()[0]) == pytest.approx(drift, rel=0.15)
+
+
+def test_a_repeat_that_lies_off_is_named_by_its_lines(tables, tmp_path):
+    columns = tables.bench(4, repeats=2, points=tables.grid(**GRID))
+    columns["input_torque_Nm"][20] += 25 * tables.NOISE
+    (said,) = [r for r in verdict(tables, tmp_path, columns).remarks if "usual scatter" in r]
+    assert "lines 22, 72" in said
+
+
+def test_a_condition_that_is_wrong_in_all_repeats_is_named(tables, tmp_path):
+    columns = tables.bench(5, repeats=2, points=tables.grid(**GRID))
+    columns["input_torque_Nm"][[20, 70]] *= 1.06
+    (said,) = [r for r in verdict(tables, tmp_path, columns).remarks if "carries the misfit" in r]
+    assert "lines 22, 72" in said
+
+
+def test_another_published_form_of_the_bearings_is_no_missing_effect(tables, tmp_path):
+    """A gear whose bearings follow Palmgren, made with the effect itself; and none where the SKF model holds."""
+    plan = tables.grid(**GRID)
+    made = tables.bench(6, repeats=3, points=plan)
+    assert verdict(tables, tmp_path, made).other_form == ""
+    skf = tables.input_torque(made)
+    others = {"bearing-friction.scale": 0.0, "palmgren-bearings.scale": 1.0}
+    made["input_torque_Nm"] = made["input_torque_Nm"] + tables.input_torque(made, others) - skf
+    found = verdict(tables, tmp_path, made)
+    assert found.verdict == "nothing-missing"
+    assert found.other_form == "palmgren-bearings in place of bearing-friction"
+    assert found.unknown_possible
+
+
+def test_a_zero_error_without_certificate_is_found_beside_one_with_it(tables, tmp_path):
+    """The output sensor's zero is off by 0.8 N*m either way, the input's has a certificate; idle runs uncoupled."""
+    for offset in (0.8, -0.8):
+        columns = tables.bench(7, repeats=3, points=tables.grid(GRID["speeds"], (0, *GRID["torques"])))
+        columns["coupled"] = (columns["output_torque_Nm"] > 1).astype(float)
+        columns["output_torque_Nm"] = columns["output_torque_Nm"] + offset * columns["coupled"]
+        found = verdict(tables, tmp_path, columns, input_torque_zero_Nm=0.01)
+        assert ("torque-zero-error",) in found.alternatives
+        row = next(r for r in found.ranking if r.effects == ("torque-zero-error",))
+        value = row.parameters["torque-zero-error.output"]
+        assert value["low"] < offset < value["high"]
+
+
+def test_ranges_are_contradicted_by_chi_square_or_by_predicting():
+    """Odds of 500 to 1 are the level of one in five hundred at which an effect is named."""
+    outside = (Pull("tooth-friction.mu", 0.22, (0.01, 0.12), "1", 3.8, False),)
+    assert pytest.approx(2 * np.log(500)) == ODDS
+    assert DataAlone(outside, 14.0, 1, 0.001).contradicts
+    assert not DataAlone(outside, 5.8, 2, 0.054, likelier=True, predicts=12.0).contradicts
+    assert DataAlone(outside, 5.8, 2, 0.054, likelier=True, predicts=13.0).contradicts
+    assert not DataAlone(outside, 3.0, 2, 0.2, likelier=False, predicts=13.0).contradicts
