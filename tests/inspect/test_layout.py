@@ -32,6 +32,7 @@ MODEL = "Bokeh.documents[0].get_model_by_name"
         View(tab="frf", lines=400, estimator="H3c", overlap=0.75, unwrapped=True),
         View(tab="levels", level_weighting="A", level_averaging="slow"),
         View(tab="spectrogram", lines=200, of="Measurement/Mic 2"),
+        View(tab="orders", speed=25.125, turns=4, max_order=20.0, order_map=True),
         View(tab="info"),
     ],
     ids=lambda view: view.tab,
@@ -71,7 +72,7 @@ def test_each_unit_has_a_figure_and_many_lines_have_few_colours():
     assert group.body.children == [made[0].sheet]
 
 
-@pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "info"])
+@pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "orders", "info"])
 def test_a_tab_needs_no_scrolling_on_a_laptop(browser, open_page, recording_page, tab):
     size = browser.get_window_size()
     metrics = {"width": 1366, "height": 768, "deviceScaleFactor": 1, "mobile": False}
