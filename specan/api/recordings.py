@@ -79,8 +79,9 @@ def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:
     fraction : {1, 3, 6, 12, 24}
         1/N octave.
     **settings
-        ``weighting``, ``averaging``, ``hold``, ``interval_s``, ``fmin``, ``fmax``, ``band``, ``channels``,
-        ``start_s``, ``stop_s``, ``velocity_reference``, ``settling``: see `specan.analysis.octave.Octave`.
+        ``weighting``, ``averaging``, ``hold``, ``interval_s``, ``percentiles``, ``fmin``, ``fmax``, ``band``,
+        ``channels``, ``start_s``, ``stop_s``, ``velocity_reference``, ``settling``: see
+        `specan.analysis.octave.Octave`.
 
     Returns
     -------

@@ -65,6 +65,9 @@ def test_each_unit_has_a_figure_and_many_lines_have_few_colours():
         name for name, alpha in zip(data.data["name"], data.data["alpha"], strict=True) if alpha == 1.0
     ]
     assert set(coloured) == {"Mic 0", "Mic 11", "Mic 1"} or set(coloured) == {"Mic 0", "Mic 11", "Mic 10"}
+    used = {c for c, a in zip(data.data["colour"], data.data["alpha"], strict=True) if a == 1.0}
+    assert len(used) == 3
+    assert made[1]._source.data["colour"][0] not in used
     group.draw({"dB re 1 nm/s": [Curve("Laser", x, np.array([140.0, 141.0]))]})
     assert group.body.children == [made[0].sheet]
 
