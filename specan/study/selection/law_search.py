@@ -53,10 +53,12 @@ class Law:
         In the order of `formula.shapes`.
     chi2 : float
         That is left, linearised.
-    delta_bic : float
-        By how much the BIC falls.
+    price : float
+        What the BIC asks for its parameters, and for the choice among so many laws.
     held_out_gain : float
         Gain in blocked cross-validation.
+    delta_bic : float
+        By how much the BIC falls, all laws in units of the same dispersion.
     """
 
     formula: Formula
@@ -65,8 +67,9 @@ class Law:
     size: float
     shapes: tuple[float, ...]
     chi2: float
-    delta_bic: float
+    price: float
     held_out_gain: float
+    delta_bic: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,7 @@ def search_laws(start: Refit) -> LawSearch:
         _refined(start, *scans[k], variables, falls[k][1], rest, alike[len(scans[k][1].factors)])
         for k in order[:REFINED]
     ]
-    laws = _group(start, [law for law in found if law is not None])
+    laws = _group(start, [law for law in found if law is not None], _sum(rest))
     return LawSearch(tuple(laws[:MOST_LAWS]), p_value, len(scans), max(0, len(laws) - MOST_LAWS))
 
 
@@ -338,7 +341,6 @@ def _refined(
         Projection(rest, start.linear.basis), extended, left_out_blocks(start.problem), dispersion
     )
     unit = "1" if formula.scales else target.unit
-    before = _sum(rest) / dispersion
     return Law(
         formula,
         target.quantity,
@@ -346,7 +348,7 @@ def _refined(
         size,
         tuple(float(v) for v in x),
         chi2,
-        before - chi2 / dispersion - price,
+        price,
         gain,
     )
 
@@ -355,10 +357,19 @@ def _sum(values: Array) -> float:
     return float(values @ values)
 
 
-def _group(start: Refit, laws: Sequence[Law]) -> list[Law]:
-    """Laws that cannot be distinguished from the best one, the best of each family, the best first."""
-    usable = sorted((law for law in laws if law.held_out_gain > 0), key=lambda law: -law.delta_bic)
-    if not usable or usable[0].delta_bic <= 0:
+def _group(start: Refit, laws: Sequence[Law], before: float) -> list[Law]:
+    """Laws that cannot be distinguished from the best one, the best of each family, the best first.
+
+    The unit of every chi-square is the dispersion that the law with the lowest one leaves, never below one.
+    """
+    usable = [law for law in laws if law.held_out_gain > 0]
+    if not usable:
+        return []
+    lowest = min(usable, key=lambda law: law.chi2)
+    dispersion = max(lowest.chi2 / max(start.dof - 1 - len(lowest.shapes), 1.0), 1.0)
+    usable = [replace(law, delta_bic=(before - law.chi2) / dispersion - law.price) for law in usable]
+    usable.sort(key=lambda law: -law.delta_bic)
+    if usable[0].delta_bic <= 0:
         return []
     kept: dict[tuple[str, ...], Law] = {}
     for law in usable:
