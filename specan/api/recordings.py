@@ -339,7 +339,7 @@ def batch(
         Number of processes; more than one only in a script with ``if __name__ == "__main__"``.
     **settings
         ``reference``, ``excitation``, ``sampling_rate``, and as dicts ``tone``, ``transfer_function``, ``octave``,
-        ``calibration``: see `specan.analysis.batch.settings.BatchSettings`.
+        ``calibration``, ``orders``: see `specan.analysis.batch.settings.BatchSettings`.
 
     Returns
     -------

@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 LEVEL = 0.005  # family-wise: of two hundred models that lack nothing, one gets a law
 INDISTINGUISHABLE = 6.0  # BIC: posterior odds of twenty to one
 MOST_LAWS = 4  # that are proposed
+STARTS = 3  # places of the scan from which shapes are fitted: an onset has a minimum in every gap of the plan
 REFINED = 40  # formulas whose shapes are fitted after the scan
 SIMULATIONS = 200  # of data without a law, for the family-wise level
 MOST_VALUES = 4_000_000  # of columns held at a time
@@ -233,14 +234,14 @@ def _columns(
 
 def _scan(
     start: Refit, scans: Sequence[tuple[_Target, Formula]], variables: dict[str, Array], rest: Array, dof: int
-) -> tuple[list[tuple[float, tuple[float, ...]]], Array]:
-    """Largest share of chi-square that each formula takes, with its shapes; and the largest of any for noise."""
+) -> tuple[list[tuple[float, list[tuple[float, ...]]]], Array]:
+    """Largest share of chi-square that each formula takes, with its best shapes; and the largest of any for noise."""
     rng = np.random.default_rng(0)  # the same answer every time
     noise = start.linear.project_out(rng.standard_normal((rest.size, SIMULATIONS)))
     noise /= np.linalg.norm(noise, axis=0)
     there = rest / np.linalg.norm(rest)
     largest = np.zeros(SIMULATIONS)
-    falls: list[tuple[float, tuple[float, ...]]] = []
+    falls: list[tuple[float, list[tuple[float, ...]]]] = []
     for target, formula in scans:
         places = list(formula.scan())
         columns = _columns(target, formula, variables, places)
@@ -250,8 +251,8 @@ def _scan(
         # What the model's own parameters do already is not a law.
         columns = np.where(after > 1e-6 * before, columns / np.maximum(after, 1e-300), 0.0)
         share = (columns.T @ there) ** 2
-        best = int(np.argmax(share))
-        falls.append((float(share[best]), places[best]))
+        best = np.argsort(-share)[:STARTS]
+        falls.append((float(share[best[0]]), [places[k] for k in best]))
         np.maximum(largest, np.max((columns.T @ noise) ** 2, axis=0), out=largest)
     return falls, largest
 
@@ -275,7 +276,7 @@ def _refined(
     target: _Target,
     formula: Formula,
     variables: dict[str, Array],
-    shapes: tuple[float, ...],
+    places: Sequence[tuple[float, ...]],
     rest: Array,
     alike: int,
 ) -> Law | None:
@@ -287,7 +288,6 @@ def _refined(
     from scipy.optimize import least_squares
 
     bounds = np.array([[s.low, s.high] for s in formula.shapes]).reshape(-1, 2)
-    scale = np.where(bounds[:, 0] > 0, np.abs(shapes), 1.0)  # widths and onsets move in proportion
 
     def column(x: Array) -> Array:
         return np.asarray(start.linear.project_out(_columns(target, formula, variables, [x.tolist()])[:, 0]))
@@ -300,15 +300,21 @@ def _refined(
         c = column(x)
         return rest + amplitude(c) * c
 
-    x: Array = np.array(shapes, dtype=np.float64)
-    if x.size:
+    def descended(place: tuple[float, ...]) -> Array:
+        x: Array = np.array(place, dtype=np.float64)
+        scale = np.where(bounds[:, 0] > 0, np.abs(x), 1.0)  # widths and onsets move in proportion
         inside = np.clip(x, bounds[:, 0] + 1e-9 * scale, bounds[:, 1] - 1e-9 * scale)
         try:
-            x = least_squares(
+            fitted = least_squares(
                 left, inside, bounds=(bounds[:, 0], bounds[:, 1]), x_scale=scale, diff_step=1e-4
-            ).x
-        except ValueError:
-            return None
+            )
+        except ValueError:  # not finite
+            return x
+        return np.asarray(fitted.x)
+
+    x: Array = np.array(places[0], dtype=np.float64)
+    if x.size:
+        x = min((descended(place) for place in places), key=lambda found: _sum(left(found)))
         # An exponent that a simple number explains as well is that number.
         for k, shape in enumerate(formula.shapes):
             simple = x.copy()
