@@ -108,10 +108,10 @@ def run_batch(
 ) -> BatchReport:
     """Analyse every recording below `directories` and write the tables into `out`.
 
-    Files are analysed independently, each with its samples read once, by `jobs` processes or the workers
-    of a cluster. The result of each is kept in `out` as soon as it is there, and the tables are put together
-    at the end in the order of the labels: a batch that is interrupted goes on where it was when it is run again,
-    and its tables are those of one that was not.
+    Files are analysed independently, each with its samples read once (once more for orders), by `jobs` processes
+    or the workers of a cluster. The result of each is kept in `out` as soon as it is there, and the tables are put
+    together at the end in the order of the labels: a batch that is interrupted goes on where it was when it is run
+    again, and its tables are those of one that was not.
 
     Parameters
     ----------
