@@ -73,7 +73,7 @@ def _recording(place: Path, overlay: Path | None, known: dict[str, Any]) -> Call
     from specan.errors import InputError
     from specan.inspect.opened import Opened, watched
     from specan.io.open import open_recording
-    from specan_cli import fft, frf, octave, rms
+    from specan_cli import fft, frf, octave, orders, rms
 
     _require_bokeh()
     from specan.inspect.kept_bands import KeptBands
@@ -90,6 +90,7 @@ def _recording(place: Path, overlay: Path | None, known: dict[str, Any]) -> Call
         "frf": frf.write_text,
         "levels": rms.write_text,
         "spectrogram": fft.write_text,
+        "orders": orders.write_text,
     }
 
     def fill(document: Document) -> None:

@@ -56,6 +56,14 @@ class _Averaging(click.ParamType):
     "--hold", type=click.Choice(["max", "min"]), help="Highest or lowest value of an exponential average."
 )
 @click.option("--interval", "interval_s", type=float, metavar="S", help="Interval of the level history.")
+@click.option(
+    "--percentile",
+    "percentiles",
+    type=float,
+    multiple=True,
+    metavar="N",
+    help="Also the level of an exponential average exceeded during N % of the time; repeatable.",
+)
 @click.option("--fmin", type=float, metavar="HZ", help="From the band that contains it.  [default: 20]")
 @click.option("--fmax", type=float, metavar="HZ", help="To the band that contains it.  [default: 20000]")
 @click.option("--band", type=float, metavar="HZ", help="One band: the one that contains HZ.")
@@ -183,6 +191,12 @@ def content(found: BandLevels) -> dict[str, Any]:
             channels[-1]["other_settling_overall_dB"] = {
                 weighting: values[row] for weighting, values in found.other.overall_dB.items()
             }
+        if found.percentile_dB is not None:
+            channels[-1]["percentile_dB"] = {f"{n:g}": v[row] for n, v in found.percentile_dB.items()}
+            channels[-1]["percentile_overall_dB"] = {
+                f"{n:g}": {weighting: values[row] for weighting, values in totals.items()}
+                for n, totals in (found.percentile_overall_dB or {}).items()
+            }
         if found.history is not None:
             channels[-1]["history_dB"] = found.history.level_dB[row]
             channels[-1]["overall_history_dB"] = {
@@ -236,7 +250,29 @@ def show(found: BandLevels) -> None:
                 words = _common_words(flags, [found.flags[r] for r in rows])
                 lines.append([f"overall {weighting}", *(_decibels(values[r]) for r in rows), "", words])
         table("", header, lines)
+    for row in range(len(found.channels) if found.percentile_dB else 0):
+        _show_percentiles(found, row)
+    if found.percentile_dB:
+        click.echo("LN: level exceeded during N % of the time that follows settling.")
     click.echo(f"u: standard deviation of noise. Settling: {found.settling}.")
+
+
+def _show_percentiles(found: BandLevels, row: int) -> None:
+    """A row a band and a column a percentage, of one channel."""
+    from specan.data.band_levels import percentile_name
+
+    bands, totals = found.percentile_dB or {}, found.percentile_overall_dB or {}
+    lines = [
+        [f"{nominal:g}", *(_decibels(values[row, band]) for values in bands.values())]
+        for band, nominal in enumerate(found.nominal_hz)
+    ]
+    for weighting, levels in found.overall_dB.items():
+        if levels[row] == levels[row]:
+            lines.append(
+                [f"overall {weighting}", *(_decibels(total[weighting][row]) for total in totals.values())]
+            )
+    title = f"{found.channels[row]} / dB re {found.references[row].text}"
+    table(title, ["Hz", *map(percentile_name, bands)], lines)
 
 
 def _common_words(flags: list[tuple[str, ...]], known: list[tuple[str, ...]]) -> str:
@@ -256,9 +292,10 @@ def _decibels(level: float) -> str:
 
 def write_text(found: BandLevels, path: Path) -> None:
     """All levels, tab-separated, the channels one after the other."""
+    from specan.data.band_levels import percentile_name
     from specan.io import results_text as text
 
-    blocks = []
+    blocks, percentiles = [], found.percentile_dB or {}
     for row, name in enumerate(found.channels):
         totals = {w: v[row] for w, v in found.overall_dB.items() if v[row] == v[row]}
         bands = [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)]
@@ -270,6 +307,12 @@ def write_text(found: BandLevels, path: Path) -> None:
                     bands,
                     text.levels([*found.level_dB[row], *totals.values()]),
                     [*text.levels(found.u_dB), *[""] * len(totals)],
+                    *(
+                        text.levels(
+                            [*values[row], *((found.percentile_overall_dB or {})[n][w][row] for w in totals)]
+                        )
+                        for n, values in percentiles.items()
+                    ),
                     [*marks, *(" ".join(found.overall_flags(row, w)) for w in totals)],
                 ]
             )
@@ -284,4 +327,7 @@ def write_text(found: BandLevels, path: Path) -> None:
         f"settings: {found.settings}",
         *found.notes,
     ]
-    text.write_table(path, header, ("channel", "band_hz", "level_dB", "u_dB", "flags"), blocks)
+    if percentiles:
+        header.append("LN_dB: level exceeded during N % of the time; max_dB, min_dB: largest and smallest")
+    names = [f"{percentile_name(n)}_dB" for n in percentiles]
+    text.write_table(path, header, ("channel", "band_hz", "level_dB", "u_dB", *names, "flags"), blocks)

@@ -25,7 +25,6 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool) -> None:
 
     \b
     specan study propose my_study
-    specan study add my_study my_study/laws/law-gaussian-speed.py
     """
     from specan.study.propose import propose_laws
 

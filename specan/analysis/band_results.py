@@ -62,6 +62,8 @@ class BandSettings(Protocol):
     @property
     def averaging_name(self) -> str: ...  # noqa: D102
     @property
+    def percentiles(self) -> tuple[float, ...]: ...  # noqa: D102
+    @property
     def time_constant(self) -> float: ...  # noqa: D102
 
     def bands(self, sampling_rate: float) -> NDArray[np.int64]: ...  # noqa: D102
@@ -169,6 +171,12 @@ def weighted_levels(
     lower, upper = bands.band_edges(index, settings.fraction)
     shown_dB = level(shown, zero[:, None])
     readings_dB = level(histories.readings[:, :, :-1], zero[:, None, None])
+    exceeded = _exceeded(histories, times - settings.start_s, settings.percentiles)
+    exceeded_dB = {percent: level(values, zero[:, None]) for percent, values in exceeded.items()}
+
+    def totals(levels_dB: Real) -> dict[str, Real]:
+        return {w: np.where(usable[w], levels_dB[:, n + k], np.nan) for k, w in enumerate(overall)}
+
     # An exponential average of time constant tau scatters like a linear one over 2 tau.
     averaged = min(2.0 * settings.time_constant, duration)
     return BandLevels(
@@ -177,7 +185,7 @@ def weighted_levels(
         hold=settings.hold,
         level_dB=shown_dB[:, :n],
         u_dB=scatter_of_noise(upper - lower, averaged),
-        overall_dB={w: np.where(usable[w], shown_dB[:, n + k], np.nan) for k, w in enumerate(overall)},
+        overall_dB=totals(shown_dB),
         duration_s=duration,
         sampling_rate=sampling_rate,
         settling=settling,
@@ -190,7 +198,26 @@ def weighted_levels(
             },
             interval_s=settings.reading_interval(duration),
         ),
+        percentile_dB={p: v[:, :n] for p, v in exceeded_dB.items()} or None,
+        percentile_overall_dB={p: totals(v) for p, v in exceeded_dB.items()} or None,
     )
+
+
+def _exceeded(histories: Histories, elapsed: Real, percentiles: Sequence[float]) -> dict[float, Real]:
+    """Mean squares (channels, filters) exceeded during so many percent of the time, with the extremes.
+
+    Each filter's readings count from the time on at which it has settled: five time constants and 3/B.
+    """
+    if not percentiles:
+        return {}
+    found = {0.0: histories.maximum}
+    for percent in sorted(set(percentiles)):
+        found[percent] = np.full(histories.maximum.shape, np.nan)
+        for number, settled in enumerate(histories.settled_s):
+            readings = histories.readings[:, number, :-1][:, elapsed >= settled]
+            if readings.shape[1]:
+                found[percent][:, number] = np.quantile(readings, 1.0 - percent / 100.0, axis=1)
+    return {**found, 100.0: histories.minimum}
 
 
 def level(mean_square: Real, zero: Real | float) -> Real:

@@ -6,7 +6,7 @@ Decisions: docs/decisions/bands.md.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,9 @@ class Octave(Settings):
     interval_s : float or None
         Distance of the readings of an exponential average's history; by default the time constant
         (0.125 s for impulse), or a multiple of it that gives at most 1000 readings.
+    percentiles : tuple of float
+        Of an exponential average: also find the levels exceeded during so many percent of the time, and the maximum
+        and minimum. They rest on the readings of the history after a band has settled.
     fmin, fmax : float
         The bands from the one that contains `fmin` to the one that contains `fmax`; by default 20 Hz to
         20 kHz, or to the highest band below half the sampling rate.
@@ -84,6 +87,7 @@ class Octave(Settings):
     averaging: Literal["linear", "fast", "slow", "impulse"] | float = "linear"
     hold: Literal["max", "min"] | None = None
     interval_s: float | None = Field(default=None, gt=0.0)
+    percentiles: tuple[Annotated[float, Field(gt=0.0, lt=100.0)], ...] = ()
     fmin: float | None = Field(default=None, ge=LOWEST_BAND)
     fmax: float | None = Field(default=None, gt=0.0)
     band: float | None = Field(default=None, ge=LOWEST_BAND)
@@ -106,9 +110,9 @@ class Octave(Settings):
     def _consistent(self) -> Octave:
         if self.band is not None and (self.fmin is not None or self.fmax is not None):
             raise ValueError("one band or a range from fmin to fmax can be chosen, not both")
-        if self.averaging == "linear" and (self.hold is not None or self.interval_s is not None):
+        if self.averaging == "linear" and (self.hold or self.interval_s is not None or self.percentiles):
             raise ValueError(
-                "hold and interval are for an exponential average: fast, slow, impulse or seconds"
+                "hold, interval and percentiles are for an exponential average: fast, slow, impulse or seconds"
             )
         if self.fmin is not None and self.fmax is not None and self.fmin > self.fmax:
             raise ValueError(f"fmin ({self.fmin:g} Hz) is above fmax ({self.fmax:g} Hz)")
@@ -283,5 +287,7 @@ def joined_levels(parts: Sequence[BandLevels]) -> BandLevels:
         "flags",
         "history",
         "other",
+        "percentile_dB",
+        "percentile_overall_dB",
     )
     return joined(parts, names)

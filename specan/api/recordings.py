@@ -79,8 +79,9 @@ def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:
     fraction : {1, 3, 6, 12, 24}
         1/N octave.
     **settings
-        ``weighting``, ``averaging``, ``hold``, ``interval_s``, ``fmin``, ``fmax``, ``band``, ``channels``,
-        ``start_s``, ``stop_s``, ``velocity_reference``, ``settling``: see `specan.analysis.octave.Octave`.
+        ``weighting``, ``averaging``, ``hold``, ``interval_s``, ``percentiles``, ``fmin``, ``fmax``, ``band``,
+        ``channels``, ``start_s``, ``stop_s``, ``velocity_reference``, ``settling``: see
+        `specan.analysis.octave.Octave`.
 
     Returns
     -------
@@ -338,7 +339,7 @@ def batch(
         Number of processes; more than one only in a script with ``if __name__ == "__main__"``.
     **settings
         ``reference``, ``excitation``, ``sampling_rate``, and as dicts ``tone``, ``transfer_function``, ``octave``,
-        ``calibration``: see `specan.analysis.batch.settings.BatchSettings`.
+        ``calibration``, ``orders``: see `specan.analysis.batch.settings.BatchSettings`.
 
     Returns
     -------

@@ -88,6 +88,11 @@ class BandLevels(Result):
         Where the signal does not stand out of a background that was subtracted.
     other : OtherSettling or None
         The levels with the ends of the section counted if they are left out, and the other way round.
+    percentile_dB : mapping of float to array (channels, bands), or None
+        N: time-weighted level that is exceeded during N % of the time; 0 is the maximum, 100 the minimum. NaN where
+        the section ends before a band has settled.
+    percentile_overall_dB : mapping of float to mapping of str to array (channels,), or None
+        The same of the overall levels.
     """
 
     label: str
@@ -117,6 +122,8 @@ class BandLevels(Result):
     unsettled: NDArray[np.bool_] | None = None
     low_snr: NDArray[np.bool_] | None = None
     other: OtherSettling | None = None
+    percentile_dB: Mapping[float, Real] | None = None
+    percentile_overall_dB: Mapping[float, Mapping[str, Real]] | None = None
 
     dimensions = ("channel", "nominal_hz")
 
@@ -137,6 +144,7 @@ class BandLevels(Result):
             "exact_hz": np.tile(self.exact_hz, len(names)),
             "level_dB": self.level_dB.ravel(),
             "u_dB": np.tile(self.u_dB, len(names)),
+            **{f"{percentile_name(n)}_dB": v.ravel() for n, v in (self.percentile_dB or {}).items()},
             "level_reference": np.repeat([r.text for r in self.references], bands),
             "flags": [" ".join(self.band_flags(c, b)) for c in range(len(names)) for b in range(bands)],
         }
@@ -186,6 +194,17 @@ class BandLevels(Result):
         if self.other is not None and self.overall_edges(weighting)[channel]:
             words += _edges(self.other.name, self.other.overall_dB[weighting][channel])
         return tuple(words)
+
+
+def percentile_name(percent: float) -> str:
+    """What the level exceeded during `percent` of the time is called.
+
+    Examples
+    --------
+    >>> [percentile_name(n) for n in (0.0, 10.0, 99.5, 100.0)]
+    ['max', 'L10', 'L99.5', 'min']
+    """
+    return {0.0: "max", 100.0: "min"}.get(percent, f"L{percent:g}")
 
 
 def _apart(one: Real, other: Real) -> NDArray[np.bool_]:

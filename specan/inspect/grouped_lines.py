@@ -63,10 +63,11 @@ class GroupedLines:
         bands : mapping, optional
             Bands behind them.
         """
-        shown = []
+        shown: list[Any] = []
+        coloured = 0  # lines further up: no two lines of different figures look alike
         for number, (label, curves) in enumerate(groups.items()):
             panel = self._panel(number)
-            panel.draw(curves, (bands or {}).get(label, ()))
+            coloured += panel.draw(curves, (bands or {}).get(label, ()), first=coloured)
             panel.label(label)
             panel.sheet.xaxis[0].axis_label = self._x_label if number == len(groups) - 1 else ""
             last = number == len(groups) - 1 and self._options.get("named", True)

@@ -10,7 +10,7 @@ from bokeh.layouts import row
 from bokeh.models import Div, Spacer
 
 KEYS = (
-    "Keys: 1 to 6 tabs, n save numbers, p save PNG, v save SVG, c copy numbers, l copy the command line, "
+    "Keys: 1 to 7 tabs, n save numbers, p save PNG, v save SVG, c copy numbers, l copy the command line, "
     "d dark or light."
 )
 STUDY_KEYS = "Keys: p save PNG, v save SVG, c copy numbers, l copy the command line, d dark or light."

@@ -65,7 +65,7 @@ font-size: 13px; padding: 2px 6px; min-height: 26px; height: 26px; }
 select.bk-input { padding-right: 20px; } select[multiple].bk-input { height: auto; padding: 2px; }
 .bk-input:focus { border-color: var(--accent); box-shadow: none; outline: 1px solid var(--accent); }
 .bk-btn { background: var(--panel); color: var(--ink); border: 1px solid var(--line); border-radius: 5px;
-font-size: 13px; padding: 3px 9px; }
+font-size: 13px; padding: 3px 9px; overflow: hidden; text-overflow: ellipsis; }
 .bk-btn:hover { border-color: var(--accent); color: var(--accent); }
 .bk-btn.bk-active { background: var(--accent); border-color: var(--accent); color: var(--paper); box-shadow: none; }
 .bk-btn-primary { background: var(--accent); border-color: var(--accent); color: var(--paper); }

@@ -115,6 +115,13 @@ class Opened:
                 sorted_out.setdefault((number, channel.sampling_rate), []).append(channel)
         return [Chosen(n, self.recordings[n], tuple(found)) for (n, _), found in sorted_out.items()]
 
+    def without_tachos(self, keys: Sequence[str], named: str = "") -> tuple[str, ...]:
+        """Keys of channels that are no tachos, nor the channel that is named as one."""
+        known = self.keys
+        return tuple(
+            k for k in keys if k in known and known[k][1].role != "tacho" and known[k][1].name != named
+        )
+
     @property
     def duration_s(self) -> float:
         """Of the longest channel."""

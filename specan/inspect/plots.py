@@ -245,9 +245,26 @@ class Lines:
             self.sheet.add_layout(self._legend, "above")
 
     def draw(
-        self, curves: Sequence[Curve], bands: Sequence[Band] = (), outer: Sequence[int] | None = None
-    ) -> None:
-        """Exchange the lines, and the bands behind them; `outer` are the lines of many that get a colour."""
+        self,
+        curves: Sequence[Curve],
+        bands: Sequence[Band] = (),
+        outer: Sequence[int] | None = None,
+        first: int = 0,
+    ) -> int:
+        """Exchange the lines, and the bands behind them.
+
+        Parameters
+        ----------
+        outer : sequence of int, optional
+            The lines of many that get a colour.
+        first : int
+            Number of the first colour, for lines that do not name theirs.
+
+        Returns
+        -------
+        int
+            How many lines have a colour.
+        """
         n = len(COLOURS)
         outlines = [band.outline for band in bands]
         self._shades.data = {
@@ -257,13 +274,13 @@ class Lines:
             "alpha": [band.alpha for band in bands],
         }
         apart = None if self._coloured or len(curves) <= FEW else list(outer or outer_of(curves))
-        hues = [k if c.hue is None else c.hue for k, c in enumerate(curves)]
+        hues = [first + k if c.hue is None else c.hue for k, c in enumerate(curves)]
         dashes = [hue // n if c.dash is None else c.dash for hue, c in zip(hues, curves)]
         self._source.data = {
             "x": [c.x for c in curves],
             "y": [np.where(np.isfinite(c.y), c.y, np.nan) for c in curves],
             "colour": [
-                COLOURS[(apart.index(k) if apart and curves[k].hue is None else hue) % n]
+                COLOURS[(first + apart.index(k) if apart and curves[k].hue is None else hue) % n]
                 if apart is None or k in apart
                 else _PALE
                 for k, hue in enumerate(hues)
@@ -280,6 +297,7 @@ class Lines:
             ]
         if self._dynamics is not None:
             self._follow(curves)
+        return len(curves) if apart is None else len(apart)
 
     def _follow(self, curves: Sequence[Curve]) -> None:
         values = np.concatenate([c.y[np.isfinite(c.y)] for c in curves] or [np.empty(0)])

@@ -27,6 +27,7 @@ from specan.inspect.tabs.frf import FrfTab
 from specan.inspect.tabs.info import InfoTab
 from specan.inspect.tabs.levels import LevelsTab
 from specan.inspect.tabs.octave import OctaveTab
+from specan.inspect.tabs.orders import OrdersTab
 from specan.inspect.tabs.spectrogram import SpectrogramTab
 from specan.inspect.tabs.tab import Found, Tab, text_of
 from specan.inspect.view import View
@@ -74,7 +75,8 @@ class RecordingPage:
             for tab in (
                 OctaveTab(opened, view, self.change, kept), FftTab(opened, view, self.change),
                 FrfTab(opened, view, self.change), LevelsTab(opened, view, self.change),
-                SpectrogramTab(opened, view, self.change), InfoTab(opened, view, self.change),
+                SpectrogramTab(opened, view, self.change), OrdersTab(opened, view, self.change),
+                InfoTab(opened, view, self.change),
             )
         }  # fmt: skip
         levels = self.tabs["levels"]

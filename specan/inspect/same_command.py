@@ -16,7 +16,10 @@ def commands(opened: Opened, view: View) -> list[str]:
     Settings that have their default value are left out.
     """
     found = []
-    for chosen in opened.chosen((view.of,) if view.tab == "spectrogram" and view.of else view.channel):
+    keys = (view.of,) if view.tab == "spectrogram" and view.of else view.channel
+    if view.tab == "orders":
+        keys = opened.without_tachos(keys, view.tacho)
+    for chosen in opened.chosen(keys):
         path = getattr(chosen.recording.source, "path", Path(chosen.recording.label))
         patterns = chosen.patterns[:1] if view.tab == "spectrogram" else chosen.patterns
         channels = [] if view.tab == "info" else [part for name in patterns for part in ("--channel", name)]
@@ -38,7 +41,7 @@ def _options(view: View) -> Iterator[str]:
             continue
         yield option
         if value is not True:
-            yield f"{value:g}" if isinstance(value, float) else str(value)
+            yield f"{value:.10g}" if isinstance(value, float) else str(value)
     if view.tab == "spectrogram":
         yield from ("--spectrogram", "--columns", "500")
 
@@ -60,4 +63,8 @@ _FIELDS = {
     ),
     "levels": (("--averaging", "level_averaging"), ("--weighting", "level_weighting"), *_SECTION),
     "spectrogram": (*_BLOCKS, *_SECTION),
+    "orders": (
+        *_SECTION, ("--tacho", "tacho"), ("--pulses", "pulses"), ("--ratio", "ratio"), ("--speed", "speed"),
+        ("--max-order", "max_order"), ("--turns", "turns"), ("--map", "order_map"),
+    ),
 }  # fmt: skip

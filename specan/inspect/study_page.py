@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from bokeh.document import Document
 
 _SIDE = 350  # px
+_AS_IT_IS = 112  # px: what the words "Model as it is" take
 
 
 class StudyPage:
@@ -62,10 +63,10 @@ class StudyPage:
             title="", placeholder="because (for the history)", width=_SIDE - 14, name="because"
         )
         self.accept = Button(
-            label="Accept", button_type="primary", disabled=True, name="accept", width=_SIDE // 2
+            label="Accept", button_type="primary", disabled=True, name="accept", width=_SIDE - _AS_IT_IS - 24
         )
         self.accept.on_click(self._accept)
-        self.again = Button(label="Model as it is", disabled=True, name="as-it-is", width=_SIDE // 2 - 26)
+        self.again = Button(label="Model as it is", disabled=True, name="as-it-is", width=_AS_IT_IS)
         self.again.on_click(self._as_it_is)
         self.tried: Trial | None = None
         self.now: Trial | None = None
@@ -311,7 +312,9 @@ class StudyPage:
             self._write_address(tried=uses)
             self.status.end(f"{name} is tried, not accepted.")
             self._diagnose_if_due()
-            self.accept.update(label=f"Accept {name}", disabled=False)
+            self.accept.update(
+                label=f"Accept {name}", disabled=False, html_attributes={"title": f"Accept {name}"}
+            )
             self.again.disabled = False
 
         self.work.ask(lambda tell: try_effects(study, now.fit, uses), show)

@@ -9,13 +9,14 @@ from urllib.parse import urlencode
 from pydantic import Field, model_validator
 
 from specan.analysis.octave import Fraction
+from specan.analysis.order_settings import BLOCK_TURNS
 from specan.data.spectrum import Scaling
 from specan.dsp.transfer_function import Estimator
 from specan.dsp.weighting import Weighting
 from specan.dsp.windows import WindowName
 from specan.schema import Settings, parse
 
-TABS = ("octave", "fft", "frf", "levels", "spectrogram", "info")
+TABS = ("octave", "fft", "frf", "levels", "spectrogram", "orders", "info")
 
 
 class View(Settings):
@@ -46,9 +47,11 @@ class View(Settings):
         ``group/name`` of the channel whose spectrogram is shown; the first on screen by default.
     level_weighting, level_averaging
         Of the levels against time.
+    tacho, pulses, ratio, speed, max_order, turns, order_map
+        Of the orders: a tacho channel or the speed of a shaft without one; the map shows orders against speed.
     """
 
-    tab: Literal["octave", "fft", "frf", "levels", "spectrogram", "info"] = "octave"
+    tab: Literal["octave", "fft", "frf", "levels", "spectrogram", "orders", "info"] = "octave"
     channel: tuple[str, ...] = ()
     start: float = Field(default=0.0, ge=0.0)
     stop: float | None = Field(default=None, gt=0.0)
@@ -76,6 +79,13 @@ class View(Settings):
     unwrapped: bool = False
     level_weighting: Weighting = "Z"
     level_averaging: Literal["fast", "slow"] = "fast"
+    tacho: str = ""
+    pulses: float | None = Field(default=None, gt=0.0)
+    ratio: float = Field(default=1.0, gt=0.0)
+    speed: float | None = Field(default=None, gt=0.0)
+    max_order: float | None = Field(default=None, gt=0.0)
+    turns: int = Field(default=BLOCK_TURNS, ge=1)
+    order_map: bool = False
 
     @model_validator(mode="after")
     def _ordered(self) -> View:

@@ -30,8 +30,13 @@ COLUMNS = {
     ),
     "bands.txt": ("file", "channel", "band_hz", "level_dB", "u_dB", "flags"),
     "other.txt": ("file", "channel", "role", "unit", "band_hz", "rms", "level_dB", "u_dB", "flags"),
+    "orders.txt": (
+        "file", "channel", "unit", "order", "amplitude", "level_dB", "phase_deg", "u", "u_blocks", "flags",
+    ),
     "skipped.txt": ("file", "channel", "kind", "reason"),
 }  # fmt: skip
+# Written only where a recording has what they are made of, or the settings ask for them.
+OPTIONAL = frozenset({"orders.txt"})
 
 
 def read_table(path: Path) -> pd.DataFrame:

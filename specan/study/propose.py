@@ -159,6 +159,8 @@ def propose_laws(study: Study) -> ProposedLaws:
         ]
     fitted.sort(key=lambda one: -one[0].delta_bic)
     refits = [refit for _, refit, _ in fitted]
+    with np.errstate(all="ignore"):  # a power of a variable that is zero within the limits
+        following = propose_measurements(refits) if len(refits) > 1 else ()
     folder = study.directory / FOLDER
     for law, _, source in fitted:
         folder.mkdir(exist_ok=True)
@@ -171,7 +173,7 @@ def propose_laws(study: Study) -> ProposedLaws:
         error_before=before.rms,
         left_out_before=None if left_out is None else left_out.rms,
         unit=before.unit,
-        next_measurement=tuple(p.to_json() for p in propose_measurements(refits)) if len(refits) > 1 else (),
+        next_measurement=tuple(p.to_json() for p in following),
     )
 
 

@@ -57,6 +57,34 @@ def test_json_holds_bands_overall_levels_and_settings(directory):
     assert found["u_dB"][0] > found["u_dB"][-1]
 
 
+def test_percentiles_are_printed_written_and_in_the_json(directory, tmp_path):
+    arguments = [directory / "tone.wav", "--fraction", 1, "--averaging", "fast"]
+    arguments += ["--percentile", 10, "--percentile", 99.5, "--fmin", 500, "--fmax", 500]
+    first = content(*arguments)["channels"][0]
+    assert list(first["percentile_dB"]) == ["0", "10", "99.5", "100"]
+    for levels in first["percentile_dB"].values():  # a steady tone
+        assert levels == [pytest.approx(80.0, abs=0.05)]
+    assert first["percentile_overall_dB"]["10"]["A"] == pytest.approx(76.75, abs=0.05)
+    printed = run(*arguments, "-o", tmp_path / "levels.txt").stdout
+    heading = next(line for line in printed.splitlines() if "L99.5" in line)
+    assert heading.split() == ["Hz", "max", "L10", "L99.5", "min"]
+    lines = (tmp_path / "levels.txt").read_text(encoding="utf-8").splitlines()
+    table = [line.split("\t") for line in lines if not line.startswith("#")]
+    assert table[0] == [
+        "channel",
+        "band_hz",
+        "level_dB",
+        "u_dB",
+        "max_dB",
+        "L10_dB",
+        "L99.5_dB",
+        "min_dB",
+        "flags",
+    ]
+    assert [float(cell) for cell in table[1][4:8]] == pytest.approx([80.0] * 4, abs=0.05)
+    assert {len(line) for line in table} == {9}
+
+
 def test_one_band_weighted_in_time(directory):
     found = content(
         directory / "tone.wav", "--band", 500, "--averaging", "fast", "--hold", "max", "--interval", 0.5
@@ -106,7 +134,7 @@ def test_figures_and_text(directory, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "kind", "message"),
     [
-        (("--hold", "max"), RequestError, "hold and interval are for an exponential average"),
+        (("--hold", "max"), RequestError, "hold, interval and percentiles are for an exponential average"),
         (("--fmax", 4000), RequestError, "up to 3150 Hz"),
         (("--band", 500, "--fmin", 100), RequestError, "not both"),
         (("--averaging", "-1"), RequestError, "a time constant in s above 0"),

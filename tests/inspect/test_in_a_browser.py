@@ -128,7 +128,7 @@ def test_a_recording_whose_names_are_markup_and_which_changes_and_vanishes(
     page.wait(lambda: "cannot be reached" in page.text("status"))
 
 
-@pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "info"])
+@pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "orders", "info"])
 def test_a_tenth_of_a_second_of_zeros_beside_noise(open_page, silence, tab):
     """Every tab shows something, or says in a sentence what it would need."""
     page = open_page(f"{silence}?tab={tab}&over=0&cursor=1000")

@@ -32,6 +32,7 @@ MODEL = "Bokeh.documents[0].get_model_by_name"
         View(tab="frf", lines=400, estimator="H3c", overlap=0.75, unwrapped=True),
         View(tab="levels", level_weighting="A", level_averaging="slow"),
         View(tab="spectrogram", lines=200, of="Measurement/Mic 2"),
+        View(tab="orders", speed=25.125, turns=4, max_order=20.0, order_map=True),
         View(tab="info"),
     ],
     ids=lambda view: view.tab,
@@ -64,11 +65,14 @@ def test_each_unit_has_a_figure_and_many_lines_have_few_colours():
         name for name, alpha in zip(data.data["name"], data.data["alpha"], strict=True) if alpha == 1.0
     ]
     assert set(coloured) == {"Mic 0", "Mic 11", "Mic 1"} or set(coloured) == {"Mic 0", "Mic 11", "Mic 10"}
+    used = {c for c, a in zip(data.data["colour"], data.data["alpha"], strict=True) if a == 1.0}
+    assert len(used) == 3
+    assert made[1]._source.data["colour"][0] not in used
     group.draw({"dB re 1 nm/s": [Curve("Laser", x, np.array([140.0, 141.0]))]})
     assert group.body.children == [made[0].sheet]
 
 
-@pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "info"])
+@pytest.mark.parametrize("tab", ["octave", "fft", "frf", "levels", "spectrogram", "orders", "info"])
 def test_a_tab_needs_no_scrolling_on_a_laptop(browser, open_page, recording_page, tab):
     size = browser.get_window_size()
     metrics = {"width": 1366, "height": 768, "deviceScaleFactor": 1, "mobile": False}

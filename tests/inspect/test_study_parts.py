@@ -1,7 +1,7 @@
 """Parts of the page of a study that need no browser."""
 
 import shutil
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,13 @@ from specan.errors import InputError, RequestError
 from specan.inspect import kept_study
 from specan.inspect.kept_study import KeptStudy
 from specan.inspect.plots import Band
+from specan.inspect.study_views.failing import FailingMap
 from specan.inspect.study_views.ranking import Ranking, uses_of
+from specan.inspect.study_views.staircase import Staircase
 from specan.inspect.superseded import Superseded, heard
 from specan.inspect.trial import as_it_is, candidates_of, try_effects
 from specan.study.edit import add_effect
+from specan.study.history import Step
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked
 from specan_cli.study_new import command as study_new
@@ -292,3 +295,40 @@ def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
     assert len(names()) == 6
     view.show(Tried(problem, stacked([1.0, 1.0])))
     assert not any("before" in name for name in names())
+
+
+# --- figures --------------------------------------------------------------------------------------
+
+
+def test_the_staircase_names_steps_shortly_and_in_full_under_the_mouse():
+    def error(value):
+        return {"metric": "RMS_of_frf", "value": value, "unit": "Pa*s/m"}
+
+    def step(number, action, effect, *errors):
+        return Step(number, action, (), *map(error, errors), None, None, {}, {}, effect)
+
+    steps = [step(0, "new", "", 1.12, 0.7), step(1, "add", "wall-impedance@z1", 0.015, 0.013)]
+    shown = Staircase()
+    shown.show(steps)
+    shown.tried("panel-resonance@z1", error(0.5))
+    groups = list(dict.fromkeys(name for name, _ in shown.sheet.x_range.factors))
+    assert groups == ["0\nnew", "1\nadd", "try"]
+    bars = shown._bars.data
+    assert bars["about"] == ["0 new"] * 2 + ["1 add wall-impedance@z1"] * 2 + ["try panel-resonance@z1"]
+    assert bars["text"] == ["1.12", "0.7", "0.015", "0.013", "0.5"]
+    shown.tried("", None)
+    assert len(shown._bars.data["top"]) == 4
+
+
+def test_the_map_says_that_nothing_is_significant(directory):
+    study = Study(directory)
+    shown = FailingMap(study)
+    trial = as_it_is(study)
+    assert trial.where is not None
+    marked = np.zeros(trial.where.z.shape, dtype=bool)
+    shown.show(replace(trial, where=replace(trial.where, significant=marked)))
+    assert shown.sheet.title.text == "No significant deviation of the model"
+    marked[0, 0] = True
+    shown.show(replace(trial, where=replace(trial.where, significant=marked)))
+    assert "framed: significant" in shown.sheet.title.text
+    assert sorted(shown._cells.data["width"])[-2:] == [0.5, 1.5]

@@ -61,7 +61,7 @@ def test_orthogonal_tests_add_up_and_equal_ones_count_once():
 
 
 def test_improvement_is_an_f_test():
-    assert improvement_probability(9.0, 2, scale=1.5, noise_dof=30) == pytest.approx(
+    assert improvement_probability(9.0, 2, dispersion=1.5, noise_dof=30) == pytest.approx(
         stats.f.sf(9.0 / 2 / 1.5, 2, 30)
     )
     assert improvement_probability(9.0, 2) == pytest.approx(stats.chi2.sf(9.0, 2))
@@ -85,7 +85,7 @@ def test_pooling_the_degrees_of_freedom_keeps_the_level():
     noise = rng.chisquare(nu, n) / nu
     fall, rest = rng.chisquare(1, n) / noise, rng.chisquare(residual, n) / noise
     p = [
-        improvement_probability(a, 1, scale=max(b / residual, 1.0), noise_dof=nu + residual)
+        improvement_probability(a, 1, dispersion=max(b / residual, 1.0), noise_dof=nu + residual)
         for a, b in zip(fall[:20_000], rest[:20_000])
     ]
     assert np.mean(np.array(p) < 0.01) < 0.01 * 1.2

@@ -12,6 +12,7 @@ from specan.analysis.batch.band_lines import band_lines, other_lines, rms_lines
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.noise_lines import noise_lines
 from specan.analysis.batch.one_pass import Accumulator, feed
+from specan.analysis.batch.order_lines import with_orders
 from specan.analysis.batch.result import FileResult, Kind
 from specan.analysis.batch.rms_pass import RmsPass
 from specan.analysis.batch.settings import BatchSettings
@@ -55,7 +56,7 @@ def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration
         recording = open_headers(entry)
         if calibration is not None:
             recording = apply(calibration, recording)
-        return _analyse(recording, settings)
+        return with_orders(_analyse(recording, settings), recording, settings)
     except SpecanError as fault:
         kind: Kind = "aside" if isinstance(fault, NoSignalError) else "failed"
         return FileResult(entry.label, kind, entry.neutral(str(fault)))

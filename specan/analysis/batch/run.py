@@ -21,13 +21,14 @@ from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.resume import context_of, unchanged
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import Kept, Store
-from specan.analysis.batch.tables import write_tables
+from specan.analysis.batch.tables import is_of_a_batch, write_tables
 from specan.analysis.batch.task import Outcome, analyse_unchanged
 from specan.data.calibration import Calibration
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import read_channel_table
-from specan.io.results_text import COLUMNS, read_table
+from specan.io.output_file import check_output
+from specan.io.results_text import COLUMNS, OPTIONAL, read_table
 from specan.result import Result
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class BatchReport(Result):
         }
 
     def table(self, name: str) -> pd.DataFrame:
-        """One of the tables that were written: ``sine``, ``noise``, ``bands``, ``other`` or ``skipped``.
+        """One of the tables that were written: ``sine``, ``noise``, ``bands``, ``other``, ``orders`` or ``skipped``.
 
         Raises
         ------
@@ -107,10 +108,10 @@ def run_batch(
 ) -> BatchReport:
     """Analyse every recording below `directories` and write the tables into `out`.
 
-    Files are analysed independently, each with its samples read once, by `jobs` processes or the workers
-    of a cluster. The result of each is kept in `out` as soon as it is there, and the tables are put together
-    at the end in the order of the labels: a batch that is interrupted goes on where it was when it is run again,
-    and its tables are those of one that was not.
+    Files are analysed independently, each with its samples read once (once more for orders), by `jobs` processes
+    or the workers of a cluster. The result of each is kept in `out` as soon as it is there, and the tables are put
+    together at the end in the order of the labels: a batch that is interrupted goes on where it was when it is run
+    again, and its tables are those of one that was not.
 
     Parameters
     ----------
@@ -146,7 +147,7 @@ def run_batch(
     ]
     if channel_table is not None:
         read_channel_table(channel_table)
-    with claim(out, tuple(COLUMNS)):
+    with claim(out, _certain(settings)):
         store = Store(out / STORE)
         earlier = {entry.label: unchanged(entry, store, verify=verify) for entry in inputs}
         assigned = assign_calibrations(
@@ -177,10 +178,10 @@ def run_batch(
         header = [f"settings {settings.fingerprint}: {settings.as_json()}", *assigned.header]
         if channel_table is not None:
             header.append(f"channel table: {channel_table.name} ({fingerprint(channel_table)}), given")
-        write_tables(store.place, header, results, kept)
-        _publish(store.place, out)
+        written = write_tables(store.place, header, results, kept)
+        _publish(store.place, out, written)
         store.keep_only(kept)
-    return BatchReport(tuple(results), tuple(out / name for name in COLUMNS), resumed)
+    return BatchReport(tuple(results), tuple(out / name for name in written), resumed)
 
 
 def _watched(
@@ -226,9 +227,16 @@ def _calibrations_of(todo: Sequence[Input]) -> dict[str, Calibration]:
     return {path: read_calibration(path) for path in sorted({entry.calibration for entry in todo} - {""})}
 
 
-def _publish(ready: Path, out: Path) -> None:
-    """Put tables that are complete in place, one right after the other."""
-    for path in [*sorted(ready.glob("*.toml")), *(ready / name for name in COLUMNS)]:
+def _certain(settings: BatchSettings) -> tuple[str, ...]:
+    """Tables that will be written whatever the recordings hold."""
+    return tuple(name for name in COLUMNS if name not in OPTIONAL or settings.orders is not None)
+
+
+def _publish(ready: Path, out: Path, written: Sequence[str]) -> None:
+    """Put tables that are complete in place, one right after the other; those of an earlier batch alone go."""
+    for name in OPTIONAL.intersection(written):
+        check_output(out / name)
+    for path in [*sorted(ready.glob("*.toml")), *(ready / name for name in written)]:
         try:
             path.replace(out / path.name)
         except OSError as fault:
@@ -236,6 +244,9 @@ def _publish(ready: Path, out: Path) -> None:
                 f"{path.name} cannot be written to {out} ({fault.strerror or fault})",
                 remedy="close the program that has it open, and run the same command again",
             ) from None
+    for name in COLUMNS.keys() - set(written):
+        if is_of_a_batch(out / name):
+            (out / name).unlink()
 
 
 # What a process needs for its files, set once by `_prepare`.

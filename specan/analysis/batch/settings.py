@@ -11,6 +11,7 @@ from pydantic import Field, field_validator
 
 from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.octave import Octave
+from specan.analysis.order_settings import OrderSettings
 from specan.analysis.tone import Tone
 from specan.analysis.transfer_function import DEFAULT_LINES, TransferFunction
 from specan.schema import Settings, parse, read_toml
@@ -35,6 +36,8 @@ class BatchSettings(Settings):
         Band levels of noise recordings and of those that are neither.
     calibration : CalibrationSettings
         Of calibrator recordings among the files.
+    orders : OrderSettings or None
+        Of all recordings; by default those that have a tacho are analysed, with its own settings.
     """
 
     reference: str | None = None
@@ -44,6 +47,7 @@ class BatchSettings(Settings):
     transfer_function: TransferFunction = TransferFunction(lines=DEFAULT_LINES)
     octave: Octave = Octave()
     calibration: CalibrationSettings = CalibrationSettings()
+    orders: OrderSettings | None = None
 
     @field_validator("transfer_function")
     @classmethod
@@ -63,8 +67,10 @@ class BatchSettings(Settings):
         )
 
     def as_json(self) -> str:
-        """All settings on one line, keys sorted."""
-        return json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        """All settings on one line, keys sorted; orders only where they are asked for."""
+        left_out = {"orders"} if self.orders is None else None
+        content = self.model_dump(mode="json", exclude=left_out)
+        return json.dumps(content, sort_keys=True, separators=(",", ":"))
 
     @property
     def fingerprint(self) -> str:

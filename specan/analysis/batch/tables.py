@@ -29,14 +29,17 @@ UNITS = {
     "bands.txt": "band_hz: nominal mid-band frequency, or total with its weighting; level_dB re the reference of "
     "the unit; u_dB: standard uncertainty",
     "other.txt": "rms: unit; level_dB re the reference of the unit; u_dB: standard uncertainty",
+    "orders.txt": "order: cycles per turn of the shaft; amplitude: peak of the sine, unit; level_dB: of its RMS re the "
+    "reference of the unit; phase_deg: at turn zero; u, u_blocks: standard uncertainty of one component, unit, from "
+    "the noise about the line and from the scatter of blocks",
     "skipped.txt": "kind: aside (no failure) or failed; channel is empty where it is the whole file",
 }
 
 
 def write_tables(
     out: Path, header: Sequence[str], results: Sequence[FileResult], kept: Mapping[str, Kept]
-) -> None:
-    """Write every table, those without a row as well.
+) -> tuple[str, ...]:
+    """Write every table, those without a row as well; optional ones only where a file has them.
 
     Parameters
     ----------
@@ -46,9 +49,18 @@ def write_tables(
         Sorted by label.
     kept : mapping
         Label to where the lines of a file stand.
+
+    Returns
+    -------
+    tuple of str
+        Names of the tables that were written.
     """
+    written = []
     for name, columns in text.COLUMNS.items():
         here = [r for r in results if r.label in kept and name in kept[r.label].places]
+        if name in text.OPTIONAL and not here:
+            continue
+        written.append(name)
         about = [f"file {r.label}: {line}" for r in here for line in r.about]
         if name == "skipped.txt":
             lines: Iterator[str] = _skipped(results)
@@ -57,6 +69,17 @@ def write_tables(
         else:
             lines = (block for _, block in _blocks(name, here, kept))
         text.write_table(out / name, [*_head(name, header), *about], columns, lines)
+    return tuple(written)
+
+
+def is_of_a_batch(path: Path) -> bool:
+    """Whether a file begins as a table of a batch of that name does."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            words = file.readline().split()
+    except OSError:
+        return False
+    return words[:2] == ["#", "specan"] and words[-1] == path.name
 
 
 def _head(name: str, header: Sequence[str]) -> list[str]:

@@ -15,13 +15,17 @@ from specan.inspect.trial import Trial
 from specan.report.residual_map import ResidualMap, axis_text
 from specan.study.study import Study
 
+_PALE = "#c3c8cf"  # outline of a cell that is not significant: an error near zero is as white as the paper
+
 
 class FailingMap:
     """Left-out z of every pair of levels; a frame where it is significant."""
 
     def __init__(self, study: Study) -> None:
         self._colours = LinearColorMapper(palette=PuOr11, low=-1, high=1)
-        self._cells = ColumnDataSource({"x": [], "y": [], "z": [], "n": [], "edge": [], "text": []})
+        self._cells = ColumnDataSource(
+            {"x": [], "y": [], "z": [], "n": [], "edge": [], "width": [], "text": []}
+        )
         self._known = study.data.known
         self.sheet = figure(
             title="Where the model fails", sizing_mode="stretch_both", tools="save", min_height=120,
@@ -29,7 +33,7 @@ class FailingMap:
             x_range=[""], y_range=[""], x_axis_label="", y_axis_label="",
         )  # fmt: skip
         boxes = self.sheet.rect(
-            "x", "y", 0.96, 0.94, source=self._cells, line_color="edge", line_width=1.5,
+            "x", "y", 0.96, 0.94, source=self._cells, line_color="edge", line_width="width",
             fill_color={"field": "z", "transform": self._colours},
         )  # fmt: skip
         self._hover = HoverTool(renderers=[boxes], tooltips=[])
@@ -58,8 +62,13 @@ class FailingMap:
             ("left-out z, positive: model high", "@z{0.0}"), ("", "@text"), ("values", "@n"),
         ]  # fmt: skip
         self._cells.data = _cells(found)
+        self.sheet.title.text = self._title(found)
+
+    def _title(self, found: ResidualMap) -> str:
+        if self._known and not found.significant.any():
+            return "No significant deviation of the model"
         of = "framed: significant" if self._known else "relative to 1 %"
-        self.sheet.title.text = f"Model low (violet), high (orange); {of}"
+        return f"Violet: low, orange: high; {of}"
 
 
 def _cells(found: ResidualMap) -> dict[str, list[Any]]:
@@ -70,5 +79,6 @@ def _cells(found: ResidualMap) -> dict[str, list[Any]]:
         "z": [float(found.z[p]) for p in places],
         "text": [plain(found.texts[i][j]) for i, j in places],
         "n": [int(found.count[p]) for p in places],
-        "edge": ["#808894" if found.significant[p] else None for p in places],
+        "edge": ["#808894" if found.significant[p] else _PALE for p in places],
+        "width": [1.5 if found.significant[p] else 0.5 for p in places],
     }

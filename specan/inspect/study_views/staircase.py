@@ -16,7 +16,7 @@ from specan.units import printed_unit
 
 _KINDS = (("fitted", "fit_error", COLOURS[0]), ("held out", "held_out_error", COLOURS[1]))
 _MOST = 7  # steps on screen: the latest
-_NAMES = 24  # characters of effects that fit below the bars
+_ABOVE = 1.35  # height of the figure over that of the highest bar, whose number stands above it
 
 
 class Staircase:
@@ -34,11 +34,11 @@ class Staircase:
         bars = self.sheet.vbar(
             "x", top="top", width=0.9, source=self._bars, color="colour", alpha="alpha", line_color=None
         )
-        self.sheet.add_tools(HoverTool(renderers=[bars], tooltips=[("", "@about"), ("RMS", "@text")]))
+        self.sheet.add_tools(HoverTool(renderers=[bars], tooltips=[("step", "@about"), ("RMS", "@text")]))
         self.sheet.add_layout(
             LabelSet(
-                x="x", y="top", text="text", source=self._bars, text_align="center", y_offset=2,
-                text_font_size="10px", text_color="#808894",
+                x="x", y="top", text="text", source=self._bars, text_align="left", text_baseline="middle",
+                angle=np.pi / 2, y_offset=3, text_font_size="10px", text_color="#808894",
             )
         )  # fmt: skip
         self.sheet.xgrid.visible = False
@@ -60,41 +60,30 @@ class Staircase:
 
     def tried(self, name: str, error: Mapping[str, Any] | None) -> None:
         """Show what a trial leaves on the fitted data, as a pale step; None takes it away."""
-        self._tried = (
-            None if error is None else (f"try\n{name if len(name) <= _NAMES // 2 else ''}".strip(), error)
-        )
+        self._tried = None if error is None else (name, error)
         self._draw()
 
     def _draw(self) -> None:
-        # Long names would run into one another: the mouse shows them.
-        room = sum(len(s.effect) for s in self._steps) <= _NAMES
+        # The names of effects would run into one another: the mouse and the history show them.
         rows = [
             (
-                plain(f"{s.step} {s.action}\n{s.effect if room else ''}".strip()),
+                f"{s.step}\n{s.action}",
                 kind,
                 error["value"],
                 colour,
                 1.0,
-                plain(f"{s.action} {s.effect}".strip()),
+                plain(f"{s.step} {s.action} {s.effect}".strip()),
             )
             for s in self._steps
             for kind, attribute, colour in _KINDS
             if (error := getattr(s, attribute)) is not None
         ]
         if self._tried is not None:
-            rows.append(
-                (
-                    plain(self._tried[0]),
-                    "fitted",
-                    self._tried[1]["value"],
-                    COLOURS[0],
-                    0.45,
-                    plain(self._tried[0]),
-                )
-            )
+            name, error = self._tried
+            rows.append(("try", "fitted", error["value"], COLOURS[0], 0.45, plain(f"try {name}")))
         known = [r for r in rows if r[2] is not None and np.isfinite(r[2])]
         self.sheet.x_range.factors = [(name, kind) for name, kind, *_ in known]
-        self.sheet.y_range.end = 1.15 * max((r[2] for r in known), default=1.0)
+        self.sheet.y_range.end = _ABOVE * max((r[2] for r in known), default=1.0)
         self._bars.data = {
             "x": [(name, kind) for name, kind, *_ in known],
             "top": [r[2] for r in known],

@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 LEVEL = 0.005  # family-wise: of two hundred models that lack nothing, one gets a law
 INDISTINGUISHABLE = 6.0  # BIC: posterior odds of twenty to one
 MOST_LAWS = 4  # that are proposed
+STARTS = 3  # places of the scan from which shapes are fitted: an onset has a minimum in every gap of the plan
 REFINED = 40  # formulas whose shapes are fitted after the scan
 SIMULATIONS = 200  # of data without a law, for the family-wise level
 MOST_VALUES = 4_000_000  # of columns held at a time
@@ -52,10 +53,12 @@ class Law:
         In the order of `formula.shapes`.
     chi2 : float
         That is left, linearised.
-    delta_bic : float
-        By how much the BIC falls.
+    price : float
+        What the BIC asks for its parameters, and for the choice among so many laws.
     held_out_gain : float
         Gain in blocked cross-validation.
+    delta_bic : float
+        By how much the BIC falls, all laws in units of the same dispersion.
     """
 
     formula: Formula
@@ -64,8 +67,9 @@ class Law:
     size: float
     shapes: tuple[float, ...]
     chi2: float
-    delta_bic: float
+    price: float
     held_out_gain: float
+    delta_bic: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -136,7 +140,7 @@ def search_laws(start: Refit) -> LawSearch:
         _refined(start, *scans[k], variables, falls[k][1], rest, alike[len(scans[k][1].factors)])
         for k in order[:REFINED]
     ]
-    laws = _group(start, [law for law in found if law is not None])
+    laws = _group(start, [law for law in found if law is not None], _sum(rest))
     return LawSearch(tuple(laws[:MOST_LAWS]), p_value, len(scans), max(0, len(laws) - MOST_LAWS))
 
 
@@ -233,14 +237,14 @@ def _columns(
 
 def _scan(
     start: Refit, scans: Sequence[tuple[_Target, Formula]], variables: dict[str, Array], rest: Array, dof: int
-) -> tuple[list[tuple[float, tuple[float, ...]]], Array]:
-    """Largest share of chi-square that each formula takes, with its shapes; and the largest of any for noise."""
+) -> tuple[list[tuple[float, list[tuple[float, ...]]]], Array]:
+    """Largest share of chi-square that each formula takes, with its best shapes; and the largest of any for noise."""
     rng = np.random.default_rng(0)  # the same answer every time
     noise = start.linear.project_out(rng.standard_normal((rest.size, SIMULATIONS)))
     noise /= np.linalg.norm(noise, axis=0)
     there = rest / np.linalg.norm(rest)
     largest = np.zeros(SIMULATIONS)
-    falls: list[tuple[float, tuple[float, ...]]] = []
+    falls: list[tuple[float, list[tuple[float, ...]]]] = []
     for target, formula in scans:
         places = list(formula.scan())
         columns = _columns(target, formula, variables, places)
@@ -250,8 +254,8 @@ def _scan(
         # What the model's own parameters do already is not a law.
         columns = np.where(after > 1e-6 * before, columns / np.maximum(after, 1e-300), 0.0)
         share = (columns.T @ there) ** 2
-        best = int(np.argmax(share))
-        falls.append((float(share[best]), places[best]))
+        best = np.argsort(-share)[:STARTS]
+        falls.append((float(share[best[0]]), [places[k] for k in best]))
         np.maximum(largest, np.max((columns.T @ noise) ** 2, axis=0), out=largest)
     return falls, largest
 
@@ -275,7 +279,7 @@ def _refined(
     target: _Target,
     formula: Formula,
     variables: dict[str, Array],
-    shapes: tuple[float, ...],
+    places: Sequence[tuple[float, ...]],
     rest: Array,
     alike: int,
 ) -> Law | None:
@@ -287,7 +291,6 @@ def _refined(
     from scipy.optimize import least_squares
 
     bounds = np.array([[s.low, s.high] for s in formula.shapes]).reshape(-1, 2)
-    scale = np.where(bounds[:, 0] > 0, np.abs(shapes), 1.0)  # widths and onsets move in proportion
 
     def column(x: Array) -> Array:
         return np.asarray(start.linear.project_out(_columns(target, formula, variables, [x.tolist()])[:, 0]))
@@ -300,15 +303,21 @@ def _refined(
         c = column(x)
         return rest + amplitude(c) * c
 
-    x: Array = np.array(shapes, dtype=np.float64)
-    if x.size:
+    def descended(place: tuple[float, ...]) -> Array:
+        x: Array = np.array(place, dtype=np.float64)
+        scale = np.where(bounds[:, 0] > 0, np.abs(x), 1.0)  # widths and onsets move in proportion
         inside = np.clip(x, bounds[:, 0] + 1e-9 * scale, bounds[:, 1] - 1e-9 * scale)
         try:
-            x = least_squares(
+            fitted = least_squares(
                 left, inside, bounds=(bounds[:, 0], bounds[:, 1]), x_scale=scale, diff_step=1e-4
-            ).x
-        except ValueError:
-            return None
+            )
+        except ValueError:  # not finite
+            return x
+        return np.asarray(fitted.x)
+
+    x: Array = np.array(places[0], dtype=np.float64)
+    if x.size:
+        x = min((descended(place) for place in places), key=lambda found: _sum(left(found)))
         # An exponent that a simple number explains as well is that number.
         for k, shape in enumerate(formula.shapes):
             simple = x.copy()
@@ -332,7 +341,6 @@ def _refined(
         Projection(rest, start.linear.basis), extended, left_out_blocks(start.problem), dispersion
     )
     unit = "1" if formula.scales else target.unit
-    before = _sum(rest) / dispersion
     return Law(
         formula,
         target.quantity,
@@ -340,7 +348,7 @@ def _refined(
         size,
         tuple(float(v) for v in x),
         chi2,
-        before - chi2 / dispersion - price,
+        price,
         gain,
     )
 
@@ -349,10 +357,19 @@ def _sum(values: Array) -> float:
     return float(values @ values)
 
 
-def _group(start: Refit, laws: Sequence[Law]) -> list[Law]:
-    """Laws that cannot be distinguished from the best one, the best of each family, the best first."""
-    usable = sorted((law for law in laws if law.held_out_gain > 0), key=lambda law: -law.delta_bic)
-    if not usable or usable[0].delta_bic <= 0:
+def _group(start: Refit, laws: Sequence[Law], before: float) -> list[Law]:
+    """Laws that cannot be distinguished from the best one, the best of each family, the best first.
+
+    The unit of every chi-square is the dispersion that the law with the lowest one leaves, never below one.
+    """
+    usable = [law for law in laws if law.held_out_gain > 0]
+    if not usable:
+        return []
+    lowest = min(usable, key=lambda law: law.chi2)
+    dispersion = max(lowest.chi2 / max(start.dof - 1 - len(lowest.shapes), 1.0), 1.0)
+    usable = [replace(law, delta_bic=(before - law.chi2) / dispersion - law.price) for law in usable]
+    usable.sort(key=lambda law: -law.delta_bic)
+    if usable[0].delta_bic <= 0:
         return []
     kept: dict[tuple[str, ...], Law] = {}
     for law in usable:
