@@ -15,7 +15,7 @@ from specan_cli.figure_output import plot_option
 from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
 from specan_cli.output import table
 from specan_cli.output_file import say_written, to_standard_output
-from specan_cli.recording_input import feed, given, say_notes, section_options
+from specan_cli.recording_input import feed, given, quantity_option, say_notes, section_options
 from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
@@ -23,13 +23,14 @@ PIECE = 1 << 15  # lines of a table at once
 
 if TYPE_CHECKING:
     from specan.data.limits import Kept
-    from specan.data.recording import Recording
+    from specan.data.recording import Quantity, Recording
     from specan.data.spectrum import Spectrogram, Spectrum
 
 
 @click.command("fft", cls=RecordingVerb)
 @recording_argument()
 @section_options
+@quantity_option
 @click.option(
     "--scaling",
     type=click.Choice(["amplitude", "rms", "psd"]),
@@ -79,6 +80,7 @@ def command(
     output: Path | None,
     as_json: bool,
     opening: dict[str, Any],
+    quantity: Quantity | None,
     **options: Any,
 ) -> int:
     """Find magnitude and phase spectra.
@@ -90,10 +92,10 @@ def command(
     specan fft sample_data/recordings/noise/noise_24_microphones.tdms --channel "Mic 1" --lines 800
     specan fft sample_data/recordings/knock.tdms --spectrogram --lines 100 --plot knock.png
     """
+    from specan.api.recordings import read
     from specan.errors import RequestError
-    from specan.io.open import open_recording
 
-    recording = open_recording(file, **opening)
+    recording = read(file, quantity=quantity, **opening)
     single = options["whole"] or options["averaging"] == "none"
     if limit is not None and spectrogram:
         raise RequestError("a spectrogram has no limits", remedy="leave out --limit or --spectrogram")

@@ -10,12 +10,13 @@ import click
 from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import table
-from specan_cli.recording_input import feed, given, say_notes, section_options
+from specan_cli.recording_input import feed, given, quantity_option, say_notes, section_options
 from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.frequency_response import FrequencyResponse
+    from specan.data.recording import Quantity
 
 
 @click.command("frf", cls=RecordingVerb)
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 )
 @click.option("--instrument", metavar="CH", help="Instrument of H3c [default: the generator].")
 @section_options
+@quantity_option
 @click.option(
     "--lines",
     type=int,
@@ -63,6 +65,7 @@ def command(
     output: Path | None,
     as_json: bool,
     opening: dict[str, Any],
+    quantity: Quantity | None,
 ) -> int:
     """Find the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
 
@@ -72,7 +75,7 @@ def command(
     specan frf sample_data/recordings/noise/noise_24_microphones.tdms --at 250 --plot frf.png
     """
     from specan.analysis.transfer_function import TransferFunction
-    from specan.io.open import open_recording
+    from specan.api.recordings import read
     from specan.schema import parse
 
     settings = parse(
@@ -91,7 +94,7 @@ def command(
         ),
         "frf",
     )
-    recording = open_recording(file, **opening)
+    recording = read(file, quantity=quantity, **opening)
     accumulator = settings.accumulator(recording)
     feed(accumulator, recording)
     found = accumulator.result().between(fmin, float("inf") if fmax is None else fmax)

@@ -11,13 +11,14 @@ from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
 from specan_cli.output import table
-from specan_cli.recording_input import fed, given, say_notes, section_options
+from specan_cli.recording_input import fed, given, quantity_option, say_notes, section_options
 from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.band_levels import BandLevels
     from specan.data.limits import Kept
+    from specan.data.recording import Quantity
 
 _WIDE = 6  # channels that stand side by side in a table
 
@@ -68,6 +69,7 @@ class _Averaging(click.ParamType):
 @click.option("--fmax", type=float, metavar="HZ", help="To the band that contains it.  [default: 20000]")
 @click.option("--band", type=float, metavar="HZ", help="One band: the one that contains HZ.")
 @section_options
+@quantity_option
 @click.option(
     "--background",
     type=click.Path(path_type=Path),
@@ -99,6 +101,7 @@ def command(
     output: Path | None,
     as_json: bool,
     opening: dict[str, Any],
+    quantity: Quantity | None,
     **options: Any,
 ) -> int:
     """Find levels in octave and fractional-octave bands (IEC 61260-1 class 1), and overall levels.
@@ -109,8 +112,8 @@ def command(
     """
     from specan.analysis.background import without_background
     from specan.analysis.octave import Octave, joined_levels
+    from specan.api.recordings import read
     from specan.errors import RequestError
-    from specan.io.open import open_recording
     from specan.schema import parse
 
     settings = parse(
@@ -126,11 +129,11 @@ def command(
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
         )
-    recording = open_recording(file, **opening)
+    recording = read(file, quantity=quantity, **opening)
     found = joined_levels([fed(part, recording) for part in settings.groups(recording)])
     if background is not None:
         whole = settings.model_copy(update={"start_s": 0.0, "stop_s": None})
-        found = without_background(found, whole(open_recording(background, **opening)))
+        found = without_background(found, whole(read(background, quantity=quantity, **opening)))
     kept = [] if limit is None else _held(found, limit)
 
     def shown() -> None:

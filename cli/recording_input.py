@@ -50,6 +50,15 @@ def section_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def quantity_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The option ``--quantity``."""
+    return click.option(
+        "--quantity",
+        type=click.Choice(["displacement", "velocity", "acceleration"]),
+        help="Of channels of motion: integrated or differentiated.  [default: as measured, a vibrometer's velocity]",
+    )(command)
+
+
 def given(**options: Any) -> dict[str, Any]:
     """Options that were given; the settings' own defaults hold for the others."""
     return {name: value for name, value in options.items() if value is not None and value != ()}

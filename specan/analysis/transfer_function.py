@@ -20,7 +20,7 @@ from specan.analysis.response_length import (
 )
 from specan.analysis.section import of_one_rate, reference_channel, section
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
-from specan.data.recording import Channel, Recording
+from specan.data.recording import MOTION, QUANTITIES, Channel, Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import Estimate, Estimator, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix
@@ -325,8 +325,9 @@ class TransferFunctionAccumulator:
         remarks = [*self._on_lines(found, lost), *self._on_the_instrument()]
         for c in (self.reference, *self.responses):
             if c.derivatives:
-                kind = "displacement" if c.derivatives > 0 else "acceleration"
-                remarks.append(f"{c.name}: {kind} is converted to velocity by j w")
+                names = dict(zip(MOTION, QUANTITIES))
+                kind = names.get(c.unit, "displacement" if c.derivatives > 0 else "acceleration")
+                remarks.append(f"{c.name}: {kind} is converted to {names[c.target_unit]} by j w")
         late = [c.name for c, shift in zip(self.channels, self.shifts) if shift]
         if late:
             remarks.append(f"aligned before the analysis and turned back after it: {', '.join(late)}")

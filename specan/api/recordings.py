@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from specan.data.recording import Recording
+from specan.data.recording import Quantity, Recording
 from specan.io.open import open_recording
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def read(
     channel_table: str | Path | None = None,
     calibration: Calibration | str | Path | None = None,
     sampling_rate: float | None = None,
+    quantity: Quantity | None = None,
 ) -> Recording:
     """Open a recording; samples are read when they are asked for.
 
@@ -44,6 +45,8 @@ def read(
         What `calibrate` returned, or a ``calibration.toml``.
     sampling_rate : float, optional
         In hertz, instead of what the file says.
+    quantity : {"displacement", "velocity", "acceleration"}, optional
+        What spectra, bands and transfer functions show channels of motion as.
 
     Returns
     -------
@@ -64,9 +67,10 @@ def read(
     ...     print(fault.expected or "no such file")
     no such file
     """
-    return open_recording(
+    found = open_recording(
         path, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
     )
+    return found if quantity is None else found.in_quantity(quantity)
 
 
 def octave(recording: Source, fraction: int = 3, **settings: Any) -> BandLevels:

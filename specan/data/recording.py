@@ -23,6 +23,11 @@ ROLES: tuple[Role, ...] = (
 )  # fmt: skip
 
 
+Quantity = Literal["displacement", "velocity", "acceleration"]
+QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
+MOTION = ("m", "m/s", "m/s^2")  # their units: each the derivative of the one before
+
+
 class SampleSource(Protocol):
     """Where samples come from; a file format implements this."""
 
@@ -143,7 +148,22 @@ class Channel:
     @property
     def target_unit(self) -> str:
         """Unit after the differentiations that `correction` carries out."""
-        return "m/s" if self.derivatives else self.unit
+        if not self.derivatives:
+            return self.unit
+        place = MOTION.index(self.unit) + self.derivatives if self.unit in MOTION else 1
+        return MOTION[place] if 0 <= place < len(MOTION) else "m/s"
+
+    def in_quantity(self, quantity: Quantity) -> Channel:
+        """The channel to be shown as displacement, velocity or acceleration; itself where it is no motion.
+
+        Examples
+        --------
+        >>> Channel("Acc", unit="m/s^2").in_quantity("velocity").target_unit
+        'm/s'
+        """
+        if self.unit not in MOTION:
+            return self
+        return replace(self, derivatives=QUANTITIES.index(quantity) - MOTION.index(self.unit))
 
     def correction(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Factor on the channel's spectrum (exp(+j w t)) that removes its phase error and delay.
@@ -234,6 +254,37 @@ class Recording(Result):
         longest = max((c.duration_s for c in self.channels), default=0.0)
         at = ", ".join(f"{rate:g} Hz" for rate in rates)
         return f"{self.label}, {counted(len(self.channels), 'channel')}, {longest:.4g} s at {at}"
+
+    def in_quantity(self, quantity: Quantity) -> Recording:
+        """The recording with all channels of motion to be shown as displacement, velocity or acceleration.
+
+        Spectra are multiplied by j w, or divided by it (integration); samples stay as they were measured.
+
+        Parameters
+        ----------
+        quantity : {"displacement", "velocity", "acceleration"}
+
+        Returns
+        -------
+        Recording
+            With the same samples.
+
+        Raises
+        ------
+        RequestError
+            No channel is one of motion.
+        """
+        channels = tuple(
+            replace(c.in_quantity(quantity), source_index=i if c.source_index is None else c.source_index)
+            for i, c in enumerate(self.channels)
+        )
+        if not any(c.unit in MOTION for c in channels):
+            raise RequestError(
+                f"{self.label}: no channel can be shown as {quantity}",
+                expected="a channel in m, m/s or m/s^2",
+                remedy="give its unit in a channel table",
+            )
+        return replace(self, channels=channels)
 
     def overview(self) -> pd.DataFrame:
         """One row for each channel.

@@ -1,0 +1,69 @@
+"""Displacement, velocity and acceleration from each other: a sine has w and w^2 between them."""
+
+import numpy as np
+import pytest
+
+from specan.analysis.octave import Octave
+from specan.analysis.spectrum import FourierSpectrum
+from specan.analysis.transfer_function import TransferFunction
+from specan.data.recording import ArraySource, Channel, Recording
+from specan.errors import RequestError
+
+RATE, N = 8000.0, 80000
+T = np.arange(N) / RATE
+OMEGA = 2 * np.pi * 160.0
+# 1 um at 160 Hz.
+MOTIONS = {
+    "m": 1e-6 * np.sin(OMEGA * T),
+    "m/s": 1e-6 * OMEGA * np.cos(OMEGA * T),
+    "m/s^2": -1e-6 * OMEGA**2 * np.sin(OMEGA * T),
+}
+EXPECTED = {
+    "displacement": ("m", 1e-6),
+    "velocity": ("m/s", 1e-6 * OMEGA),
+    "acceleration": ("m/s^2", 1e-6 * OMEGA**2),
+}
+
+
+def recording() -> Recording:
+    units = [*MOTIONS, "Pa"]
+    channels = tuple(Channel(unit, unit=unit, sampling_rate=RATE, n_samples=N) for unit in units)
+    return Recording("sine.tdms", channels, ArraySource([*MOTIONS.values(), MOTIONS["m"]]))
+
+
+@pytest.mark.parametrize("quantity", EXPECTED)
+def test_every_motion_becomes_the_one_that_is_asked_for(quantity: str) -> None:
+    unit, amplitude = EXPECTED[quantity]
+    shown = recording().in_quantity(quantity)
+    found = FourierSpectrum(lines=3125, window="flat-top")(shown)
+    assert found.units == (unit, unit, unit, "Pa")
+    line = int(np.argmin(np.abs(found.frequency_hz - 160.0)))
+    assert found.values[:3, line] == pytest.approx([amplitude] * 3, rel=1e-3)
+    assert found.values[3, line] == pytest.approx(1e-6, rel=1e-3)  # a pressure is no motion
+    bands = Octave(band=160)(shown)
+    reference = bands.references[0].value
+    assert bands.level_dB[:3, 0] == pytest.approx(
+        [20 * np.log10(amplitude / np.sqrt(2) / reference)] * 3, abs=0.05
+    )
+    assert len({r.text for r in bands.references[:3]}) == 1
+
+
+def test_transfer_functions_have_its_phase() -> None:
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal(N)
+    channels = (
+        Channel("Force", unit="N", role="generator", sampling_rate=RATE, n_samples=N),
+        Channel("Acc", unit="m/s^2", role="accelerometer", sampling_rate=RATE, n_samples=N),
+    )
+    shown = Recording("hit.tdms", channels, ArraySource([noise, 2 * noise])).in_quantity("velocity")
+    found = TransferFunction(reference="Force", lines=400)(shown)
+    f = found.frequency_hz
+    assert np.allclose(found.response[0], 2 / (2j * np.pi * f))
+    assert found.units == ("m/s/N",)
+    assert any("acceleration is converted to velocity" in note for note in found.notes)
+
+
+def test_without_motion_it_is_refused() -> None:
+    mic = Channel("Mic", unit="Pa", sampling_rate=RATE, n_samples=N)
+    with pytest.raises(RequestError, match="no channel can be shown as velocity"):
+        Recording("a.tdms", (mic,), ArraySource([MOTIONS["m"]])).in_quantity("velocity")
