@@ -25,6 +25,8 @@ def read_limits(path: Path) -> LimitCurve:
     InputError
         The file cannot be read or holds no limits; the message names the line.
     """
+    if not path.is_file():
+        raise InputError(f"the file of limits {path} does not exist", remedy="check the path")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as fault:
