@@ -53,6 +53,12 @@ class Cluster:
         options = ("--no-nanny", "--nthreads", "1", "--host", "127.0.0.1")
         return self._start(*python, self.address, *options)
 
+    def wait_for_workers(self, count: int) -> None:
+        from distributed import Client
+
+        with Client(self.address, timeout=60) as client:
+            client.wait_for_workers(count, timeout=60)
+
     def _start(self, *arguments: str) -> subprocess.Popen[bytes]:
         process = subprocess.Popen(
             [sys.executable, *arguments, "--no-dashboard"],
@@ -141,6 +147,7 @@ def test_a_worker_without_the_path_is_named_and_others_do_its_files(
     )
     assert tables(tmp_path / "alone") == {}
     cluster.worker()
+    cluster.wait_for_workers(2)
     batch = begin(campaign, "-o", tmp_path / "both", "--cluster", cluster.address)
     _, messages = batch.communicate(timeout=100)
     assert batch.returncode == 1, messages
