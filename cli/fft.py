@@ -23,8 +23,9 @@ PIECE = 1 << 15  # lines of a table at once
 
 if TYPE_CHECKING:
     from specan.data.limits import Kept
-    from specan.data.recording import Quantity, Recording
+    from specan.data.recording import Recording
     from specan.data.spectrum import Spectrogram, Spectrum
+    from specan.units import Quantity
 
 
 @click.command("fft", cls=RecordingVerb)

@@ -16,7 +16,7 @@ from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.frequency_response import FrequencyResponse
-    from specan.data.recording import Quantity
+    from specan.units import Quantity
 
 
 @click.command("frf", cls=RecordingVerb)

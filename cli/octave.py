@@ -18,7 +18,7 @@ from specan_cli.several_files import RecordingVerb, recording_argument
 if TYPE_CHECKING:
     from specan.data.band_levels import BandLevels
     from specan.data.limits import Kept
-    from specan.data.recording import Quantity
+    from specan.units import Quantity
 
 _WIDE = 6  # channels that stand side by side in a table
 

@@ -40,7 +40,7 @@ def show(found: ProposedLaws, directory: Path) -> None:
     if not found.laws:
         click.echo(
             f"No law. Noise explains what is left: over {found.tried} laws, p = {found.p_value:.2g}."
-            if found.p_value >= 0.005
+            if found.noise_explains
             else f"No law of the {found.tried} that were tried predicts conditions that it was not fitted to."
         )
         return

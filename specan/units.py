@@ -5,9 +5,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Literal
 
 from specan.errors import RequestError
+
+Quantity = Literal["displacement", "velocity", "acceleration"]
+QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
+MOTION = ("m", "m/s", "m/s^2")  # their units: each the derivative of the one before
 
 # Spellings found in recordings that the unit library does not know or reads as something else
 # ("g" is the gram there; a vibration engineer means standard gravity).

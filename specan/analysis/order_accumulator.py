@@ -14,10 +14,11 @@ from specan.data.orders import OrderLines, OrderSpectrum, TachoReport
 from specan.data.recording import Channel, Recording
 from specan.dsp.angular import PASS, AngularResampler, samples_per_turn
 from specan.dsp.envelope import envelope
-from specan.dsp.integration import MOTION, QUANTITIES, derivative_factor
+from specan.dsp.integration import derivative_factor
 from specan.dsp.order_lines import BLOCKS, common_period, fit_lines
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.errors import InputError, RequestError
+from specan.units import MOTION, QUANTITIES
 
 Real = NDArray[np.float64]
 
@@ -357,7 +358,7 @@ def _derivations(channels: tuple[Channel, ...], settings: OrderSettings, into: O
         raise RequestError(
             "an envelope cannot be converted to another quantity", remedy="leave one of them out"
         )
-    wanted = MOTION[QUANTITIES[settings.quantity]]
+    wanted = QUANTITIES.index(settings.quantity)
     other = [c.name for c in channels if c.unit not in MOTION]
     if len(other) == len(channels):
         raise RequestError(
@@ -366,11 +367,11 @@ def _derivations(channels: tuple[Channel, ...], settings: OrderSettings, into: O
         )
     if other:
         into.notes = (*into.notes, f"not converted to {settings.quantity}: {', '.join(other)}")
-    return [wanted - MOTION[c.unit] if c.unit in MOTION else c.derivatives for c in channels]
+    return [wanted - MOTION.index(c.unit) if c.unit in MOTION else c.derivatives for c in channels]
 
 
 def _unit(channel: Channel, times: int) -> str:
     if not times:
         return channel.unit
-    at = MOTION[channel.unit] + times
-    return next((unit for unit, n in MOTION.items() if n == at), channel.unit)
+    at = MOTION.index(channel.unit) + times
+    return MOTION[at] if 0 <= at < len(MOTION) else channel.unit

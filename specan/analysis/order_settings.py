@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import Field
 
 from specan.schema import Settings
+from specan.units import Quantity
 
 BLOCK_TURNS = 8
 
@@ -26,7 +25,7 @@ class OrderSettings(Settings):
     mesh: float | None = Field(default=None, gt=0.0)
     harmonics: int = Field(default=3, ge=1)
     sidebands: int = Field(default=0, ge=0)
-    quantity: Literal["displacement", "velocity", "acceleration"] | None = None
+    quantity: Quantity | None = None
     envelope_hz: tuple[float, float] | None = None
     columns: int = Field(default=200, ge=1)
     start_s: float = Field(default=0.0, ge=0.0)

@@ -20,13 +20,14 @@ from specan.analysis.response_length import (
 )
 from specan.analysis.section import of_one_rate, reference_channel, section
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
-from specan.data.recording import MOTION, QUANTITIES, Channel, Recording
+from specan.data.recording import Channel, Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import Estimate, Estimator, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix
 from specan.dsp.windows import WindowName, line_correlation
 from specan.errors import InputError
 from specan.schema import Settings
+from specan.units import MOTION, QUANTITIES
 
 # Lines up to rate / 2.56: above them the converters' anti-aliasing filters fall off.
 SAMPLES_PER_LINE = 2.56

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from specan.data.recording import Quantity, Recording
+from specan.data.recording import Recording
 from specan.io.open import open_recording
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from specan.data.spectrum import Spectrogram, Spectrum
     from specan.data.tone import ToneTable
     from specan.schema import Settings
+    from specan.units import Quantity
 
 Source: TypeAlias = Recording | str | Path
 

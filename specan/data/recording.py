@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError, nearest
 from specan.result import Result, counted, full_names
+from specan.units import MOTION, QUANTITIES, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,11 +22,6 @@ Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho"
 ROLES: tuple[Role, ...] = (
     "microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other",
 )  # fmt: skip
-
-
-Quantity = Literal["displacement", "velocity", "acceleration"]
-QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
-MOTION = ("m", "m/s", "m/s^2")  # their units: each the derivative of the one before
 
 
 class SampleSource(Protocol):

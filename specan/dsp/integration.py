@@ -7,11 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Real = NDArray[np.float64]
 
-MOTION = {"m": 0, "m/s": 1, "m/s^2": 2}
-"""Differentiations of a displacement that lead to a quantity of this unit."""
-
-QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-
 
 def derivative_factor(frequency_hz: ArrayLike, times: int) -> NDArray[np.complex128]:
     """Factor (j w)^times on a spectrum of exp(+j w t); zero at frequency zero for integrations.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ from specan.study.diagnose import parameters_of
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import observable_errors
 from specan.study.estimation.problem import Problem
-from specan.study.selection.law_search import Law, search_laws
+from specan.study.selection.law_search import LEVEL, Law, search_laws
 from specan.study.selection.left_out_error import left_out_error
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
@@ -95,10 +96,18 @@ class ProposedLaws(Result):
 
     dimensions = ("law",)
 
+    @property
+    def noise_explains(self) -> bool:
+        """Whether noise alone gives so large a fall in chi-square too often for a law to be proposed."""
+        return self.p_value >= LEVEL
+
     def summary(self) -> str:
         """How many there are."""
         if not self.laws:
-            return f"no law: noise explains what is left (p = {self.p_value:.2g} over {self.tried} laws)"
+            why = (
+                "noise explains what is left" if self.noise_explains else "none predicts conditions left out"
+            )
+            return f"no law: {why} (p = {self.p_value:.2g} over {self.tried} laws)"
         return f"{counted(len(self.laws), 'law')} of {self.tried} tried, p = {self.p_value:.1g}"
 
     def columns(self) -> dict[str, Any]:
@@ -164,7 +173,7 @@ def propose_laws(study: Study) -> ProposedLaws:
     folder = study.directory / FOLDER
     for law, _, source in fitted:
         folder.mkdir(exist_ok=True)
-        (folder / law.file.name).write_text(source, encoding="utf-8", newline="\n")
+        _write(folder / law.file.name, source)
     return ProposedLaws(
         laws=tuple(law for law, _, _ in fitted),
         p_value=found.p_value,
@@ -175,6 +184,14 @@ def propose_laws(study: Study) -> ProposedLaws:
         unit=before.unit,
         next_measurement=tuple(p.to_json() for p in following),
     )
+
+
+def _write(path: Path, source: str) -> None:
+    """Write a law; a file of that name with other content, which its owner may have changed, is kept beside it."""
+    if path.exists() and path.read_bytes() != source.encode():
+        old = hashlib.sha256(path.read_bytes()).hexdigest()[:8]
+        path.replace(path.with_name(f"{path.name}.{old}"))
+    path.write_text(source, encoding="utf-8", newline="\n")
 
 
 def _error(refit: Refit) -> Any:

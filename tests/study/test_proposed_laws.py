@@ -11,7 +11,7 @@ from specan.models import Model
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import base_problem
 from specan.study.observation.table import TableObservation
-from specan.study.propose import source_of
+from specan.study.propose import _write, source_of
 from specan.study.selection.law_grammar import Spread, formulas
 from specan.study.selection.law_search import search_laws
 from specan.study.selection.refits import Refit
@@ -121,6 +121,15 @@ def test_files_are_written_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyP
             assert "law-onset-load: torque + size x max(load - load_onset, 0)" in done.stdout
     assert "law-onset-load.load_onset" in done.stdout
     assert "after" in done.stdout
+
+
+def test_a_file_that_was_changed_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "law-power-x.py"
+    for text in ("first\n", "first\n", "second\n"):
+        _write(path, text)
+    assert path.read_text() == "second\n"
+    kept = [p for p in tmp_path.iterdir() if p != path]
+    assert [p.read_text() for p in kept] == ["first\n"]
 
 
 def test_a_file_holds_units_and_the_fitted_values() -> None:
