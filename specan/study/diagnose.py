@@ -451,7 +451,7 @@ def _ranked(search: Search, refit: Refit, named: bool) -> Ranked:
 def _errors(refit: Refit) -> ObservableError:
     """Error of the observable with most values, in its unit."""
     problem = refit.problem
-    predicted = problem.predictions(refit.fit.theta)
+    predicted = problem.plain(refit.fit.theta)
     return observable_errors(problem, problem.observations, predicted)[0]
 
 

@@ -29,7 +29,7 @@ MOST_Z = 40.0  # beyond which a normal law gives no number
 def by_order_family(problem: Problem, best: Fit) -> Localisation:
     """Find the families of order lines, and their harmonics, sensors and operating points, at which a model fails."""
     algebra = LeftOut(problem, best)
-    lines = _Lines(problem, algebra.predicted)
+    lines = _Lines(problem, np.concatenate(problem.plain(best.theta)))
     blocks = [_block(algebra, lines, where, rows) for where, rows in _places(lines.labels)]
     passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = sorted(
