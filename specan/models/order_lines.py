@@ -74,8 +74,8 @@ class OrderLines:
         Relative standard uncertainty of lines beside a harmonic that is common to all harmonics: how strongly they
         are heard there depends on the path to the sensor.
     response : float
-        Relative standard uncertainty of lines that the ideal machine does not have, against those that it has; common to
-        the lines of a harmonic.
+        Relative standard uncertainty of lines that the ideal machine does not have, against those that it has; common
+        to the lines of a harmonic.
     """
 
     axis: str

@@ -68,7 +68,10 @@ def test_chi_square_in_closed_form() -> None:
     predicted = np.zeros((2, 8), dtype=complex)
     predicted[found.kept] = found._with_gains(TRUTH[found.kept])[0]
     gap = (found.amplitude - predicted).ravel()
-    expected = np.real(gap.conj() @ np.linalg.solve(declared_covariance(predicted), gap))
+    apart = np.log(found.amplitude / predicted)
+    middle = np.minimum(np.abs((found.amplitude - predicted) / apart), 2 * np.abs(predicted))
+    middle = middle * predicted / np.abs(predicted)
+    expected = np.real(gap.conj() @ np.linalg.solve(declared_covariance(middle), gap))
     moved = found.whiten(found.as_known(TRUTH) - found.measured)
     assert np.sum(moved**2) == pytest.approx(expected, rel=1e-9)
 
@@ -82,11 +85,20 @@ def test_gains_are_those_of_generalised_least_squares() -> None:
     predicted[found.kept] = found._with_gains(TRUTH[found.kept])[0]
     for sensor in range(2):
         for h in (1, 2):
-            mine = HARMONIC == h
+            mine = h == HARMONIC
             gain = np.vdot(TRUTH[sensor, mine], noisy[sensor, mine]) / np.vdot(
                 TRUTH[sensor, mine], TRUTH[sensor, mine]
             )
             assert predicted[sensor, mine] == pytest.approx(gain * TRUTH[sensor, mine], rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0])
+def test_lines_too_high_cost_as_much_as_lines_too_low(factor: float) -> None:
+    """A part of the lines predicted five times too high or too low is refused, far beyond the declared errors."""
+    found = observed(TRUTH, 0.001)
+    wrong = TRUTH * np.where(BEYOND, factor, 1.0)
+    chi2 = np.sum(found.whiten(found.as_known(wrong) - found.measured) ** 2)
+    assert chi2 > 60  # of 24 degrees of freedom
 
 
 def test_lines_that_are_not_predicted_are_evidence_in_full() -> None:
@@ -112,13 +124,13 @@ def test_chi_square_of_drawn_errors_has_the_stated_degrees_of_freedom() -> None:
         own = {o: 0.3 * complex_normal(2) for o in np.unique(OFFSET) if o}
         beside = np.stack([own.get(o, np.zeros(2)) for o in OFFSET], axis=1)
         answer = 0.2 * complex_normal(2)[HARMONIC - 1] * BEYOND
-        seen = observed(TRUTH * (1 + smooth + beside + answer) + 0.1 * complex_normal(2, 8))
+        seen = observed(TRUTH * np.exp(smooth + beside + answer) + 0.1 * complex_normal(2, 8))
         return float(np.sum(seen.whiten(seen.as_known(TRUTH) - seen.measured) ** 2))
 
     values = [drawn() for _ in range(400)]
     dof = observed(TRUTH).n_effective
     assert dof == 32 - 2 * 4
-    # errors in proportion to the truth, V in proportion to the prediction: products of errors make a tenth
+    # gains are found by V about the prediction: products of errors make a tenth
     assert np.mean(values) == pytest.approx(dof, rel=0.1)
     assert np.var(values) == pytest.approx(2 * dof, rel=0.4)
 

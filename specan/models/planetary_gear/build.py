@@ -75,7 +75,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         nuisances=(
             Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),
             Nuisance("contact-exponent", "change", EXPONENT, "bending 1, contact along a line 10/9, at a point 3/2"),
-            Nuisance("contact-stiffness", "change", STIFFNESS, "bodies and rims deflect too, loads vary along the flank"),
+            Nuisance("contact-stiffness", "change", STIFFNESS, "bodies deflect too, loads vary along the flank"),
             Nuisance("carrier-inertia", "change", INERTIA, "carrier, shaft and load are taken as one disc"),
             Nuisance("contact-damping", "change", DAMPING, "damping ratios of meshes from 0.01 to 0.1"),
         ),

@@ -15,8 +15,8 @@ _NEGLIGIBLE = 1e-10  # of the strongest line of the transmission error
     "Oscillations, 1979, section 5.2)",
 )
 def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, planet_phase, torque_ripple,
-               sun_error, ring_error, operating_points, base_radii, carrier_inertia, planet_inertia, carrier_ratio, carrier_turn,
-               ring_teeth, shaft_receptance):  # fmt: skip
+               sun_error, ring_error, operating_points, base_radii, carrier_inertia, planet_inertia,
+               carrier_ratio, carrier_turn, ring_teeth, shaft_receptance):  # fmt: skip
     """Forces of the ring's and the sun's meshes, (points, 2, planets, angle).
 
     The meshes are springs, whose stiffness changes over the pitch, and dampers between the sun, which turns steadily,
@@ -26,53 +26,65 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
     points, _, planets, samples = transmission_error.shape
     turns = int(np.rint(samples * carrier_turn[1]))
     period = ring_teeth * turns  # bins from one harmonic of the mesh to the next
+    reach = samples // 2 // period
+    side = np.arange(-reach, reach + 1)
     spectra = np.fft.rfft(transmission_error, axis=-1).reshape(points, 2 * planets, -1)
     ripple = np.fft.rfft(torque_ripple[:samples])
     # Springs answer to what the approach is beyond the steady deflection, dampers to the whole of it.
     errors = np.concatenate([sun_error, ring_error])[:, :samples]
     steady = spectra + np.fft.rfft(errors, axis=-1) if np.any(errors) else spectra
-    reach = int((samples // 2) // period)
-    side = np.arange(-reach, reach + 1)
-    moment = np.zeros((2 * planets, 1 + planets))
-    sun, planet, ring = base_radii
-    moment[:planets, 0], moment[planets:, 0] = -(sun + planet), planet - ring
-    for i in range(planets):
-        moment[i, 1 + i], moment[planets + i, 1 + i] = planet, -planet
-    mass = np.array([carrier_inertia, *([planet_inertia] * planets)])
-    toward = moment / mass @ moment.T  # what a force at a mesh accelerates at another
+    by_torque, by_force = _freedom(base_radii, carrier_inertia, planet_inertia, planets)
     torsion = np.zeros((2 * planets, 2 * planets))
-    torsion[:planets, :planets] = sun**2
+    torsion[:planets, :planets] = base_radii[0] ** 2
     found = np.zeros_like(spectra)
     for c in range(points):
         rest = _excited(spectra[c], ripple, period)
         bins = rest[:, None] + period * side
-        omega = 2 * np.pi * bins / turns * operating_points[c, 0] * carrier_ratio
         still = bins == 0
+        omega = 2 * np.pi * bins / turns * operating_points[c, 0] * carrier_ratio
         turning = np.where(still, 1.0, omega)
-        moves = toward / turning[..., None, None] ** 2 - shaft_receptance(turning)[..., None, None] * torsion
-        torque = operating_points[c, 1] * _at(ripple, bins)
-        pushed = moment[:, 0] / mass[0] * (torque / turning**2)[..., None]
-        pushed = pushed - _at(spectra[c], bins)
+        moves = (
+            by_force / turning[..., None, None] ** 2 - shaft_receptance(turning)[..., None, None] * torsion
+        )
         drag = 1j * omega[..., None] * mesh_damping[c].ravel()
         dragged = drag * _at(steady[c], bins)
-        pushed = pushed + (moves @ dragged[..., None])[..., 0]
-        pushed[still] = 0.0
-        spring = _beside(mesh_spring[c], planet_phase, side)
-        force = np.broadcast_to(spring, (rest.size, *spring.shape)).copy()
-        rows, meshes = np.arange(side.size), np.arange(2 * planets)
-        force[:, rows[:, None], meshes, rows[:, None], meshes] += drag
-        size = side.size * 2 * planets
-        flat = force.reshape(rest.size, side.size, 2 * planets, size)
-        unit = np.eye(size).reshape(side.size, 2 * planets, size)
-        matrix = unit - moves @ flat
-        matrix[still] = flat[still] / spring.real.max()  # mean forces stay as they are
-        beyond = np.linalg.solve(matrix.reshape(-1, size, size), pushed.reshape(-1, size, 1))
-        solved = (force.reshape(-1, size, size) @ beyond).reshape(rest.size, side.size, 2 * planets) + dragged
+        torque = operating_points[c, 1] * _at(ripple[None], bins)
+        pushed = by_torque * torque / turning[..., None] ** 2 - _at(spectra[c], bins)
+        pushed = np.where(still[..., None], 0.0, pushed + (moves @ dragged[..., None])[..., 0])
+        beyond = _coupled(_beside(mesh_spring[c], planet_phase, side), drag, moves, pushed, still) + dragged
         inside = np.abs(bins) < spectra.shape[-1]
-        place, values = bins[inside], solved[inside]
+        place, values = bins[inside], beyond[inside]
         found[c][:, np.abs(place)] = np.where(place[:, None] < 0, values.conj(), values).T
     found = np.fft.irfft(found.reshape(points, 2, planets, -1), samples, axis=-1)
     return planet_load[:, None, :, None] + found
+
+
+def _freedom(base_radii, carrier_inertia, planet_inertia, planets):
+    """How the approach of each mesh is accelerated by a torque on the carrier, and by a force at each mesh."""
+    sun, planet, ring = base_radii
+    moment = np.zeros((2 * planets, 1 + planets))
+    moment[:planets, 0], moment[planets:, 0] = -(sun + planet), planet - ring
+    for i in range(planets):
+        moment[i, 1 + i], moment[planets + i, 1 + i] = planet, -planet
+    mass = np.array([carrier_inertia, *([planet_inertia] * planets)])
+    return moment[:, 0] / carrier_inertia, moment / mass @ moment.T
+
+
+def _coupled(spring, drag, moves, pushed, still):
+    """Forces of springs and dampers: approach - moves (springs + dampers) approach = pushed, (sets, orders, meshes).
+
+    At order zero the springs' mean forces stay as they are.
+    """
+    sets, orders, meshes = pushed.shape
+    size = orders * meshes
+    force = np.broadcast_to(spring, (sets, *spring.shape)).copy()
+    row, mesh = np.arange(orders)[:, None], np.arange(meshes)
+    force[:, row, mesh, row, mesh] += drag
+    force = force.reshape(sets, orders, meshes, size)
+    matrix = np.eye(size).reshape(orders, meshes, size) - moves @ force
+    matrix[still] = force[still] / np.abs(spring).max()
+    approach = np.linalg.solve(matrix.reshape(sets, size, size), pushed.reshape(sets, size, 1))
+    return (force.reshape(sets, size, size) @ approach).reshape(pushed.shape)
 
 
 def _excited(spectra, ripple, period):
@@ -86,15 +98,10 @@ def _excited(spectra, ripple, period):
 
 
 def _at(spectra, bins):
-    """Spectra of real signals at bins that may be negative; the last axis becomes the first ones."""
+    """Spectra of real signals, (signals, bins), at bins that may be negative; the signals' axis becomes the last."""
     inside = np.abs(bins) < spectra.shape[-1]
-    values = (
-        np.moveaxis(spectra[..., np.where(inside, np.abs(bins), 0)], 0, -1)
-        if spectra.ndim > 1
-        else spectra[np.where(inside, np.abs(bins), 0)]
-    )
-    mask, negative = (inside, bins < 0) if spectra.ndim == 1 else (inside[..., None], (bins < 0)[..., None])
-    return np.where(negative, values.conj(), values) * mask
+    values = np.moveaxis(spectra[:, np.where(inside, np.abs(bins), 0)], 0, -1)
+    return np.where(bins[..., None] < 0, values.conj(), values) * inside[..., None]
 
 
 def _beside(spring, phase, side):

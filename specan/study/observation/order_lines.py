@@ -6,11 +6,12 @@ absolute levels. The gains are linear and nobody's concern; they are eliminated 
 the model is evaluated (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413), and cost two
 degrees of freedom each.
 
-What the model is declared not to know is relative to what it predicts, so that the covariance V goes with the
-prediction: in proportion to the measured lines, fits would prefer small ones (D'Agostini, Nucl. Instrum. Methods A 346
-(1994) 306). A fit here has one covariance, that of the noise N. So `predict` moves a prediction towards the measurement
-until N sees the residual that V would: measured - N^(1/2) V^(-1/2) (measured - predicted). `plain` is the prediction
-itself.
+What the model is declared not to know is relative, and goes with the prediction p: in proportion to the measured lines
+y, fits would prefer small ones (D'Agostini, Nucl. Instrum. Methods A 346 (1994) 306), in proportion to p alone large
+ones. The errors are those of log(y / p), which is y - p over the logarithmic mean of y and p; the covariance V goes
+with that mean. A line that the model does not have is given nothing. A fit here has one covariance, that of the noise
+N. So `predict` moves a prediction towards the measurement until N sees the residual that V would: measured -
+N^(1/2) V^(-1/2) (measured - predicted). `plain` is the prediction itself.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.study.observation.strategy import TABLE, Strategy
+from specan.study.observation.strategy import TABLE, Strategy, frugal
 from specan.study.observation.variable import Variable
 
 Array = NDArray[np.float64]
@@ -32,6 +33,7 @@ Complex = NDArray[np.complex128]
 
 REACH = 4.0  # orders within which the model's error is common to lines
 GAIN_STEPS = 2  # from gains to the covariance, and back
+MOST = 2.0  # times a prediction: largest line that its relative errors are taken of
 START = 0.3  # relative error that all lines are given for the first gains
 
 
@@ -85,7 +87,7 @@ class OrderLinesObservation:
     observable: str = "lines"
     pure_error_dof: ClassVar[float] = 0.0
     kind: ClassVar[str] = "orders"
-    strategy: ClassVar[Strategy] = TABLE
+    strategy: ClassVar[Strategy] = frugal(TABLE)
 
     @property
     def n(self) -> int:
@@ -234,7 +236,7 @@ class OrderLinesObservation:
         return predicted, self._whitening(predicted)
 
     def _whitening(self, predicted: Complex) -> Callable[[Complex], Complex]:
-        """V^(-1/2) of the lines in use: noise, and relative errors of these predictions.
+        """V^(-1/2) of the lines in use: noise, and relative errors about these predictions.
 
         In the phases of the prediction V is real.
         """
@@ -242,6 +244,7 @@ class OrderLinesObservation:
 
         size = np.abs(predicted)
         phase = np.where(size > 0, predicted / np.where(size > 0, size, 1.0), 1.0)
+        size = _between(predicted, self.amplitude[self.kept])
         covariance = self._relative_covariance * (size[:, None] * size)
         covariance.flat[:: size.size + 1] += self.noise[self.kept] ** 2
         root, failed = dpotrf(covariance, lower=1)
@@ -307,6 +310,17 @@ class OrderLinesObservation:
 
     def _rows(self, array: NDArray[Any]) -> NDArray[Any]:
         return np.tile(array[self.kept], 2)
+
+
+def _between(predicted: Complex, measured: Complex) -> Array:
+    """Logarithmic mean of two complex numbers, by its size: (a - b) / log(a / b); at most twice the first."""
+    size = np.abs(predicted)
+    both = (size > 0) & (np.abs(measured) > 0)
+    ratio = np.where(both, measured, 1.0) / np.where(both, predicted, 1.0)
+    apart = np.abs(ratio - 1.0)
+    near = apart < 1e-6
+    mean = np.where(near, 1.0, apart / np.where(near, 1.0, np.abs(np.log(ratio))))
+    return size * np.where(both, np.minimum(mean, MOST), 0.0)
 
 
 def declared_errors(order: Array, offset: Array, near: float, path: float) -> Array:

@@ -10,7 +10,8 @@ from specan.models import Parameter, effect
     scales="contact_stiffness",
     neutral={"change": 0.0},
     separate_by="a static test: twist of the locked gear over torque",
-    reference="ISO 6336-1:2019, clause 9: 14 to 20 N/(mm um) a mesh of steel gears, less at low load, by bodies and rims",
+    reference="ISO 6336-1:2019, clause 9: 14 to 20 N/(mm um) a mesh of steel gears, less at low load "
+    "and with thin rims",
     instrument=True,
 )
 def contact_stiffness(
