@@ -4,13 +4,13 @@ import numpy as np
 
 from specan.models.quantity import quantity
 
-PHASES = 256  # places within a pitch at which the deflection is solved
+PHASES = 128  # places within a pitch at which the deflection is solved
 _NEWTON, _EXACT = 30, 1e-12  # steps at most, and the part of the load that may be missing before the last
 
 
 def _pairs(phase, meshes, relief):
     """Gap of each pair of teeth at phases of a pitch, m, (meshes, pairs, phases)."""
-    place = phase[None, :] + np.arange(-1, 4)[:, None]
+    place = phase[None, :] + np.arange(-1, np.ceil(meshes[:, 1].max()) + 1)[:, None]
     gaps = []
     for pitch, ratio, before, after in meshes:
         early, late = np.clip(-place, 0, None) * pitch, np.clip(place - ratio, 0, None) * pitch

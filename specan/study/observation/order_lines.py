@@ -32,7 +32,6 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 REACH = 4.0  # orders within which the model's error is common to lines
-GAIN_STEPS = 2  # from gains to the covariance, and back
 MOST = 2.0  # times a prediction: largest line that its relative errors are taken of
 START = 0.3  # relative error that all lines are given for the first gains
 
@@ -217,7 +216,7 @@ class OrderLinesObservation:
         """Lines in use with the gain that fits best for each sensor and harmonic; and V^(-1/2) there."""
         measured = self.amplitude[self.kept]
         groups = self._gain_of_line
-        # Twice is enough: the gain is wanted to a part of the relative errors, and begins with equal ones everywhere.
+        # The gain is wanted to a part of the relative errors: one step from equal errors of all lines is enough.
         weight = 1.0 / (self.noise[self.kept] ** 2 + (START * np.abs(measured)) ** 2)
         size = np.bincount(groups, weight * np.abs(lines) ** 2)
         cross = np.conj(lines) * measured * weight
@@ -227,11 +226,10 @@ class OrderLinesObservation:
         columns = np.zeros((lines.size, size.size + 1), dtype=complex)
         columns[np.arange(lines.size), groups] = lines / scale[groups]
         columns[:, -1] = measured
-        for _ in range(GAIN_STEPS):
-            white = self._whitening(gain[groups] * lines)(columns)
-            normal = white[:, :-1].conj().T @ white[:, :-1]
-            normal.flat[:: normal.shape[0] + 1] += np.where(size > 0, 0.0, 1.0)
-            gain = np.linalg.solve(normal, white[:, :-1].conj().T @ white[:, -1]) / scale
+        white = self._whitening(gain[groups] * lines)(columns)
+        normal = white[:, :-1].conj().T @ white[:, :-1]
+        normal.flat[:: normal.shape[0] + 1] += np.where(size > 0, 0.0, 1.0)
+        gain = np.linalg.solve(normal, white[:, :-1].conj().T @ white[:, -1]) / scale
         predicted = gain[groups] * lines
         return predicted, self._whitening(predicted)
 
