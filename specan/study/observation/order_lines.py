@@ -216,20 +216,22 @@ class OrderLinesObservation:
         """Lines in use with the gain that fits best for each sensor and harmonic; and V^(-1/2) there."""
         measured = self.amplitude[self.kept]
         groups = self._gain_of_line
+        strongest = np.zeros(len(self.of_one_gain))
+        np.maximum.at(strongest, groups, np.abs(lines))
+        there = strongest > 0
+        lines = lines / np.where(there, strongest, 1.0)[groups]
         # The gain is wanted to a part of the relative errors: one step from equal errors of all lines is enough.
         weight = 1.0 / (self.noise[self.kept] ** 2 + (START * np.abs(measured)) ** 2)
-        size = np.bincount(groups, weight * np.abs(lines) ** 2)
+        size = np.where(there, np.bincount(groups, weight * np.abs(lines) ** 2), 1.0)
         cross = np.conj(lines) * measured * weight
-        gain = np.bincount(groups, cross.real) + 1j * np.bincount(groups, cross.imag)
-        gain = gain / np.where(size > 0, size, 1.0)
-        scale = np.sqrt(np.where(size > 0, size, 1.0))
+        gain = (np.bincount(groups, cross.real) + 1j * np.bincount(groups, cross.imag)) / size
         columns = np.zeros((lines.size, size.size + 1), dtype=complex)
-        columns[np.arange(lines.size), groups] = lines / scale[groups]
+        columns[np.arange(lines.size), groups] = lines / np.sqrt(size)[groups]
         columns[:, -1] = measured
         white = self._whitening(gain[groups] * lines)(columns)
         normal = white[:, :-1].conj().T @ white[:, :-1]
-        normal.flat[:: normal.shape[0] + 1] += np.where(size > 0, 0.0, 1.0)
-        gain = np.linalg.solve(normal, white[:, :-1].conj().T @ white[:, -1]) / scale
+        normal.flat[:: normal.shape[0] + 1] += ~there
+        gain = np.linalg.solve(normal, white[:, :-1].conj().T @ white[:, -1]) / np.sqrt(size)
         predicted = gain[groups] * lines
         return predicted, self._whitening(predicted)
 

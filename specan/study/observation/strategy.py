@@ -53,7 +53,7 @@ TABLE = Strategy()
 
 
 def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
-    """Strategy of a problem over several observations; a frugal one for many rows.
+    """Strategy of a problem over several observations; a frugal one for many rows, or where one of them is.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
         continuation=any(p.continuation for p in parts),
         linearised_covariance=any(p.linearised_covariance for p in parts),
     )
-    return frugal(whole) if n_data > MANY_ROWS else whole
+    return frugal(whole) if n_data > MANY_ROWS or any(p == frugal(p) for p in parts) else whole
 
 
 def frugal(strategy: Strategy) -> Strategy:
