@@ -67,8 +67,9 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         raise RequestError("everything that was measured is held out", remedy="hold out less")
     common = (
         f"every line: model discrepancy {100 * known.discrepancy:.3g} %, common to lines within a few orders, and "
-        f"{100 * known.path:.3g} % for the path, common to all harmonics (from the rig file or its defaults); a free "
-        "gain for every harmonic of each sensor"
+        f"{100 * known.path:.3g} % for the path, common to all harmonics; lines that the ideal set does not have: "
+        f"{100 * known.response:.3g} %, common to a harmonic (from the rig file or its defaults); a free gain for "
+        "every harmonic of each sensor"
     )
     return OpenedData(tuple(fitted), tuple(held_out), (*statements, common), True, 100 * known.discrepancy)
 

@@ -52,7 +52,8 @@ class _Lines:
         self.noise = np.concatenate([o.stack((o.noise * (1 + 1j)).astype(complex)) for o in seen])
         self.labels = {name: np.concatenate([o.labels[name] for o in seen]) for name in seen[0].labels}
         self.variables = seen[0].variables
-        self.middle = np.concatenate([_middle(o) for o in seen])
+        parts = np.split(predicted, np.cumsum([o.n for o in seen])[:-1])
+        self.middle = np.concatenate([_middle(o, part) for o, part in zip(seen, parts, strict=True)])
         self.observable = seen[0].observable
         self.unit = problem.assembly.model.observables[self.observable].unit
 
@@ -68,11 +69,14 @@ class _Lines:
         return float(10 * np.log10(max(gap, 1e-300) / np.sum(self.middle[rows] ** 2)))
 
 
-def _middle(o: OrderLinesObservation) -> Array:
-    """Root mean square of the strongest line of each row's sensor and harmonic, over its two parts."""
+def _middle(o: OrderLinesObservation, predicted: Array) -> Array:
+    """Root mean square, over its two parts, of the line that the model has strongest about each row's harmonic."""
+    own = np.zeros(o.kept.shape)
+    own[o.kept] = np.hypot(*np.split(predicted, 2))
     strongest = np.zeros(o.kept.shape)
     for group in o.of_one_gain:
-        strongest[group] = np.abs(o.amplitude[group]).max() / np.sqrt(2)
+        line = np.argmax(np.where(group, own, -1.0))
+        strongest[group] = np.abs(o.amplitude.flat[line]) / np.sqrt(2)
     return o.stack((strongest * (1 + 1j)).astype(complex))
 
 
