@@ -92,4 +92,4 @@ class OrderLines:
     stated: Mapping[str, Stated] = field(default_factory=dict)
     discrepancy: float = 0.1
     path: float = 0.3
-    response: float = 0.3
+    response: float = 0.5

@@ -64,9 +64,9 @@ class _Lines:
         return float(10 * np.log10(model / max(measured, 1e-300)))
 
     def missing(self, rows: NDArray[np.bool_]) -> float:
-        """What the model lacks, over the harmonic that the lines lie about, dB."""
-        gap = np.sum((self.measured[rows] - self.predicted[rows]) ** 2) - np.sum(self.noise[rows] ** 2)
-        return float(10 * np.log10(max(gap, 1e-300) / np.sum(self.middle[rows] ** 2)))
+        """What the model lacks, over the harmonic that each line lies about, dB."""
+        gap = (self.measured[rows] - self.predicted[rows]) ** 2 - self.noise[rows] ** 2
+        return float(10 * np.log10(max(np.mean(gap / np.maximum(self.middle[rows] ** 2, 1e-300)), 1e-300)))
 
 
 def _middle(o: OrderLinesObservation, predicted: Array) -> Array:

@@ -86,7 +86,7 @@ class OrderLinesObservation:
     observable: str = "lines"
     pure_error_dof: ClassVar[float] = 0.0
     kind: ClassVar[str] = "orders"
-    strategy: ClassVar[Strategy] = frugal(TABLE)
+    strategy: ClassVar[Strategy] = replace(frugal(TABLE), explained_limit=1.0)
 
     @property
     def n(self) -> int:

@@ -32,6 +32,10 @@ class Strategy:
         A refit is left out where a linear prediction rules out its success.
     reuses_signatures : bool
         Signatures of candidates are worked out at the base only, at few shapes; promising ones are scanned closer.
+    explained_limit : float
+        Most chi-square a value that counts as explained where it is asked what an equation that is not exact may leave:
+        where errors of the prediction are in the covariance, what a model without a line leaves there counts in the
+        noise alone.
     refitted, pairs, rivals : int
         Most candidates, pairs and rivals of the best set that are refitted whatever they promise.
     """
@@ -44,6 +48,7 @@ class Strategy:
     secondary_refits: bool = True
     pruning: bool = False
     reuses_signatures: bool = False
+    explained_limit: float = float("inf")
     refitted: int = 5
     pairs: int = 8
     rivals: int = 8
@@ -73,6 +78,7 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
     whole = Strategy(
         continuation=any(p.continuation for p in parts),
         linearised_covariance=any(p.linearised_covariance for p in parts),
+        explained_limit=min((p.explained_limit for p in parts), default=float("inf")),
     )
     return frugal(whole) if n_data > MANY_ROWS or any(p == frugal(p) for p in parts) else whole
 
