@@ -26,7 +26,7 @@ from specan.study.selection.initial_fit import InitialFit, initial_fit, with_cov
 from specan.study.selection.left_out_error import left_out_error
 from specan.study.selection.other_forms import other_forms
 from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_would_tell
-from specan.study.selection.refits import Refit, Refits, left_by_form
+from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.row_drift import drift_over_rows
 from specan.study.selection.search import Progress, Search
@@ -249,7 +249,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         return _Found(
             "unknown-effect", "three effects or more would be needed; one unknown is likelier", True
         )
-    if best.lack_of_fit_p_beyond(left_by_form(best.problem, base.chi2 - best.chi2)) < LACK_OF_FIT:
+    if best.lack_of_fit_p_beyond(FORM_TOLERANCE**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
         return _Found("unknown-effect", f"{names} explains a part, and much is left", True)
     contradicted = search.too_far(best)
     if contradicted:

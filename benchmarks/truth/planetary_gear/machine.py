@@ -150,7 +150,7 @@ def _excitation(machine: Machine, turn: Real, torque: float) -> tuple[Real, Real
             for k, phase in enumerate(rng.uniform(0, 2 * np.pi, 9), 2):  # the first harmonic is a runout
                 wave += np.cos(2 * np.pi * k * on_sun + phase) / k
             offset[:, i] += pitch["cumulative_um"] * 1e-6 * wave
-    load = np.full(turn.size, torque)
+    load = np.full(turn.size, float(torque))
     if "torque-ripple" in hidden:
         ripple = hidden["torque-ripple"]
         load *= 1 + ripple["part"] * np.cos(2 * np.pi * (against + turn) + ripple["phase"])

@@ -33,9 +33,9 @@ class Strategy:
     reuses_signatures : bool
         Signatures of candidates are worked out at the base only, at few shapes; promising ones are scanned closer.
     explained_limit : float
-        Most chi-square a value that counts as explained where it is asked what an equation that is not exact may leave:
-        where errors of the prediction are in the covariance, what a model without a line leaves there counts in the
-        noise alone.
+        Most chi-square a value that counts as explained when rivals are compared, and is taken for what equations that
+        are not exact may leave: where errors of the prediction are in the covariance, a model without a line is judged
+        by the noise alone, and rivals that have it by those errors.
     refitted, pairs, rivals : int
         Most candidates, pairs and rivals of the best set that are refitted whatever they promise.
     """

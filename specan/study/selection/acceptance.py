@@ -11,7 +11,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.selection import cross_validation
 from specan.study.selection.f_test import LACK_OF_FIT, improvement_probability
 from specan.study.selection.multiple_testing import MultipleTestingFamily, simulated_probability
-from specan.study.selection.refits import Refit, left_by_form
+from specan.study.selection.refits import FORM_TOLERANCE, Refit
 
 LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
 DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
@@ -105,7 +105,7 @@ class AcceptanceTest:
 
         return Decision(
             p_value=probability(0.0),
-            p_with_tolerance=probability(left_by_form(start.problem, self.explained) / dispersion),
+            p_with_tolerance=probability(FORM_TOLERANCE**2 * self.explained / dispersion),
             delta_bic=start.bic(dispersion) - extended.bic(dispersion),
             held_out_gain=held_out_gain(start, extended),
             level=self.level,

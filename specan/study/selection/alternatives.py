@@ -14,7 +14,7 @@ import numpy as np
 from specan.study.estimation.projection import Projection
 from specan.study.selection.acceptance import DECISIVE, complete
 from specan.study.selection.candidates import candidates, confounded_with
-from specan.study.selection.refits import Refit, left_by_form
+from specan.study.selection.refits import FORM_TOLERANCE, Refit
 from specan.study.selection.score_test import best_of_each, score, score_pairs
 from specan.study.selection.search import Search
 from specan.study.selection.starting_values import scan_shapes
@@ -75,7 +75,7 @@ def refit_rivals(search: Search) -> None:
     strategy = search.best.problem.strategy
     limit = WIDE * best.dispersion
     if strategy.pruning:  # then the search has refitted few, and none for its place in the ranking
-        limit = max(limit, left_by_form(search.best.problem, search.base.chi2 - search.best.chi2))
+        limit = max(limit, _left_by_form(search))
     near = [members for d, members in options[: strategy.rivals] if d < limit]
     if (
         strategy.reuses_signatures and len(search.best.uses) == 1
@@ -123,13 +123,19 @@ def _indistinguishable(search: Search, best: Refit, rival: Refit) -> bool:
     if complete(best, rival):
         return False
     behind = rival.bic(best.dispersion) - best.bic(best.dispersion)
-    if behind < DECISIVE + left_by_form(best.problem, search.base.chi2 - best.chi2) / best.dispersion:
+    if behind < DECISIVE + _left_by_form(search) / best.dispersion:
         return True
     there, back = distance(best, rival) / best.dispersion, distance(rival, best) / best.dispersion
     off = (rival.chi2 - best.chi2) / best.dispersion
     return (there < DISTINGUISHABLE and off < _as_far_as(there)) or (
         back < DISTINGUISHABLE and behind < DISTINGUISHABLE
     )
+
+
+def _left_by_form(search: Search) -> float:
+    """Chi-square that an equation which is not exact may leave of what it explains."""
+    problem, explained = search.best.problem, search.base.chi2 - search.best.chi2
+    return FORM_TOLERANCE**2 * min(explained, problem.strategy.explained_limit * problem.n_effective)
 
 
 def _as_far_as(distance_there: float) -> float:

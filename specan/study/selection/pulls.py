@@ -9,7 +9,7 @@ import numpy as np
 
 from specan.models.parameter_name import ParameterName
 from specan.study.estimation.problem import range_of
-from specan.study.selection.refits import Refit, left_by_form
+from specan.study.selection.refits import FORM_TOLERANCE, Refit
 
 # Standard deviations beyond which a fit holds only with a value that contradicts what is known: three, as for an
 # outlier of a normal law (p = 0.003).
@@ -86,7 +86,7 @@ def too_far(refit: Refit, base: Refit) -> tuple[Pull, ...]:
     FORM_TOLERANCE sqrt(explained chi-square), and moves no parameter of a least-squares fit by more standard errors
     than that.
     """
-    by_form = float(np.sqrt(left_by_form(refit.problem, max(base.chi2 - refit.chi2, 0.0))))
+    by_form = FORM_TOLERANCE * float(np.sqrt(max(base.chi2 - refit.chi2, 0.0)))
     own = {str(use) for use in refit.uses}
     found = []
     for pull in pulls(refit):

@@ -43,11 +43,6 @@ SLOPE_STEP = 1e-3  # of a parameter's typical size
 MOVES = 1e-3
 
 
-def left_by_form(problem: Problem, explained: float) -> float:
-    """Chi-square that an equation which is not exact may leave of what it explains."""
-    return FORM_TOLERANCE**2 * min(explained, problem.strategy.explained_limit * problem.n_effective)
-
-
 @dataclass(frozen=True, eq=False)
 class Refit:
     """A problem with some effects added, fitted.

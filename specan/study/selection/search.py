@@ -13,7 +13,7 @@ from specan.models import Use
 from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision, complete
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.pulls import Pull, too_far
-from specan.study.selection.refits import EffectSet, Refit, Refits, left_by_form
+from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, different, family, score, score_pairs
 from specan.study.selection.shape_grid import shape_grid
 from specan.study.selection.signatures import (
@@ -305,7 +305,7 @@ class Search:
             least = max(
                 least,
                 acceptance.needed_reduction - price,
-                left_by_form(reference.problem, acceptance.explained) / reference.dispersion,
+                FORM_TOLERANCE**2 * acceptance.explained / reference.dispersion,
             )
         return promised_fall < least * reference.dispersion
 
