@@ -366,12 +366,12 @@ def _notes(found: Found) -> tuple[str, str]:
 
 
 def _now_and_then(tell: Tell, told: Callable[[float], bool], every: int = 8) -> Tell:
-    """Every so many pieces the picture as far as it is known, else the progress alone."""
+    """At first and every so many pieces the picture as far as it is known, else the progress alone."""
     count = 0
 
     def both(part: float) -> bool:
         nonlocal count
         count += 1
-        return told(part) if count % every == 0 else tell(part)
+        return told(part) if count % every == 1 else tell(part)
 
     return both
