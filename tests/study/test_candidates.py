@@ -14,8 +14,7 @@ from specan.study.selection.candidates import candidates, grid
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import best_of_each, family, score, score_pairs
 from specan.study.selection.search import Search
-from specan.study.selection.shape_grid import shape_grid
-from specan.study.selection.signatures import signatures
+from specan.study.selection.signatures import shape_grid, signatures
 
 
 def scored(problem):

@@ -18,8 +18,7 @@ from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import Refit
 from specan.study.selection.score_test import best_of_each, score
-from specan.study.selection.shape_grid import shape_grid
-from specan.study.selection.signatures import signatures
+from specan.study.selection.signatures import shape_grid, signatures
 from specan.study.selection.starting_values import (
     kept_values,
     promised,

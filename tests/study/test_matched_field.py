@@ -15,9 +15,9 @@ from specan.study.estimation.problem import base_problem
 from specan.study.observation.strategy import Strategy
 from specan.study.selection.acceptance import complete
 from specan.study.selection.candidates import candidates
-from specan.study.selection.matched_field import EACH_WAY, FROM_EDGE, likely_places
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.search import Search
+from specan.study.selection.starting_values import EACH_WAY, FROM_EDGE, likely_places
 from tests.study.test_coarse import RIG, recorded
 
 DIMS = np.array(RIG["room"]["dims_m"])
