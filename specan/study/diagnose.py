@@ -14,9 +14,8 @@ from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import NORMAL_95, Fit, fit, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import MOST_ROWS
+from specan.study.localisation.by_blocks import MOST_ROWS, Block
 from specan.study.localisation.localise import localise
-from specan.study.localisation.result import Block
 from specan.study.selection.acceptance import DECISIVE, left_out_error
 from specan.study.selection.alternatives import alternatives, other_forms
 from specan.study.selection.detectable_size import by_effect, minimum_detectable_sizes

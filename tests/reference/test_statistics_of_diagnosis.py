@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from specan.study.estimation.projection import Projection, orthonormal
+from specan.study.estimation.linear import Projection, orthonormal
 from specan.study.selection.acceptance import blocks, left_out_score
 from specan.study.selection.significance import (
     MultipleTestingFamily,

@@ -8,9 +8,8 @@ import pytest
 from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.receivers import ReceiverErrors
-from specan.study.estimation.continuation import continuation_fit, down_weighted
+from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import fit
-from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.problem import base_problem
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.study.estimation.projection import Projection
+from specan.study.estimation.linear import Projection
 from specan.study.selection.acceptance import left_out_score
 from specan.study.selection.significance import improvement_probability
 

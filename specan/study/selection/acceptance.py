@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.study.estimation.levenberg_marquardt import descend
+from specan.study.estimation.linear import Projection
 from specan.study.estimation.prediction_error import ObservableError, errors_of
 from specan.study.estimation.problem import Problem
-from specan.study.estimation.projection import Projection
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
 from specan.study.selection.significance import (

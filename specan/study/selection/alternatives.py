@@ -19,7 +19,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.study.estimation.fit import fit
-from specan.study.estimation.projection import Projection
+from specan.study.estimation.linear import Projection
 from specan.study.selection.acceptance import DECISIVE, complete
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import FORM_TOLERANCE, Refit

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Effect, Parameter, effect
-from specan.study.estimation.projection import Projection
+from specan.study.estimation.linear import Projection
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import left_out_blocks, left_out_score
 from specan.study.selection.law_grammar import Formula, Spread, formulas

@@ -14,8 +14,8 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.parameter_name import ParameterName
 from specan.study.estimation.fit import Fit
+from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
-from specan.study.estimation.projection import Projection
 from specan.study.selection.candidates import Candidate, grid
 
 Array = NDArray[np.float64]

@@ -23,10 +23,9 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.parameter_name import ParameterName
 from specan.models.receivers import PlacedEffects
-from specan.study.estimation.continuation import continuation_fit, down_weighted
+from specan.study.estimation.continuation import JACOBIANS, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
-from specan.study.estimation.linearised_covariance import JACOBIANS, about
 from specan.study.estimation.problem import Problem
 from specan.study.observation.frf import FrfObservation
 from specan.study.selection.candidates import Candidate, candidates, grid
