@@ -20,8 +20,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
-
 from room_search import KINDS, drawn
+
 from specan.models.catalogue import load_model
 from specan.study.data.open_recordings import open_data
 from specan.study.data.sources import DataFile, MeasuredFiles

@@ -7,8 +7,8 @@ import pytest
 
 from specan.models.catalogue import load_model
 from specan.models.receivers import ReceiverErrors
+from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
-from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.problem import base_problem
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation

@@ -67,8 +67,8 @@ def test_channels_in_a_circle_are_named_one_by_one(lined):
         places[0], places[2], places[3] = places[2], places[3], places[0]
 
     text = mistaken_set_up(described(lined, turn)).text
-    for said in ("Mic 1 stands at the place of Mic 4", "Mic 3 stands at the place of Mic 1", "Mic 4 stands at the place of Mic 3"):  # fmt: skip
-        assert said in text
+    for channel, place in ((1, 4), (3, 1), (4, 3)):
+        assert f"Mic {channel} stands at the place of Mic {place}" in text
 
 
 def test_a_vibrometer_of_reversed_sign_is_named(lined):
@@ -85,7 +85,7 @@ def test_a_microphone_of_reversed_sign_is_named(lined):
 
 
 def test_a_loudspeaker_in_another_wall_is_found_near_its_place(lined):
-    path, rig = lined
+    _, rig = lined
     true = rig["piston"]
 
     def elsewhere(rig):

@@ -189,9 +189,8 @@ def _words(
     if len(turned) == used.sum():
         parts.append(f"the {receivers.reference_role} has reversed sign")
     elif turned:
-        parts.append(
-            f"{_listed(turned)} {'has' if len(turned) == 1 else 'have'} reversed sign against the {receivers.reference_role}"
-        )
+        verb = "has" if len(turned) == 1 else "have"
+        parts.append(f"{_listed(turned)} {verb} reversed sign against the {receivers.reference_role}")
     moved = [(m, int(p)) for m, p in enumerate(place) if m != p and used[m]]
     pairs = [(m, p) for m, p in moved if place[p] == m and (m < p or not used[p])]
     others = [(m, p) for m, p in moved if place[p] != m]

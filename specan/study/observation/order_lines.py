@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.study.observation.strategy import TABLE, Strategy
-from specan.study.observation.variable import Variable
+from specan.study.observation import TABLE, Strategy, Variable
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
