@@ -110,16 +110,16 @@ class SourcePlaces:
 
     Attributes
     ----------
-    walls : tuple of str
+    faces : tuple of str
         Elements on which it may lie.
     with_source : callable
-        ``with_source(model, wall, across, along) -> model``: the model with its source there, in parts of the wall's
+        ``with_source(model, face, across, along) -> model``: the model with its source there, in parts of the face's
         edges.
     words : callable
-        ``words(wall, across, along) -> str``: a sentence that says so.
+        ``words(face, across, along) -> str``: a sentence that says so.
     """
 
-    walls: tuple[str, ...]
+    faces: tuple[str, ...]
     with_source: Callable[[Any, str, float, float], Any]
     words: Callable[[str, float, float], str]
 

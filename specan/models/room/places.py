@@ -72,7 +72,7 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
         source=None
         if dims is None
         else SourcePlaces(
-            walls=WALLS,
+            faces=WALLS,
             with_source=lambda model, wall, across, along: _with_source(rig, model, wall, across, along),
             words=lambda wall, across, along: _source_words(rig, wall, across, along),
         ),

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # An effect bends the field; a mistake's undoing chooses among whole sets of places, and the best of wrong ones never
-# came below 0.92 of the chi-square in 31 rooms with strong effects and no mistake (benchmarks/mistaken_set_ups.py).
+# came below 0.92 of the chi-square in 31 cases with strong effects and no mistake (benchmarks/mistaken_set_ups.py).
 SHARE = 0.5  # of the chi-square on the coarse view that may be left with a mistake undone
 EACH_WAY = 7  # places of a source along each edge that are looked at first
 REFINED = 12  # steps of the place of a source, each half the one before where nothing is better
@@ -61,7 +61,7 @@ def mistaken_set_up(problem: Problem) -> MistakenSetUp:
 
     Channels that stand where the rig file has others, and channels turned round, are found together as the cheapest
     assignment of measured responses to predicted ones (Kuhn 1955, Naval Res. Logist. 2:83), either sign allowed. The
-    place of the source is looked for over all walls, if the model can tell. What is found is believed if a fit with it
+    place of the source is looked for over all faces, if the model can tell. What is found is believed if a fit with it
     leaves `SHARE` of the chi-square on a coarse view. Data that are held out are not looked at.
 
     Parameters
@@ -209,39 +209,39 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _source_elsewhere(problem: Problem, source: SourcePlaces) -> tuple[_Fitted, str]:
-    """The source where it suits the data best, over all walls."""
+    """The source where it suits the data best, over all faces."""
     grid = np.linspace(FROM_EDGE, 1 - FROM_EDGE, EACH_WAY)
     misfit = _Misfit(problem, source)
-    best = min((misfit(wall, a, b), wall, a, b) for wall in source.walls for a in grid for b in grid)
+    best = min((misfit(face, a, b), face, a, b) for face in source.faces for a in grid for b in grid)
     step = float(grid[1] - grid[0]) / 2
     for _ in range(REFINED):
-        _, wall, a, b = best
+        _, face, a, b = best
         ways = [(a + i * step, b + j * step) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
         inside = [(x, y) for x, y in ways if 0 <= x <= 1 and 0 <= y <= 1]
-        nearer = min((misfit(wall, x, y), wall, x, y) for x, y in inside)
+        nearer = min((misfit(face, x, y), face, x, y) for x, y in inside)
         if nearer < best:
             best = nearer
         else:
             step /= 2
-    _, wall, a, b = best
-    return _Fitted.of(_with_source(problem, source, wall, a, b)), source.words(wall, a, b)
+    _, face, a, b = best
+    return _Fitted.of(_with_source(problem, source, face, a, b)), source.words(face, a, b)
 
 
-def _with_source(problem: Problem, source: SourcePlaces, wall: str, across: float, along: float) -> Problem:
-    model = source.with_source(problem.assembly.model, wall, across, along)
+def _with_source(problem: Problem, source: SourcePlaces, face: str, across: float, along: float) -> Problem:
+    model = source.with_source(problem.assembly.model, face, across, along)
     return replace(problem, assembly=model.assemble(problem.assembly.uses))
 
 
 class _Misfit:
-    """How far recordings are from the model with its source at a place of a wall, as declared otherwise."""
+    """How far recordings are from the model with its source at a place of a face, as declared otherwise."""
 
     def __init__(self, problem: Problem, source: SourcePlaces) -> None:
         self._problem, self._source = problem, source
         self._values = _declared_values(problem)
         self._seen = [o for o, _ in _coarse(problem)]
 
-    def __call__(self, wall: str, across: float, along: float) -> float:
-        there = _with_source(self._problem, self._source, wall, across, along)
+    def __call__(self, face: str, across: float, along: float) -> float:
+        there = _with_source(self._problem, self._source, face, across, along)
         total = 0.0
         for o in self._seen:
             predicted = o.responses(there.assembly, [there.seen_by(o, self._values)])[0]
