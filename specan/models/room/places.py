@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models.measurement_kinds import PlacedEffects, Places, ReceiverErrors, Receivers, WaveNumberStep
 from specan.models.model import Model
 from specan.models.quantity import constant
-from specan.models.receivers import PlacedEffects, Places, ReceiverErrors, Receivers, WaveNumberStep
 from specan.models.room.box_field import Port, point
 from specan.models.room.rig import Rig
 
