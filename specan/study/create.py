@@ -12,7 +12,7 @@ from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
 from specan.models.groups import with_groups
-from specan.models.rig_file import read_rig_file
+from specan.models.rig import read_rig_file
 from specan.study.build_problem import undetermined
 from specan.study.data.sources import kind_of
 from specan.study.history import Step, changing, commit, line_of

@@ -14,7 +14,7 @@ from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
 from specan.models.groups import with_groups
-from specan.models.rig_file import read_rig_file
+from specan.models.rig import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.data.sources import DataFile, MeasuredFiles, open_data

@@ -7,7 +7,7 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.models.receivers import ReceiverErrors
+from specan.models.measurement_kinds import ReceiverErrors
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import base_problem

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.model import Model
-from specan.models.quantity import constant
-from specan.models.receivers import (
+from specan.models.measurement_kinds import (
     PlacedEffects,
     Places,
     ReceiverErrors,
@@ -19,6 +17,8 @@ from specan.models.receivers import (
     SourcePlaces,
     WaveNumberStep,
 )
+from specan.models.model import Model
+from specan.models.quantity import constant
 from specan.models.room.box_field import Port, point
 from specan.models.room.rig import WALLS, Rig
 

@@ -17,7 +17,7 @@ from specan.data.recording import Channel, Recording
 from specan.errors import InputError, RequestError, nearest
 from specan.io.open import open_recording
 from specan.models import Model
-from specan.models.order_lines import OrderLines, Stated
+from specan.models.measurement_kinds import OrderLines, Stated
 from specan.study.data.open_recordings import reads  # noqa: F401  a recording is one by its content
 from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.observation import Variable

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.models.receivers import Places, Receivers
+from specan.models.measurement_kinds import Places, Receivers
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import Block
 from specan.study.localisation.frf_errors import DB

@@ -27,7 +27,7 @@ import numpy as np
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
 from specan.models.groups import grouped
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.study.estimation.linear import chosen_stencil, usual_stencil
 from specan.study.estimation.pseudo_measurements import KnownRanges, PseudoMeasurements
 from specan.study.observation import Array, Observation, Strategy, joined

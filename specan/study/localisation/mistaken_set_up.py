@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import ComputationError
-from specan.models.receivers import Receivers, SourcePlaces
+from specan.models.measurement_kinds import Receivers, SourcePlaces
 from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted
 from specan.study.estimation.problem import Problem
 from specan.study.observation.frf import FrfObservation

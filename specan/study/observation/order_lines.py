@@ -38,7 +38,7 @@ class OrderLinesObservation:
     channels : tuple of str
         Names of the sensors, in the model's order.
     order, harmonic, family : arrays (lines,)
-        See `specan.models.order_lines.OrderLines`.
+        See `specan.models.measurement_kinds.OrderLines`.
     amplitude : complex array (sensors, lines)
     noise : array (sensors, lines)
         Standard uncertainty of the real and of the imaginary part that lines do not share.

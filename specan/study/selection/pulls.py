@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.problem import range_of
 from specan.study.selection.acceptance import LEVEL, held_out_gain, noise_dof

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem

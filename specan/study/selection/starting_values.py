@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.models.parameter_name import ParameterName
-from specan.models.receivers import PlacedEffects
+from specan.models.measurement_kinds import PlacedEffects
+from specan.models.parameter import ParameterName
 from specan.study.estimation.continuation import JACOBIANS, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps

@@ -1,15 +1,154 @@
-"""Receivers of a sound or vibration field: what a model says of the channels whose transfer functions it predicts."""
+"""What a model brings for each kind of measurement that it can be held against.
+
+Of tables the rules that their rows obey: columns that follow from others, values that cannot be. Of order lines which
+there are, and what a recording tells about them. Of transfer functions the receivers: their places and their errors.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+
+class TableFault(Exception):
+    """What is wrong with a table; whoever reads the file says which file and lines.
+
+    Parameters
+    ----------
+    found : str
+        What was found.
+    rows : array of bool, optional
+        The rows that it is true of; the whole table by default.
+    expected, remedy : str
+        See `specan.errors.SpecanError`.
+    """
+
+    def __init__(
+        self, found: str, rows: NDArray[np.bool_] | None = None, expected: str = "", remedy: str = ""
+    ) -> None:
+        super().__init__(found)
+        self.found, self.rows, self.expected, self.remedy = found, rows, expected, remedy
+
+
+@dataclass(frozen=True)
+class Completed:
+    """Columns that replace those of the table, the step in which each row's value was printed, and notes.
+
+    Attributes
+    ----------
+    columns, steps : mapping
+        ``{header: array (rows,)}``; NaN where a value is unknown or of no use.
+    notes : tuple of str
+        What was worked out or left out, for a person.
+    """
+
+    columns: Columns
+    steps: Columns
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class TableRules:
+    """What a model does with the columns of a table before they are compared with it.
+
+    Attributes
+    ----------
+    complete : callable
+        ``complete(columns, steps) -> Completed`` from the columns that a table has (in the units of their
+        headers) and the steps in which they are printed. Raises `TableFault`.
+    derivable : mapping
+        ``{header: headers that it follows from}`` of conditions that a table need not hold.
+    """
+
+    complete: Callable[[Columns, Mapping[str, float]], Completed]
+    derivable: Mapping[str, frozenset[str]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Stated:
+    """Where a recording tells an operating condition that holds for the whole of it.
+
+    Attributes
+    ----------
+    prefix : str
+        Property of a group or of the recording, ``NAME_UNIT``, in the condition's `column_unit`.
+    channel : str
+        Channel whose mean it is, where no property tells.
+    default : float
+        Nominal value, SI.
+    """
+
+    prefix: str
+    channel: str = ""
+    default: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Tacho:
+    """A channel with pulses of a shaft that makes `ratio` turns a turn of the reference shaft."""
+
+    channel: str
+    ratio: float
+
+
+@dataclass(frozen=True, eq=False)
+class OrderLines:
+    """Order lines of vibration sensors, counted per turn of a reference shaft.
+
+    Attributes
+    ----------
+    axis : str
+        The model's axis that names the sensors; their channels have these names.
+    order : array (lines,)
+        Orders that the machine can show.
+    harmonic : array of int (lines,)
+        Number of the harmonic that each belongs to: what lies between machine and sensor gives the lines of one
+        harmonic one unknown gain.
+    offset : array (lines,)
+        Order less that of its harmonic.
+    family : tuple of str
+        What each line is called together with those of the other harmonics: ``66h+-1``.
+    order_condition, rate_condition : str
+        Conditions of the model that hold a line's order and a shaft's speed.
+    rate_ratio : float
+        That speed over the speed of the reference shaft.
+    stated : mapping
+        Where a recording tells the other conditions.
+    tachos : tuple of Tacho
+        Channels that tell the angle, the finest first.
+    index : str
+        Channel with one pulse a turn of the reference shaft: phases are those at its pulses.
+    period : int
+        Turns of the reference shaft after which the machine repeats itself. Which of them a recording begins with,
+        nobody knows.
+    discrepancy : float
+        Relative standard uncertainty of the model, common to lines within a few orders.
+    path : float
+        Relative standard uncertainty of lines beside a harmonic that is common to all harmonics: how strongly they
+        are heard there depends on the path to the sensor.
+    """
+
+    axis: str
+    order: Array
+    harmonic: NDArray[np.intp]
+    offset: Array
+    family: tuple[str, ...]
+    order_condition: str
+    rate_condition: str
+    rate_ratio: float
+    tachos: tuple[Tacho, ...]
+    index: str
+    period: int = 1
+    stated: Mapping[str, Stated] = field(default_factory=dict)
+    discrepancy: float = 0.1
+    path: float = 0.3
 
 
 @dataclass(frozen=True)
