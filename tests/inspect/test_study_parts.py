@@ -11,7 +11,6 @@ from click.testing import CliRunner
 pytest.importorskip("bokeh")
 
 from specan.errors import InputError, RequestError
-from specan.inspect import kept_study
 from specan.inspect.kept_study import KeptStudy
 from specan.inspect.plots import Band
 from specan.inspect.study_views.failing import FailingMap
@@ -116,7 +115,7 @@ def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypa
     said: list[str] = []
     assert KeptStudy(Study(directory)).diagnosis(go_on, said.append) == found
     assert said == []  # it was on the disk
-    monkeypatch.setattr(kept_study, "diagnose_and_keep", None)
+    monkeypatch.setattr(Study, "diagnose", None)
     assert kept.diagnosis(go_on, heard_of.append) is found
 
 
