@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from specan.models.parameter import Parameter
 from specan.models.quantity import quantity
-from specan.models.room.box_field import BoxField, Port, box, point
+from specan.models.room.box_field import BoxField, box
+from specan.models.room.port import Port, point
 
 Complex = NDArray[np.complex128]
 COLD = 325.0  # m/s, at -11 degC

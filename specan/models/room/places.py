@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from specan.models.model import Model
 from specan.models.quantity import constant
 from specan.models.receivers import PlacedEffects, Places, ReceiverErrors, Receivers, WaveNumberStep
-from specan.models.room.box_field import Port, point
+from specan.models.room.port import Port, point
 from specan.models.room.rig import Rig
 
 Array = NDArray[np.float64]

@@ -8,7 +8,8 @@ from scipy.special import j1, spherical_jn
 
 from specan.models.room import box_field
 from specan.models.room.axis_modes import axis_modes
-from specan.models.room.box_field import Port, ball_mean, box, disc_mean
+from specan.models.room.box_field import box
+from specan.models.room.port import Port, ball_mean, disc_mean
 from specan.models.room.static_correction import _closed_form
 
 LENGTHS = (0.9, 0.6, 0.7)
@@ -139,7 +140,7 @@ def test_few_lines_tell_the_others_or_are_not_used(beta, few, monkeypatch):
         Port((0.7, 0.5, 0.1), 0),
     ]
     sparse = box(*arguments)
-    assert (len(sparse.few.chosen) if sparse.few else None) == few
+    assert (len(sparse.resonances.few.chosen) if sparse.resonances else None) == few
     got = sparse.coupling(source, receivers)
     monkeypatch.setattr(box_field, "interpolations", lambda frequency: ())
     expected = box(*arguments).coupling(source, receivers)
