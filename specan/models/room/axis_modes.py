@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from specan.models.room.frequency_interpolation import FrequencyInterpolation
 
 Complex = NDArray[np.complex128]
 
+CARRIED = 0.1  # of the distance to the next mode
 HELD = 1e-8  # step by which a mode known from few lines may be off, part of its squared wave number and one
 
 
@@ -28,8 +30,8 @@ class AxisModes:
         Length of the axis, m.
     w : array (lines, modes)
         Squared dimensionless wave numbers ``(q L) ** 2``.
-    a0 : array (lines, 1)
-        ``j k beta0 L`` of the wall at the origin.
+    a0, a1 : array (lines, 1)
+        ``j k beta L`` of the wall at the origin, and of the other.
     norm : array (lines, modes)
         Integral of ``X ** 2`` over the axis, m.
     """
@@ -38,12 +40,22 @@ class AxisModes:
     w: Complex
     a0: Complex
     norm: Complex
+    a1: Complex
     _at: dict[bytes, Complex] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def q2(self) -> Complex:
         """Squared wave numbers, 1/m^2."""
         return self.w / self.length**2
+
+    @cached_property
+    def turns(self) -> tuple[Complex, Complex, NDArray[np.float64]]:
+        """Derivatives of the squared wave numbers by both walls, and the distance of each to the next."""
+        cosine, sine = _cos_sinc(self.w)
+        _, slope = _characteristic(self.w, self.a0, self.a1)
+        apart = np.abs(self.w[:, :, None] - self.w[:, None, :])
+        apart[:, np.arange(self.w.shape[1]), np.arange(self.w.shape[1])] = np.inf
+        return (cosine + self.a1 * sine) / slope, (cosine + self.a0 * sine) / slope, np.min(apart, axis=2)
 
     def holds(self, few: FrequencyInterpolation, count: int, a0: Complex, a1: Complex) -> bool:
         """Whether its first modes, known at few lines, are modes between walls with ``j k beta L`` of (lines,)."""
@@ -118,11 +130,39 @@ def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: i
     if key in _AXES:
         _AXES.move_to_end(key)
         return _AXES[key]
-    w = _zeros(length, a0, a1, count)
+    w = _carried(a0, a1, count)
+    solved = w is None
+    if w is None:
+        w = _zeros(length, a0, a1, count)
     while len(_AXES) >= _KEPT:
         _AXES.popitem(last=False)
-    _AXES[key] = AxisModes(length, w, a0, length * norms(w, a0))
-    return _AXES[key]
+    found = _AXES[key] = AxisModes(length, w, a0, length * norms(w, a0), a1)
+    if solved:
+        _SOLVED.insert(0, found)
+        del _SOLVED[_KEPT:]
+    return found
+
+
+# Modes that were solved for from the beginning, the last ones first: what is not far from them starts there.
+_SOLVED: list[AxisModes] = []
+
+
+def _carried(a0: Complex, a1: Complex, count: int) -> Complex | None:
+    """Zeros from those between walls that are not much different; None where there are none.
+
+    Moved by a tenth of the distance to the next zero at most, a zero stays in the reach of Newton's method. Only modes
+    solved for from the beginning are taken to start from, so that a long way in small steps leads nowhere else.
+    """
+    for near in _SOLVED:
+        if near.w.shape != (len(a0), count):
+            continue
+        by_a0, by_a1, gap = near.turns
+        step = by_a0 * (a0 - near.a0) + by_a1 * (a1 - near.a1)
+        if np.all(np.abs(step) < CARRIED * gap):
+            w = near.w + step
+            settled = _refined(w, a0, a1)
+            return w if np.all(settled) else None
+    return None
 
 
 def _zeros(length: float, a0: Complex, a1: Complex, count: int) -> Complex:
@@ -152,16 +192,21 @@ def _newton(w: Complex, a0: Complex, a1: Complex) -> NDArray[np.intp]:
     order = np.arange(w.shape[1])
     apart = 0.45 * np.pi**2 * np.maximum(2 * order - 1, 1)  # discs around the rigid zeros do not touch
     rigid, start = (np.pi * order) ** 2, w.copy()
+    settled = _refined(w, a0, a1)
+    left = np.flatnonzero(~np.all(settled & (np.abs(w - rigid) < apart), axis=1))
+    w[left] = start[left]
+    return left
+
+
+def _refined(w: Complex, a0: Complex, a1: Complex) -> NDArray[np.bool_]:
+    """Newton's steps on `w` in place; which have settled."""
     for _ in range(6):
         value, slope = _characteristic(w, a0, a1)
         step = value / slope
         w -= step
         if np.max(np.abs(step) / (1.0 + np.abs(w))) < 1e-8:  # convergence is quadratic
             break
-    settled = np.abs(step) <= 1e-8 * (1.0 + np.abs(w))
-    left = np.flatnonzero(~np.all(settled & (np.abs(w - rigid) < apart), axis=1))
-    w[left] = start[left]
-    return left
+    return np.abs(step) <= 1e-8 * (1.0 + np.abs(w))
 
 
 def _iterate(w: Complex, a0: Complex, a1: Complex, lines: NDArray[np.intp]) -> NDArray[np.intp]:

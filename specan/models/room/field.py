@@ -213,6 +213,9 @@ def _load_strengths(
         driven += strength[:, None] * modes.coupling(port, ports)
     between = np.stack([modes.coupling(port, ports) for port in ports], axis=2)  # (lines, at, from)
     admittance = np.stack([y * np.ones(lines) for _, y in loads], axis=1)
+    if count == 1:
+        (only,) = admittance.T
+        return [-only * factor * driven[:, 0] / (1 + factor * between[:, 0, 0] * only)]
     matrix = np.eye(count) + factor[:, None, None] * between * admittance[:, None, :]
     pressure = np.linalg.solve(matrix, (factor[:, None] * driven)[..., None])[..., 0]
     return list((-admittance * pressure).T)

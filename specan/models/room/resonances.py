@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ Complex = NDArray[np.complex128]
 MOST_STEPS = 12  # of Newton's iteration: quadratic, so a mode that takes more has no pole near the band
 SETTLED = 1e-12  # half-widths of the band
 SMOOTH = 1e-11  # what a polynomial through the few lines may lack of a pole that stays in the smooth part
+EVERY = 4  # of the lines that are looked at
 EXACT = 1e-9  # part of a mode's largest value to which its smooth rest must follow from the few lines
 
 
@@ -152,13 +154,13 @@ def resonances(
         Wave number up to which a mode may resonate in the band, 1/m.
     """
     lengths = tuple(axis.length for axis in axes)
-    orders = np.indices(counts).reshape(3, -1)
+    orders = _orders(tuple(counts))
     distance = _distance(axes, orders) - k2[few.chosen, None]
     near = np.min((distance + k2[few.chosen, None]).real, axis=0) <= highest**2
     orders, distance = orders[:, near], distance[:, near]
     pole, slope, found = _poles(few, distance, k2[few.chosen])
     residue = np.where(found, 1 / slope, 0)
-    some = few.looked_at
+    some = slice(few.looked_at.start, None, EVERY * few.looked_at.step)
     there = _distance(axes, orders, few.matrix[some]) - k2[some, None]
     exact, seen = 1 / distance, 1 / there
     rest = exact - residue / (few.place[few.chosen, None] - pole)
@@ -179,6 +181,11 @@ def resonances(
         others,
         1 / (_distance(axes, orders[:, left], few.matrix) - k2[:, None]),
     )
+
+
+@lru_cache(maxsize=12)
+def _orders(counts: tuple[int, ...]) -> NDArray[np.intp]:
+    return np.indices(counts).reshape(3, -1)
 
 
 def _distance(
