@@ -9,10 +9,8 @@ from typing import Any, Protocol
 
 from specan.errors import ComputationError, RequestError, nearest
 from specan.models.effect import Effect, Use
-from specan.models.fixed_point import settle
-from specan.models.graph import components, cut
-from specan.models.parameter import Parameter
-from specan.models.parameter_name import ParameterName
+from specan.models.loops import components, cut, settle
+from specan.models.parameter import Parameter, ParameterName
 from specan.models.quantity import Condition, Quantity
 from specan.models.user_code import call, place_of
 from specan.units import convert
@@ -315,7 +313,7 @@ class Evaluator:
         parameters: Mapping[str, Any],
         parts: dict[str, dict[str, Any]],
     ) -> None:
-        """Solve a loop from the values without effects; see `specan.models.fixed_point`."""
+        """Solve a loop from the values without effects; see `specan.models.loops`."""
         import numpy as np
 
         for name in loop:

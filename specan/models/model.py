@@ -9,16 +9,13 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
-from specan.models.frf import Frf
 from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
-from specan.models.graph import components
 from specan.models.groups import check_groups, with_groups
-from specan.models.observable import Observable
-from specan.models.order_lines import OrderLines
+from specan.models.loops import components
+from specan.models.measurement_kinds import OrderLines, Receivers, TableRules
+from specan.models.observable import Frf, Observable
 from specan.models.quantity import Condition, Quantity
-from specan.models.receivers import Receivers
-from specan.models.rig_statement import RigStatement, rig_statement
-from specan.models.table_rules import TableRules
+from specan.models.rig import RigStatement, rig_statement
 
 
 @dataclass(frozen=True)
@@ -269,7 +266,7 @@ class Model:
         base_effects : sequence of str, optional
             Those that a new study begins with.
         uncertainty : mapping, optional
-            What ``[uncertainty]`` of a rig file may hold, see `specan.models.rig_statement.rig_statement`.
+            What ``[uncertainty]`` of a rig file may hold, see `specan.models.rig.rig_statement`.
         law : LawSpace, optional
             Where a law is looked for when something unknown is missing; by default what the first observable lacks,
             over all conditions that have limits above zero.

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.models.fixed_point import settle
-from specan.models.graph import components, cut
+from specan.models.loops import components, cut, settle
 
 
 def linear(gain, offset=1.0):
