@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from specan.data.recording import Channel, PhaseCalibration, Recording, matches
@@ -130,6 +130,10 @@ class Calibration(Result):
         """What it is, on one line."""
         tone = self.calibrator_frequency_hz
         return f"{counted(len(self.channels), 'channel')}" + (f" at {tone:.6g} Hz" if tone else "")
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        return asdict(self)
 
     def columns(self) -> dict[str, Any]:
         """One row for each channel and tone."""

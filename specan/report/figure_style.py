@@ -227,8 +227,9 @@ def figure_format(path: Path) -> str:
             expected="a name that ends in ." + ", .".join(FORMATS),
             remedy=nearest(kind, FORMATS) if kind else "",
         )
-    if not path.absolute().parent.is_dir():
-        raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+    from specan.io.output_file import check_directory
+
+    check_directory(path)
     return kind
 
 
