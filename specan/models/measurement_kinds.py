@@ -244,6 +244,26 @@ class PlacedEffects:
 
 
 @dataclass(frozen=True, eq=False)
+class SourcePlaces:
+    """Where the source of a field may be if it is not where it is declared.
+
+    Attributes
+    ----------
+    faces : tuple of str
+        Elements on which it may lie.
+    with_source : callable
+        ``with_source(model, face, across, along) -> model``: the model with its source there, in parts of the face's
+        edges.
+    words : callable
+        ``words(face, across, along) -> str``: a sentence that says so.
+    """
+
+    faces: tuple[str, ...]
+    with_source: Callable[[Any, str, float, float], Any]
+    words: Callable[[str, float, float], str]
+
+
+@dataclass(frozen=True, eq=False)
 class Receivers:
     """Channels at places in a field, compared with a reference channel.
 
@@ -270,6 +290,8 @@ class Receivers:
         Where further receivers can stand, if the model can tell.
     placed : PlacedEffects, optional
         Effects at one place, if the model can tell how a place is heard.
+    source : SourcePlaces, optional
+        Where the source may be, if the model can move it.
     """
 
     axis: str
@@ -289,3 +311,4 @@ class Receivers:
     group_words: str = "receivers near"
     places: Places | None = None
     placed: PlacedEffects | None = None
+    source: SourcePlaces | None = None

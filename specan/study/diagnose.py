@@ -16,6 +16,7 @@ from specan.study.estimation.prediction_error import ObservableError, observable
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import MOST_ROWS, Block
 from specan.study.localisation.localise import localise
+from specan.study.localisation.mistaken_set_up import mistaken_set_up
 from specan.study.selection.acceptance import DECISIVE, left_out_error
 from specan.study.selection.alternatives import alternatives, other_forms
 from specan.study.selection.detectable_size import by_effect, minimum_detectable_sizes
@@ -38,7 +39,7 @@ from specan.study.selection.pulls import (
     stretched,
     what_would_tell,
 )
-from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
+from specan.study.selection.refits import FORM_TOLERANCE, POOR_FIT, Refit, Refits
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.search import Progress, Search
 from specan.study.selection.significance import LACK_OF_FIT
@@ -87,6 +88,16 @@ def diagnose(
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
+    if start.problem.strategy.continuation and start.reduced > POOR_FIT:
+        progress("checking positions and signs of the channels against the data")
+        mistake = mistaken_set_up(problem)
+        if mistake.text:
+            return Diagnosis(
+                "cannot-tell",
+                f"{mistake.sentence}; correct it, and begin the study again",
+                lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
+                model_discrepancy_percent=_discrepancy(problem),
+            )
     near = initial_fit(start, progress)
     search = _nearer(start, near, Search(Refits(near.base, near.known), near.likely, bootstrap, progress))
     whole = _searched(search)

@@ -32,6 +32,8 @@ from specan.study.kept_results import KeptResults, keep_diagnosis
 from specan.study.localisation.by_blocks import Localisation
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.study.localisation.localise import curve_errors, localise
+from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
+from specan.study.selection.refits import POOR_FIT
 from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study_file import (
     NAME,
@@ -304,6 +306,14 @@ class Study:
         values = self.problem.values_at(self.shown.theta)
         unseen = [o.about(self.problem.assembly, values, seen=False) for o in self.data.held_out]
         return held_out_error(self.problem, self.shown, unseen)
+
+    @cached_property
+    def mistaken_set_up(self) -> MistakenSetUp:
+        """What seems to be declared wrongly about the recordings; looked for where the model is far from them."""
+        far = self.data.known and self.problem.strategy.continuation and self.best.reduced_chi2 > POOR_FIT
+        if not far:
+            return MistakenSetUp()
+        return self.kept.get("set_up", MistakenSetUp, lambda: mistaken_set_up(self.problem))
 
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
