@@ -33,11 +33,9 @@ def command(
     \b
     specan study diagnose my_study --plot ranking.png
     """
-    from specan.study.kept_diagnoses import diagnose_and_keep
-
     study = open_study(directory, effects)
     progress = say if sys.stderr.isatty() else None
-    found = diagnose_and_keep(study, bootstrap=bootstrap, progress=progress)
+    found = study.diagnose(bootstrap=bootstrap, progress=progress)
     if as_json:
         emit_json(found.to_json())
     else:

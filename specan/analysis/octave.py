@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
+from specan.analysis.accumulator import read_through
 from specan.analysis.band_results import band_levels, weighted_levels
 from specan.analysis.channel_groups import joined, slices
 from specan.analysis.quality import Watched
@@ -146,7 +147,7 @@ class Octave(Settings):
 
     def __call__(self, recording: Recording) -> BandLevels:
         """Read the recording (once in 32 channels) and return the band levels."""
-        return joined_levels([part.over(recording) for part in self.groups(recording)])
+        return joined_levels([read_through(part, recording) for part in self.groups(recording)])
 
     def bands(self, sampling_rate: float) -> NDArray[np.int64]:
         """Numbers of the bands; see `specan.dsp.bands`.

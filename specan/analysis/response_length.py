@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.analysis.accumulator import READ_BLOCK
 from specan.data.recording import Channel, Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import arrivals, estimate
@@ -20,7 +21,6 @@ from specan.dsp.windows import WindowName, window_correlation
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-READ_BLOCK = 1 << 16
 # The look takes as many samples as this many blocks, in blocks longer by up to this power of two, of which it
 # holds at least so many: delays and echoes of several blocks are seen as such.
 _LOOK_BLOCKS, _LONGEST, _LEAST = 32, 8, 4

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.accumulator import read_through
 from specan.analysis.response_length import (
     LEAST_AVERAGES,
-    READ_BLOCK,
     Look,
     averages_in,
     look,
@@ -103,12 +103,7 @@ class TransferFunction(Settings):
 
     def __call__(self, recording: Recording) -> FrequencyResponse:
         """Read the recording once and return the transfer functions."""
-        accumulator = self.accumulator(recording)
-        for samples in recording.blocks(
-            accumulator.channels, READ_BLOCK, accumulator.start, accumulator.stop
-        ):
-            accumulator.add(samples)
-        return accumulator.result()
+        return read_through(self.accumulator(recording), recording)
 
 
 class TransferFunctionAccumulator:

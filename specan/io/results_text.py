@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan import __version__
 from specan.errors import RequestError, nearest
 from specan.io.output_file import text_file
 from specan.io.text_cell import cells, escaped, plain, word
@@ -137,6 +138,15 @@ def rows(columns: Sequence[Sequence[str]]) -> str:
     return f"{lines}\n" if lines else ""
 
 
+def rows_of_channels(
+    names: Sequence[str], columns: Callable[[int], Sequence[Sequence[str]]]
+) -> Iterator[str]:
+    """Lines of one channel after the other: its name before the columns that its number gives."""
+    for number, name in enumerate(names):
+        own = columns(number)
+        yield rows([[word(name)] * len(own[0]), *own])
+
+
 def write_table(path: Path, header: Iterable[str], columns: Sequence[str], blocks: Iterable[str]) -> None:
     """Write one result table; a reader sees the old file or the whole new one.
 
@@ -157,3 +167,11 @@ def write_table(path: Path, header: Iterable[str], columns: Sequence[str], block
         file.write("\t".join(columns) + "\n")
         for block in blocks:
             file.write(block)
+
+
+def write_result(
+    path: Path, verb: str, found: Any, about: Iterable[str], columns: Sequence[str], blocks: Iterable[str]
+) -> None:
+    """Write the table of one result; its header says which verb made it, and ends with its settings and notes."""
+    header = [f"specan {__version__} {verb}", *about, f"settings: {found.settings}", *found.notes]
+    write_table(path, header, columns, blocks)

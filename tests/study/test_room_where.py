@@ -7,7 +7,7 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.models.receivers import ReceiverErrors
+from specan.models.measurement_kinds import ReceiverErrors
 from specan.models.room import EXAMPLE_RIG
 from specan.study.design.operating_points import explore, propose
 from specan.study.design.receiver_places import _separations, _views, best_places

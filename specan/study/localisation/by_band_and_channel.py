@@ -19,20 +19,20 @@ from numpy.typing import NDArray
 from specan.models import Model
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import LEAST_SHARE, LeftOut
-from specan.study.localisation.frf_errors import frf_errors
-from specan.study.localisation.result import (
+from specan.study.localisation.by_blocks import (
     CLEAR,
+    LEAST_SHARE,
     LEVEL,
     Block,
+    LeftOut,
     Localisation,
     Trend,
     benjamini_yekutieli,
     level_and_phase,
 )
-from specan.study.observation import Array
+from specan.study.localisation.frf_errors import frf_errors
+from specan.study.observation import Array, Variable
 from specan.study.observation.frf import FrfObservation
-from specan.study.observation.variable import Variable
 
 MOST_SENTENCES = 3  # that are told
 LONGEST_RUN = 3  # third octaves: an error that goes on further is said of all frequencies
