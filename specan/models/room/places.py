@@ -19,8 +19,8 @@ from specan.models.measurement_kinds import (
 )
 from specan.models.model import Model
 from specan.models.quantity import constant
-from specan.models.room.box_field import Port, point
 from specan.models.room.mode_names import NAMED
+from specan.models.room.port import Port, point
 from specan.models.room.rig import WALLS, Rig
 
 Array = NDArray[np.float64]
