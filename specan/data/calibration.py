@@ -6,7 +6,8 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-from specan.data.recording import Channel, PhaseCalibration, Recording, matches
+from specan.data.channel import Channel, PhaseCalibration, matches
+from specan.data.recording import Recording
 from specan.data.sensor import gain_of
 from specan.errors import InputError, RequestError
 from specan.result import Result, counted
@@ -192,7 +193,8 @@ def apply(calibration: Calibration, recording: Recording) -> Recording:
     Examples
     --------
     >>> import numpy as np
-    >>> from specan.data.recording import ArraySource, Channel, Recording
+    >>> from specan.data.channel import Channel
+    >>> from specan.data.recording import ArraySource, Recording
     >>> microphone = Channel("Mic 1", unit="V", raw_unit="V", sampling_rate=8e3, n_samples=1)
     >>> recording = Recording("a.tdms", (microphone,), ArraySource([np.array([0.05])]))
     >>> calibrated = apply(Calibration((ChannelCalibration("Mic 1", 50.0),)), recording)

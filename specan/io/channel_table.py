@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from specan.data.recording import Channel, Role
+from specan.data.channel import Channel, Role
 from specan.data.sensor import SMALLEST_GAIN, gain_of, is_known, si_unit
 from specan.errors import InputError, RequestError
 from specan.io.roles import Identity, derivatives_of
@@ -23,7 +23,6 @@ NAMES = ("channels.toml", "channels.csv")
 
 # Sound crosses 20 km in a minute; nothing in a laboratory is later.
 _Delay = Annotated[float, Field(ge=-60, le=60)]
-_NotNegative = Annotated[float, Field(ge=0)]
 _Positive = Annotated[float, Field(gt=0)]
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import InputError, NoSignalError
 from specan.io import sampling_rate as rates
 from specan.io.channel_table import ChannelTable, Row, channel_of
