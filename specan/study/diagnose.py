@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -85,7 +85,7 @@ def diagnose(
     near = initial_fit(start, progress)
     search = _nearer(start, near, Search(Refits(near.base, near.known), near.likely, bootstrap, progress))
     whole = _searched(search)
-    return _conclude(*_of_likeliest_form(whole, progress, bootstrap))
+    return _conclude(_of_likeliest_form(whole, progress, bootstrap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +97,36 @@ class _Searched:
     found: _Found
 
 
+@dataclass(frozen=True, eq=False)
+class _OfForms:
+    """The likeliest search over published forms of the base, the form that it rests on, and those as likely."""
+
+    best: _Searched
+    form: str = ""
+    rivals: Mapping[str, _Searched] = field(default_factory=dict)
+
+    def others(self) -> list[str]:
+        """What is missing with a form that is as likely, where that is not what the verdict says."""
+        named = {r.uses for r in self.best.sets} or {frozenset()}
+        return [
+            f"{_in_form(form)} {_names(rival.sets) or 'nothing'} would be missing"
+            for form, rival in self.rivals.items()
+            if rival.search.best.uses not in named
+        ]
+
+    def sizes(self, named: Mapping[str, Mapping[str, Any]]) -> list[str]:
+        """Values of the named effects that lie outside their intervals with a form that is as likely."""
+        said = []
+        for form, rival in self.rivals.items():
+            if rival.search.best.uses != self.best.search.best.uses:
+                continue
+            for name, there in parameters_of(rival.search.best).items():
+                if not named[name]["low"] <= there["value"] <= named[name]["high"]:
+                    unit = "" if there["unit"] == "1" else f" {there['unit']}"
+                    said.append(f"{name} is {there['value']:.2g}{unit} {_in_form(form)}, which fits as well")
+        return said
+
+
 def _searched(search: Search) -> _Searched:
     search.run()
     sets = alternatives(search)
@@ -104,24 +134,44 @@ def _searched(search: Search) -> _Searched:
     return _Searched(search, sets, _verdict(search, sets))
 
 
-def _of_likeliest_form(declared: _Searched, progress: Progress, bootstrap: bool) -> tuple[_Searched, str]:
+def _of_likeliest_form(declared: _Searched, progress: Progress, bootstrap: bool) -> _OfForms:
     """The search, with a part of the base in another published form where that explains the data better.
 
     Only where the declared form leaves something to explain. What needs no effect comes first where it is as likely
     by BIC; otherwise another form has to be decisively better.
     """
     if declared.found.kind == "nothing-missing" and not declared.found.doubt:
-        return declared, ""
-    likeliest, form = declared, ""
+        return _OfForms(declared)
+    tried = {"": declared}
+    chosen = ""
     for other in other_forms(declared.search.base):
         progress(f"searching with {other.text}")
-        new = _searched(Search(Refits(other.start), (), bootstrap, progress))
-        best, rival = likeliest.search.best, new.search.best
-        dispersion = min(best.dispersion, rival.dispersion)
-        ahead = best.bic(dispersion) - rival.bic(dispersion)
-        if ahead > (DECISIVE if rival.uses or new.found.kind != "nothing-missing" else 0.0):
-            likeliest, form = new, other.text
-    return likeliest, form
+        new = tried[other.text] = _searched(Search(Refits(other.start), (), bootstrap, progress))
+        likelier = DECISIVE if new.search.best.uses or new.found.kind != "nothing-missing" else 0.0
+        if _ahead(new.search.best, tried[chosen].search.best) > likelier:
+            chosen = other.text
+    best = tried.pop(chosen)
+    return _OfForms(best, chosen, {form: one for form, one in tried.items() if _as_likely(one, best)})
+
+
+def _ahead(one: Refit, other: Refit) -> float:
+    """BIC by which one fit is likelier than another, chi-square in units of the smaller dispersion."""
+    dispersion = min(one.dispersion, other.dispersion)
+    return other.bic(dispersion) - one.bic(dispersion)
+
+
+def _as_likely(one: _Searched, best: _Searched) -> bool:
+    """Whether the data admit a verdict with another form of the base as well as the best one.
+
+    The same rule as between effects: behind by less than what is decisive and what the equation of the effects that
+    are named may be off. What does not fit, or only with values that are not known, explains nothing.
+    """
+    explained = (best.search.base.chi2 - best.search.best.chi2) / best.search.best.dispersion
+    behind = _ahead(best.search.best, one.search.best)
+    return (
+        one.found.kind in ("nothing-missing", "effect", "group")
+        and behind < DECISIVE + FORM_TOLERANCE**2 * explained
+    )
 
 
 def _nearer(start: Refit, near: InitialFit, search: Search) -> Search:
@@ -172,13 +222,13 @@ def _check_failures(search: Search) -> None:
             )
 
 
-def _conclude(whole: _Searched, form: str) -> Diagnosis:
-    search, sets, found = whole.search, whole.sets, whole.found
+def _conclude(forms: _OfForms) -> Diagnosis:
+    search, sets = forms.best.search, forms.best.sets
+    found = _with_forms(forms)
     base, best = search.base, search.best
-    if form:
-        found = _with_form(found, form)
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at
+    ranking = _ranking(search, sets)
     visible = by_effect(
         [*minimum_detectable_sizes(step.seen, step.acceptance, best.dispersion), *_of_members(search)]
     )
@@ -188,7 +238,7 @@ def _conclude(whole: _Searched, form: str) -> Diagnosis:
         alternatives=tuple(tuple(sorted({u.name for u in r.uses})) for r in sets),
         at=_places(u for r in sets for u in r.uses),
         unknown_possible=found.doubt,
-        ranking=_ranking(search, sets),
+        ranking=ranking,
         lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
         model_discrepancy_percent=_discrepancy(base.problem),
         fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
@@ -197,7 +247,7 @@ def _conclude(whole: _Searched, form: str) -> Diagnosis:
         else None,
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
-        other_form=form,
+        other_form=forms.form,
         next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
         pulls=shown(found.values or pulls(best)),
         error=_error_fall(base, best),
@@ -211,6 +261,7 @@ def _conclude(whole: _Searched, form: str) -> Diagnosis:
                 odd_repeat(base),
                 *_better_but_too_far(search, sets),
                 *_too_good(base),
+                *(forms.sizes(ranking[0].parameters) if best.uses else ()),
             )
             if r
         ),
@@ -244,7 +295,7 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
     base, best = search.base, search.best
     if not best.uses:
         return _of_base(search)
-    names = " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
+    names = _names(sets)
     if search.third is not None:
         return _Found(
             "unknown-effect", "three effects or more would be needed; one unknown is likelier", True
@@ -256,12 +307,21 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         return _Found(
             "fits-only-if", f"with {names} it fits only with {_values(contradicted)}{_telling(best)}", True
         )
+    return _Found("effect" if len(sets) == 1 else "group", "")
+
+
+def _with_doubts(search: Search, sets: list[Refit], found: _Found) -> _Found:
+    """What speaks against an effect or a group that was found."""
+    if found.kind not in ("effect", "group"):
+        return found
+    base, best = search.base, search.best
     left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions) or _fails_somewhere(best)
     left = left or (len(best.uses) == 1 and _follows_a_law(best))
+    several = len(best.uses) > 1 and not search.of_one_instrument(best)
     reasons = []
     if left:
         reasons.append("something is left: its form is not exact, or another effect is there too")
-    elif len(best.uses) > 1 and not search.of_one_instrument(best):
+    elif several:
         reasons.append("one unknown effect would explain the data as well")
     second = [] if left else _second_possible(search)
     if second:
@@ -272,13 +332,8 @@ def _verdict(search: Search, sets: list[Refit]) -> _Found:
         )
     if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
-    doubt = (
-        left
-        or bool(second)
-        or (len(best.uses) > 1 and not search.of_one_instrument(best))
-        or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
-    )
-    return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
+    suspect = bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
+    return replace(found, reason="; ".join(reasons), doubt=left or bool(second) or several or suspect)
 
 
 def _second_possible(search: Search) -> list[str]:
@@ -300,10 +355,24 @@ def _second_possible(search: Search) -> list[str]:
     return [f"{name} (p = {p:.1g})" for p, name in sorted(found)[:MOST_OTHERS]]
 
 
-def _with_form(found: _Found, form: str) -> _Found:
-    """The verdict with the other form of a part that it rests on; which form is right stays open."""
-    said = f"with {form}, another published form of the same part"
-    return replace(found, reason=f"{said}: {found.reason}" if found.reason else said, doubt=True)
+def _names(sets: Sequence[Refit]) -> str:
+    return " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
+
+
+def _in_form(form: str) -> str:
+    return f"with {form}" if form else "with the declared form"
+
+
+def _with_forms(forms: _OfForms) -> _Found:
+    """The verdict with the form of a part that it rests on; a doubt only where another form would change it."""
+    best, others = forms.best, forms.others()
+    found = _with_doubts(best.search, best.sets, best.found)
+    said = f"with {forms.form}, another published form of the same part" if forms.form else ""
+    reason = ": ".join(text for text in (said, found.reason) if text)
+    if found.kind not in ("nothing-missing", "effect", "group") or not others:
+        return replace(found, reason=reason)
+    said = f"the form of the base is not certain, and {' and '.join(others)}"
+    return replace(found, reason="; ".join(text for text in (reason, said) if text), doubt=True)
 
 
 def _of_base(search: Search) -> _Found:

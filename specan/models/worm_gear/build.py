@@ -30,7 +30,10 @@ from specan.units import convert
 
 RPM = math.pi / 30
 BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
-OTHER_FORMS = {"bearing-friction": ("palmgren-bearings",), "churning": ("exponential-churning",)}
+OTHER_FORMS = {
+    "bearing-friction": ("palmgren-bearings", "iso-bearings"),
+    "churning": ("exponential-churning",),
+}
 
 # key of [uncertainty]: effect and parameter that it holds, factor from the key's unit to the parameter's
 CERTIFICATES = {
