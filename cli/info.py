@@ -12,6 +12,7 @@ from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
 from specan_cli.output_file import Verb
 from specan_cli.recording_input import opening_options
+from specan_cli.results import draw
 from specan_cli.several_files import expand
 
 if TYPE_CHECKING:
@@ -34,13 +35,11 @@ _LINES = 30  # of properties; the others are told with --all
 @click.option("--json", "as_json", is_flag=True, help="Everything, as JSON.")
 def command(
     files: tuple[Path, ...],
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
     levels: bool,
     show_all: bool,
     plot: Path | None,
     as_json: bool,
+    opening: dict[str, Any],
 ) -> int:
     """Show groups, channels, roles, rates, units, excitation, notes and integrity of recordings.
 
@@ -61,13 +60,7 @@ def command(
         raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
     for item in found:
         try:
-            recording = open_recording(
-                item.path,
-                label=item.label,
-                channel_table=channel_table,
-                calibration=calibration,
-                sampling_rate=sampling_rate,
-            )
+            recording = open_recording(item.path, label=item.label, **opening)
             excitation = recognise(recording)
             quality = _levels(recording) if levels else {}
         except InputError as fault:
@@ -81,11 +74,7 @@ def command(
         else:
             _show(recording, item.path, excitation, quality, show_all)
             seen.append({})
-        if plot is not None:
-            from specan.report.figure_style import save_figure
-            from specan.report.figures_waveforms import figure_waveforms
-
-            save_figure(figure_waveforms(recording), plot)
+        draw(recording, plot)
     if not seen:
         raise InputError("no file could be read", remedy="see the reasons above")
     if as_json:

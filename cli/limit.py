@@ -24,28 +24,20 @@ def limit_option() -> Callable[[Any], Any]:
     )
 
 
-def limit_content(kept: Sequence[Kept]) -> list[dict[str, Any]]:
-    """For JSON."""
-    return [
-        {
-            "channel": one.channel,
-            "passed": one.passed,
-            "excess_dB": one.excess_dB,
-            "place": one.place,
-            "compared": one.compared,
-        }
-        for one in kept
-    ]
+def limit_content(kept: Sequence[Kept]) -> dict[str, Any]:
+    """For JSON; nothing where nothing was compared."""
+    names = ("channel", "passed", "excess_dB", "place", "compared")
+    return {"limits": [{name: getattr(one, name) for name in names} for one in kept]} if kept else {}
 
 
-def show_limit(label: str, kept: Sequence[Kept]) -> None:
+def show_limit(limit: Path | None, kept: Sequence[Kept]) -> None:
     """A line for each channel."""
-    for one in kept:
+    for one in kept if limit else ():
         if one.passed:
             text = f"passed, {-one.excess_dB:.2f} dB to spare at {one.place}"
         else:
             text = f"FAILED, {one.excess_dB:.2f} dB beyond the limit at {one.place}"
-        click.echo(f"Limits {label}: {one.channel}: {text} ({one.compared} compared)")
+        click.echo(f"Limits {limit.name}: {one.channel}: {text} ({one.compared} compared)")
 
 
 def limit_code(kept: Sequence[Kept]) -> int:

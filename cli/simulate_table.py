@@ -61,8 +61,8 @@ def _conditions(chosen: ChosenModel, options: Mapping[str, Any], points: Mapping
 
     model = chosen.assembly.model
     if options["conditions"]:
-        from specan.study.data.table_columns import ColumnNames
         from specan.study.data.table_file import read_table
+        from specan.study.data.table_reader import ColumnNames
 
         names = ColumnNames(options["conditions"], model, lenient=True)
         table = read_table(options["conditions"], choose=names.choose)

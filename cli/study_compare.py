@@ -84,6 +84,7 @@ def _content(study: Study, found: Comparison) -> dict[str, Any]:
         ],
         "sentences": where.sentences() if where else [],
         "assumptions": list(study.data.statements),
+        "mistaken_set_up": study.mistaken_set_up.text,
     }
 
 
@@ -116,6 +117,8 @@ def _print(study: Study, found: Comparison) -> None:
     elif best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
         verdict = "The model fits as a whole, and yet:"
     click.echo(verdict)
+    if study.mistaken_set_up.text:
+        click.echo(f"Check the set-up: {study.mistaken_set_up.sentence}.")
     if study.shown is not study.best:
         click.echo(
             f"It fits best, reduced chi-square {study.best.reduced_chi2:.2f}, with instruments far beyond their "
@@ -129,7 +132,16 @@ def _print(study: Study, found: Comparison) -> None:
         table(
             "Where, the clearest first",
             ["conditions", "values", "z", "p", ""],
-            [[b.short_place, b.n, f"{b.z:+.1f}", f"{b.p_value:.1g}", b.text] for b in blocks],
+            [
+                [
+                    b.short_place,
+                    b.n,
+                    f"{b.z:+.1f}",
+                    f"{b.p_value:.1g}",
+                    ", ".join(filter(None, (b.text, b.most_at))),
+                ]
+                for b in blocks
+            ],
         )
     if best.p_value <= 1e-3:
         click.echo(f"\nAsk what is missing: specan study diagnose {study.directory}")

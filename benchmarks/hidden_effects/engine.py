@@ -16,7 +16,7 @@ from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem, base_problem
-from specan.study.selection.other_forms import other_forms
+from specan.study.selection.alternatives import other_forms
 from specan.study.selection.refits import EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, score_pairs
 from specan.study.selection.search import Search

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.accumulator import READ_BLOCK
 from specan.analysis.section import section, weightable
 from specan.analysis.spectrum import (
-    READ_BLOCK,
     BlockSettings,
     block_of,
     lines_between,

@@ -189,12 +189,8 @@ class Study:
         Diagnosis
             The verdict; its data frame holds what was tried, the likeliest first.
         """
-        from specan.study.kept_diagnoses import diagnose_and_keep
-
         if bootstrap not in self._diagnosis:
-            self._diagnosis[bootstrap] = diagnose_and_keep(
-                self._opened, bootstrap=bootstrap, progress=progress
-            )
+            self._diagnosis[bootstrap] = self._opened.diagnose(bootstrap=bootstrap, progress=progress)
         return self._diagnosis[bootstrap]
 
     def add(self, effect: str | Path, because: str = "") -> Change:

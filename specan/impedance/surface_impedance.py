@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from specan.errors import RequestError, nearest
 from specan.impedance.absorption import diffuse_absorption, normal_absorption
 from specan.impedance.wall_admittance import WallFit, wall_fit
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.models.room.places import wall_areas
 from specan.study.build_problem import assemble
 from specan.study.observation import Array

@@ -15,6 +15,8 @@ from specan.report.figure_style import COLOURS, heading, new_figure, styled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from specan.data.impulse_response import ImpulseResponses
+
 MOST_CHANNELS = 32
 _COLUMNS = 1500  # of the picture
 _BLOCK = 1 << 16
@@ -72,6 +74,11 @@ def figure_waveforms(
     extremes = "Filled from the lowest to the highest sample of each column." if long else ""
     heading(figure, recording.label or "Waveforms", left_out + about + extremes)
     return figure
+
+
+def figure_impulse_responses(found: ImpulseResponses) -> Figure:
+    """Waveforms of impulse responses."""
+    return figure_waveforms(found.recording())
 
 
 def _common_reach(

@@ -20,7 +20,7 @@ from specan.report.residual_map import map_axes
 from specan.report.study_words import fall_text
 from specan.report.verdict_words import headline, headline_of, reason
 from specan.study.history import Step
-from specan.study.kept_diagnoses import diagnosis_of
+from specan.study.kept_results import diagnosis_of
 from specan.study.study_file import NAME
 from specan.units import printed_unit
 

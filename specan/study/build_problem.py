@@ -10,7 +10,7 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Model, Parameter, Use, varying
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.study.estimation.fit import NORMAL_95, Fit
 from specan.study.estimation.problem import Problem, grouped_by
 from specan.study.observation import Array, Observation

@@ -14,29 +14,35 @@ from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import NORMAL_95, Fit, fit, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import MOST_ROWS
+from specan.study.localisation.by_blocks import MOST_ROWS, Block
 from specan.study.localisation.localise import localise
-from specan.study.localisation.result import Block
-from specan.study.selection.acceptance import DECISIVE
-from specan.study.selection.alternatives import alternatives
-from specan.study.selection.data_alone import ODDS, DataAlone, data_alone
+from specan.study.localisation.mistaken_set_up import mistaken_set_up
+from specan.study.selection.acceptance import DECISIVE, left_out_error
+from specan.study.selection.alternatives import alternatives, other_forms
 from specan.study.selection.detectable_size import by_effect, minimum_detectable_sizes
-from specan.study.selection.f_test import LACK_OF_FIT
-from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
-from specan.study.selection.left_out_error import left_out_error
-from specan.study.selection.other_forms import other_forms
-from specan.study.selection.pulls import Pull, pulls, shown, stretched, what_would_tell
-from specan.study.selection.refits import FORM_TOLERANCE, Refit, Refits
-from specan.study.selection.residual_law import residual_law
-from specan.study.selection.row_drift import drift_over_rows
-from specan.study.selection.search import Progress, Search
-from specan.study.selection.suspect_rows import (
+from specan.study.selection.doubtful_data import (
     WHOLE,
     copied_rows,
+    drift_over_rows,
     odd_repeat,
     rows_of_two_kinds,
     suspect_rows,
 )
+from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
+from specan.study.selection.pulls import (
+    ODDS,
+    DataAlone,
+    Pull,
+    data_alone,
+    pulls,
+    shown,
+    stretched,
+    what_would_tell,
+)
+from specan.study.selection.refits import FORM_TOLERANCE, POOR_FIT, Refit, Refits
+from specan.study.selection.residual_law import residual_law
+from specan.study.selection.search import Progress, Search
+from specan.study.selection.significance import LACK_OF_FIT
 from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
 
 LEAST_DOF = 3.0  # degrees of freedom below which no test is made
@@ -82,6 +88,16 @@ def diagnose(
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
+    if start.problem.strategy.continuation and start.reduced > POOR_FIT:
+        progress("checking positions and signs of the channels against the data")
+        mistake = mistaken_set_up(problem)
+        if mistake.text:
+            return Diagnosis(
+                "cannot-tell",
+                f"{mistake.sentence}; correct it, and begin the study again",
+                lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
+                model_discrepancy_percent=_discrepancy(problem),
+            )
     near = initial_fit(start, progress)
     search = _nearer(start, near, Search(Refits(near.base, near.known), near.likely, bootstrap, progress))
     whole = _searched(search)
@@ -315,7 +331,7 @@ def _with_doubts(search: Search, sets: list[Refit], found: _Found) -> _Found:
     if found.kind not in ("effect", "group"):
         return found
     base, best = search.base, search.best
-    left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions) or _fails_somewhere(best)
+    left = best.lack_of_fit < WHOLE or bool(search.extensions) or _fails_somewhere(best)
     left = left or (len(best.uses) == 1 and _follows_a_law(best))
     several = len(best.uses) > 1 and not search.of_one_instrument(best)
     reasons = []
@@ -502,14 +518,15 @@ def _ranking(search: Search, sets: list[Refit]) -> tuple[Ranked, ...]:
 
 def _ranked(search: Search, refit: Refit, named: bool) -> Ranked:
     base, dispersion = search.base, search.best.dispersion
-    decision = search.decision(refit)
+    decision, error = search.decision(refit), _errors(refit)
     return Ranked(
         effects=tuple(sorted(u.name for u in refit.uses)),
         at=_places(refit.uses),
         delta_bic=base.bic(dispersion) - refit.bic(dispersion),
         p_value=decision.p_value,
         held_out_gain=decision.held_out_gain,
-        error_after=_errors(refit).rms,
+        error_after=error.rms,
+        level_after_dB=error.level_dB,
         parameters=parameters_of(refit, named),
         plausible=search.believable(refit),
         at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),

@@ -20,8 +20,8 @@ from specan.study.diagnose import parameters_of
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import observable_errors
 from specan.study.estimation.problem import Problem
+from specan.study.selection.acceptance import left_out_error
 from specan.study.selection.law_search import LEVEL, Law, search_laws
-from specan.study.selection.left_out_error import left_out_error
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
 

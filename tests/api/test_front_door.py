@@ -177,6 +177,33 @@ def test_results_are_short_on_the_screen_and_can_be_drawn():
         specan.tones(recording()).plot()
 
 
+@pytest.mark.parametrize(
+    ("verb", "options", "settings"),
+    [
+        ("octave", ["--averaging", "fast", "--percentile", "10"], {"averaging": "fast", "percentiles": 10.0}),
+        ("fft", ["--lines", "50", "--reference", "Mic 1"], {"lines": 50, "reference": "Mic 1"}),
+        ("frf", ["--lines", "50", "--reference", "Mic 1"], {"lines": 50, "reference": "Mic 1"}),
+        ("rms", [], {}),
+        ("decay", ["--fmax", "2000"], {"fmax": 2000}),
+        ("orders", ["--speed", "10"], {"speed_hz": 10}),
+    ],
+)
+def test_json_is_that_of_the_verb(verb, options, settings):
+    path = SAMPLES / "knock.tdms"
+    done = CliRunner().invoke(main, [verb, str(path), *options, "--json"])
+    assert json.loads(done.stdout) == getattr(specan, verb)(path, **settings).to_json()
+
+
+def test_views_are_those_of_the_options():
+    levels = specan.octave(recording(), averaging="fast")
+    assert [a.get_xlabel() for a in levels.plot(view="history").axes[:2]] == ["", "Time / s"]
+    assert specan.orders(recording(), speed_hz=20.0).plot(view="map").axes
+    responses = specan.impulse(SAMPLES / "noise" / "noise_4_microphones_float32.tdms")
+    assert len(responses.plot().axes) == len(responses.channels)
+    with pytest.raises(RequestError, match="no figure of a BandLevels map"):
+        levels.plot(view="map")
+
+
 def test_a_figure_is_saved_where_one_says(tmp_path):
     specan.plot(specan.octave(recording()), tmp_path / "bands.png")
     assert (tmp_path / "bands.png").read_bytes().startswith(b"\x89PNG")

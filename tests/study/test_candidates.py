@@ -8,14 +8,13 @@ import pytest
 from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
+from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import base_problem
-from specan.study.estimation.projection import Projection
 from specan.study.selection.candidates import candidates, grid
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import best_of_each, family, score, score_pairs
 from specan.study.selection.search import Search
-from specan.study.selection.shape_grid import shape_grid
-from specan.study.selection.signatures import signatures
+from specan.study.selection.signatures import shape_grid, signatures
 
 
 def scored(problem):

@@ -7,10 +7,9 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.models.receivers import ReceiverErrors
-from specan.study.estimation.continuation import continuation_fit, down_weighted
+from specan.models.measurement_kinds import ReceiverErrors
+from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import fit
-from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.problem import base_problem
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
@@ -18,8 +17,7 @@ from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import Refit
 from specan.study.selection.score_test import best_of_each, score
-from specan.study.selection.shape_grid import shape_grid
-from specan.study.selection.signatures import signatures
+from specan.study.selection.signatures import shape_grid, signatures
 from specan.study.selection.starting_values import (
     kept_values,
     promised,

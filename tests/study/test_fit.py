@@ -261,7 +261,7 @@ def test_what_is_not_finite_is_an_error_and_no_verdict():
 def test_a_fit_that_does_not_converge_is_an_error(monkeypatch):
     problem = base_problem(MODEL, [table(noisy(SPEED**2 + SPEED))])
     assert fit(problem, max_evaluations=1).converged  # the second method takes over
-    monkeypatch.setattr("specan.study.estimation.refinement.MOST_JACOBIANS", 0)
+    monkeypatch.setattr("specan.study.estimation.levenberg_marquardt.MOST_REFINING", 0)
     with pytest.raises(ComputationError, match=r"loss\.drag.* failed: it did not settle"):
         fit(problem, max_evaluations=1)
 

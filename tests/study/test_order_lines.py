@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from specan.models import Condition, Model, Observable
-from specan.models.order_lines import OrderLines, Tacho
+from specan.models.measurement_kinds import OrderLines, Tacho
 from specan.models.quantity import constant
 from specan.study.data.open_orders import like
 from specan.study.estimation.problem import base_problem

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.analysis.transfer_function import READ_BLOCK
+from specan.analysis.accumulator import READ_BLOCK
 from specan.data.recording import Channel, Recording
 
 

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from specan.analysis.orders import Orders
 from specan.data.orders import OrderSpectrum
-from specan.data.recording import Recording
 from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import Curve, Lines, plain
-from specan.inspect.superseded import run
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import level_label
@@ -60,13 +58,13 @@ class OrdersTab(Tab):
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Of the channels on screen that are no tachos."""
-
-        def analyse(chosen: Chosen, recording: Recording) -> OrderSpectrum:
-            accumulator = _settings(view, chosen).accumulator(recording)
-            return run(accumulator, recording, tell)
-
-        keys = self.opened.without_tachos(view.channel, view.tacho)
-        return self.of_each(view.but(channel=keys), analyse, "a channel that is no tacho")
+        view = view.but(channel=self.opened.without_tachos(view.channel, view.tacho))
+        return self.of_each(
+            view,
+            tell,
+            lambda chosen, recording: _settings(view, chosen)(recording),
+            "a channel that is no tacho",
+        )
 
     def draw(self, found: Found, view: View) -> None:
         """Levels of all channels, and the map of the first one where it is wanted."""

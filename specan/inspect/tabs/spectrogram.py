@@ -8,14 +8,12 @@ import numpy as np
 from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper, Range1d
 from bokeh.plotting import figure
 
-from specan.analysis.section import section
 from specan.analysis.spectrogram import SpectrogramSettings
 from specan.data.recording import Recording
 from specan.data.spectrum import Spectrogram
 from specan.dsp.windows import WINDOWS
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import HarmonicCursor, hertz_axis, plain
-from specan.inspect.superseded import heard
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import micro
@@ -93,12 +91,10 @@ class SpectrogramTab(Tab):
                 "stop_s": view.stop,
                 "columns": _COLUMNS,
             }
-            settings = parse(SpectrogramSettings, content, "spectrogram")
-            start, stop = section(recording, chosen.channels, settings.start_s, settings.stop_s)
-            return settings(heard(recording, stop - start, tell))
+            return parse(SpectrogramSettings, content, "spectrogram")(recording)
 
         wanted = (view.of,) if view.of in self.opened.keys else view.channel[:1]
-        return self.of_each(view.but(channel=wanted), analyse)
+        return self.of_each(view.but(channel=wanted), tell, analyse)
 
     def draw(self, found: Found, view: View) -> None:
         """The picture, its rows at even ratios of frequency."""

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError, RequestError, nearest
-from specan.models.parameter_name import ParameterName
-from specan.study.estimation.levenberg_marquardt import Minimum, descend
+from specan.models.parameter import ParameterName
+from specan.study.estimation.levenberg_marquardt import MOST_REFINING, Minimum, descend, refine
 from specan.study.estimation.problem import Problem
-from specan.study.estimation.refinement import MOST_JACOBIANS, refine
 from specan.study.observation import Array
 
 NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
@@ -149,7 +148,7 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> Minimum:
         return Minimum(found.x, found.fun, found.jac, 2 * float(found.cost))
     minimum, settled = refine(problem, found.x)
     if not settled:
-        raise ComputationError(f"it did not settle within {MOST_JACOBIANS} Jacobians")
+        raise ComputationError(f"it did not settle within {MOST_REFINING} Jacobians")
     return minimum
 
 

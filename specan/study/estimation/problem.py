@@ -27,11 +27,10 @@ import numpy as np
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Model, Use, varying
 from specan.models.groups import grouped
-from specan.models.parameter_name import ParameterName
-from specan.study.estimation.finite_differences import chosen_stencil, usual_stencil
+from specan.models.parameter import ParameterName
+from specan.study.estimation.linear import chosen_stencil, usual_stencil
 from specan.study.estimation.pseudo_measurements import KnownRanges, PseudoMeasurements
-from specan.study.observation import Array, Observation
-from specan.study.observation.strategy import Strategy, joined
+from specan.study.observation import Array, Observation, Strategy, joined
 
 SUBSAMPLE_ROWS = 5000  # rows of a subsample
 

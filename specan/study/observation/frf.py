@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly, Evaluation
+from specan.study.observation import Strategy, Variable
 from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to
-from specan.study.observation.strategy import Strategy
-from specan.study.observation.variable import Variable
 from specan.study.observation.window_leakage import Folding
 
 Array = NDArray[np.float64]

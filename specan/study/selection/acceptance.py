@@ -1,23 +1,38 @@
-"""The acceptance that an effect has to pass before it is believed."""
+"""The acceptance that an effect has to pass before it is believed: the F-test, BIC and blocked cross-validation."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.errors import ComputationError
+from specan.study.estimation.levenberg_marquardt import descend
+from specan.study.estimation.linear import Projection
+from specan.study.estimation.prediction_error import ObservableError, errors_of
 from specan.study.estimation.problem import Problem
-from specan.study.selection import cross_validation
-from specan.study.selection.f_test import LACK_OF_FIT, improvement_probability
-from specan.study.selection.multiple_testing import MultipleTestingFamily, simulated_probability
+from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
+from specan.study.selection.significance import (
+    LACK_OF_FIT,
+    MultipleTestingFamily,
+    improvement_probability,
+    simulated_probability,
+)
 
 LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
 DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
 DRAWS = 20_000  # of the bootstrap
 # Part of a difference in chi-square, of which what the better of two sets may leave at most.
 COINCIDENCE = 0.2
+
+Array = NDArray[np.float64]
+MOST_LEVELS = 12  # blocks of one operating variable
+
+MOST_ROWS = 400  # above which the refits cost more than the verdict
 
 
 @dataclass(frozen=True)
@@ -152,18 +167,86 @@ def noise_dof(refit: Refit) -> float:
 
 def held_out_gain(start: Refit, extended: Refit) -> float:
     """Gain in blocked cross-validation, every level of every operating variable left out in turn."""
-    return cross_validation.gain(
-        start.linear, extended.linear, left_out_blocks(start.problem), extended.dispersion
-    )
+    rows, dispersion = left_out_blocks(start.problem), extended.dispersion
+    return left_out_score(start.linear, rows, dispersion) - left_out_score(extended.linear, rows, dispersion)
 
 
 def left_out_blocks(problem: Problem) -> list[NDArray[np.intp]]:
     """Rows that cross-validation leaves out together, numbered over all observations."""
-    left_out, first = [], 0
+    found, first = [], 0
     for observation in problem.observations:
-        left_out += [b + first for b in cross_validation.blocks(observation.labels, observation.n)]
+        found += [rows + first for rows in blocks(observation.labels)]
         first += observation.n
-    return left_out
+    return found
+
+
+def blocks(labels: Mapping[str, NDArray[Any]]) -> list[NDArray[np.intp]]:
+    """Rows at every level of every operating variable, one after the other.
+
+    Random subsets would leak, since neighbouring lines and repeats share their errors. A variable
+    with many values is cut into twelve groups of neighbours.
+    """
+    found = []
+    for values in labels.values():
+        levels, index = np.unique(np.asarray(values), return_inverse=True)
+        if levels.size > MOST_LEVELS:
+            index = index * MOST_LEVELS // levels.size
+        groups = [np.flatnonzero(index == level) for level in np.unique(index)]
+        found += groups if len(groups) > 2 else []
+    return found
+
+
+def left_out_score(fit: Projection, left_out: Sequence[NDArray[np.intp]], dispersion: float = 1.0) -> float:
+    """Minus twice the log predictive density of all left-out blocks, up to a constant.
+
+    Without block b, linearised, the residual of b is (I - H_bb)^-1 r_b with covariance
+    (I - H_bb)^-1, so that no refit is needed:
+
+        S_b = r_b^T (I - H_bb)^-1 r_b / dispersion - ln det(I - H_bb).
+
+    A direction that only block b determines is given a weak prior instead of an infinite variance.
+    """
+    total = 0.0
+    for rows in left_out:
+        part, residual = fit.basis[rows], fit.residual[rows]
+        values, vectors = np.linalg.eigh(part.T @ part)
+        left = np.clip(1.0 - values, 1e-3, 1.0)
+        along = (part @ vectors).T @ residual
+        total += float(residual @ residual + np.sum(along**2 / left)) / dispersion - float(
+            np.sum(np.log(left))
+        )
+    return total
+
+
+def left_out_error(refit: Refit) -> ObservableError | None:
+    """Error of a model on conditions that it was not fitted to, each level of each operating variable in turn.
+
+    The model is fitted anew without every block, and predicts it. None where nothing can be left out, where a fit
+    without a block fails, and where rows are many.
+    """
+    problem, observation = refit.problem, refit.problem.observations[0]
+    blocks = left_out_blocks(problem)
+    if not blocks or len(problem.observations) > 1 or not isinstance(observation, TableObservation):
+        return None
+    if not problem.strategy.secondary_refits or observation.n > MOST_ROWS:
+        return None
+    (slopes,), predicted = problem.sensitivities(refit.fit.theta), []
+    for block in blocks:
+        kept = np.ones(observation.n, dtype=bool)
+        kept[block] = False
+        rest = problem.over([observation.take(kept)])
+        if rest.n_data + rest.n_priors < len(rest.names):
+            return None
+        try:
+            near = [rest.observations[0].whiten(slopes[kept]), refit.fit.jacobian[problem.n_data :]]
+            theta = descend(rest, refit.fit.theta, np.concatenate(near)).theta
+        except ComputationError:
+            return None
+        predicted.append(problem.over([observation.take(~kept)]).predictions(theta)[0])
+    rows = np.concatenate(blocks)
+    return errors_of(
+        problem, observation.observable[rows], np.concatenate(predicted), observation.measured[rows]
+    )[0]
 
 
 def complete(better: Refit, worse: Refit) -> bool:

@@ -12,9 +12,9 @@ from specan.models import Use
 from specan.study.estimation.fit import Fit
 from specan.study.selection.acceptance import DECISIVE, AcceptanceTest, noise_dof
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.f_test import detectable_noncentrality, needed_reduction
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import Point, changes, default_value
+from specan.study.selection.significance import detectable_noncentrality, needed_reduction
 
 POWER = 0.8  # of repetitions that would find the effect; the usual one (Cohen 1988)
 ROUNDS = 4  # of the secant

@@ -16,10 +16,9 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.continuation import continuation_fit, down_weighted
+from specan.study.estimation.continuation import about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
-from specan.study.estimation.linearised_covariance import about
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import FORM_TOLERANCE, POOR_FIT, PRUNING_FACTOR, EffectSet, Refit, Refits

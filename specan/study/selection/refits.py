@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.study.estimation.continuation import ENOUGH, continuation_fit
 from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.levenberg_marquardt import (
@@ -23,11 +23,11 @@ from specan.study.estimation.levenberg_marquardt import (
     descend_steps,
     unit,
 )
+from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
-from specan.study.estimation.projection import Projection
-from specan.study.selection.f_test import lack_of_fit_probability
 from specan.study.selection.score_test import Scored, row_weights
 from specan.study.selection.signatures import with_rows_of
+from specan.study.selection.significance import lack_of_fit_probability
 
 Array = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Use
+from specan.study.estimation.linear import Projection, orthonormal
 from specan.study.estimation.problem import Problem
-from specan.study.estimation.projection import Projection, orthonormal
-from specan.study.selection.multiple_testing import MultipleTestingFamily
 from specan.study.selection.signatures import Signature
+from specan.study.selection.significance import MultipleTestingFamily
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,6 @@ from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.pulls import Pull, too_far
 from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, different, family, score, score_pairs
-from specan.study.selection.shape_grid import shape_grid
 from specan.study.selection.signatures import (
     Known,
     Point,
@@ -23,6 +22,7 @@ from specan.study.selection.signatures import (
     carried,
     changes,
     default_value,
+    shape_grid,
     signatures,
 )
 from specan.study.selection.starting_values import promised, scan_promising

@@ -7,8 +7,9 @@ import pytest
 from scipy.special import j1, spherical_jn
 
 from specan.models.room import box_field
-from specan.models.room.axis_modes import axis_modes
-from specan.models.room.box_field import Port, ball_mean, box, disc_mean
+from specan.models.room.axis_modes import _carried, _zeros, axis_modes
+from specan.models.room.box_field import box
+from specan.models.room.port import Port, ball_mean, disc_mean
 from specan.models.room.static_correction import _closed_form
 
 LENGTHS = (0.9, 0.6, 0.7)
@@ -139,7 +140,7 @@ def test_few_lines_tell_the_others_or_are_not_used(beta, few, monkeypatch):
         Port((0.7, 0.5, 0.1), 0),
     ]
     sparse = box(*arguments)
-    assert (len(sparse.few.chosen) if sparse.few else None) == few
+    assert (len(sparse.resonances.few.chosen) if sparse.resonances else None) == few
     got = sparse.coupling(source, receivers)
     monkeypatch.setattr(box_field, "interpolations", lambda frequency: ())
     expected = box(*arguments).coupling(source, receivers)
@@ -167,3 +168,16 @@ def test_means_over_disc_and_ball_are_the_averages_they_claim():
     assert ball_mean(np.array(4.0), 1.0).real == pytest.approx(
         np.cos(ball @ [1.2, 1.6, 0.0]).mean(), abs=3e-3
     )
+
+
+@pytest.mark.parametrize("beta", [(0.01, 0.3), (0.5 + 0.8j, 0.05)])
+def test_modes_carried_from_near_walls_are_those_solved_for(beta):
+    k, count = np.array([1.0, 14.0, 27.0]), 12
+    walls = [0.9j * k * b for b in beta]
+    axis_modes(0.9, *walls, count)
+    near = [1.002 * walls[0], 0.998 * walls[1]]
+    carried = _carried(*(a[:, None] for a in near), count)
+    assert carried is not None
+    solved = _zeros(0.9, *(a[:, None] for a in near), count)
+    np.testing.assert_allclose(np.sort_complex(carried), np.sort_complex(solved), rtol=1e-11)
+    assert _carried(*(3 * a[:, None] for a in near), count) is None  # too far to be sure of the same modes

@@ -6,8 +6,7 @@ import pytest
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.problem import base_problem
-from specan.study.selection.data_alone import ODDS, DataAlone
-from specan.study.selection.pulls import Pull
+from specan.study.selection.pulls import ODDS, DataAlone, Pull
 
 
 def verdict(tables, tmp_path, columns, **uncertainty):

@@ -1,15 +1,22 @@
-"""What a rig says that a study needs: limits of the conditions, uncertainties of instruments and settings."""
+"""What a rig says that a study needs: limits of the conditions, uncertainties of instruments and settings.
+
+A rig file may name other files, which lie beside it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from specan.errors import RequestError, nearest
 from specan.models.observable import Observable
 from specan.models.quantity import Condition, SettingError
+from specan.schema import read_toml
 from specan.units import convert, scale_to
+
+_FILES = (("room", "mesh"),)  # keys whose values are paths
 
 
 @dataclass(frozen=True)
@@ -119,3 +126,27 @@ def rig_statement(
                 f"[uncertainty] has the key {key!r}, which names nothing", remedy=nearest(key, usual)
             )
     return RigStatement(limits, setting, reading, percent, reading_percent)
+
+
+def read_rig_file(path: Path) -> dict[str, Any]:
+    """Read a rig file; paths in it are relative to where it lies, and are made absolute.
+
+    Raises
+    ------
+    RequestError
+        It does not exist or is not valid TOML.
+    """
+    content = read_toml(path)
+    for table, key in _FILES:
+        given = content.get(table)
+        if isinstance(given, dict) and isinstance(given.get(key), str):
+            given[key] = str((path.parent / given[key]).resolve())
+    return content
+
+
+def rig_files(path: Path) -> tuple[Path, ...]:
+    """The rig file and the files that it names: everything that decides what the rig is."""
+    content = read_rig_file(path)
+    tables = [(content.get(table), key) for table, key in _FILES]
+    named = [table.get(key) for table, key in tables if isinstance(table, dict)]
+    return (path, *(Path(name) for name in named if isinstance(name, str)))

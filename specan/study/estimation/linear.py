@@ -1,10 +1,14 @@
-"""Stencils: points around a place, and the weights that make derivatives of what a model predicts there."""
+"""A model made linear: derivatives of what it predicts, and what is left of a residual that its parameters absorb.
+
+A stencil is points around a place, and the weights that make derivatives of what a model predicts there.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from specan.study.observation import Array
+import numpy as np
+from numpy.typing import NDArray
 
 STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
 
@@ -15,6 +19,8 @@ _CENTRAL: _Rule = ((-1, 1), (-0.5, 0.5), 0.0)
 _AT_AN_END: _Rule = ((1, 2), (2.0, -0.5), -1.5)
 _FOURTH: _Rule = ((-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12), 0.0)
 _FOURTH_AT_AN_END: _Rule = ((1, 2, 3, 4), (4.0, -3.0, 4 / 3, -1 / 4), -25 / 12)
+
+Array = NDArray[np.float64]
 
 
 def usual_stencil(
@@ -83,3 +89,56 @@ def _stencil(theta: Array, steps: Array, rules: list[_Rule]) -> tuple[list[Array
             points.append(theta.copy())
             points[-1][k] += offset * step
     return (points, weights) if np.any(weights[0]) else (points[1:], weights[1:])
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A fit, linearised: whitened residual and an orthonormal basis of what its parameters can do.
+
+    Attributes
+    ----------
+    residual : array, (n_rows,)
+        Whitened residual, pseudo-data of the priors included.
+    basis : array, (n_rows, rank)
+        Orthonormal basis of the whitened Jacobian's columns.
+    """
+
+    residual: Array
+    basis: Array
+
+    @classmethod
+    def of(cls, residual: Array, jacobian: Array) -> Projection:
+        """Linearise; columns that add nothing to the others are left out of the basis."""
+        return cls(residual, orthonormal(jacobian))
+
+    @property
+    def rank(self) -> int:
+        """Number of parameter combinations that the data determine."""
+        return int(self.basis.shape[1])
+
+    def project_out(self, columns: Array) -> Array:
+        """Part of a vector, or of each column, that no change of the parameters can produce.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> line = np.column_stack([np.ones(3), [-1.0, 0.0, 1.0]])
+        >>> Projection.of(np.zeros(3), line).project_out(np.array([0.0, 1.0, 2.0])).round(12) + 0.0
+        array([0., 0., 0.])
+        """
+        return columns - self.basis @ (self.basis.T @ columns)
+
+    def free_chi2(self, shift: Array) -> float:
+        """Chi-square that is left of `shift` after a linear refit."""
+        rest = self.project_out(shift)
+        return float(rest @ rest)
+
+
+def orthonormal(columns: Array, tolerance: float = 1e-9) -> Array:
+    """Orthonormal basis of the span of the columns, each counted at its own scale."""
+    norms = np.linalg.norm(columns, axis=0)
+    columns = columns[:, norms > 0] / norms[norms > 0]
+    if not columns.size:
+        return np.zeros((columns.shape[0], 0))
+    left, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(left[:, values > tolerance * values[0]])

@@ -1,4 +1,4 @@
-"""Single readings and single conditions that carry a misfit: a mistake in the table looks like physics otherwise."""
+"""What looks wrong with a table, in sentences: a mistake in it, or a drift over its rows, looks like physics."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from specan.study.data.plausible_rows import IDLE
 from specan.study.estimation.fit import fit
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
-from specan.study.selection.f_test import lack_of_fit_probability
 from specan.study.selection.refits import Refit
+from specan.study.selection.significance import LACK_OF_FIT, lack_of_fit_probability
+from specan.units import printed_unit
 
 # Family-wise probability below which rows stand out, as of a lack of fit; and that above which the rest is whole.
 STANDS_OUT, WHOLE = 1e-3, 0.05
@@ -23,6 +24,9 @@ COPIED = 0.1  # share of the rows above which equal rows are shown
 # step / (2 sqrt(pi) u) = 0.09, that of a difference of two normal deviates within one step.
 FINE = 1 / 3
 KINDS = "coupled"  # condition that tells runs with the brake from those without it
+
+TIME = "elapsed_time"
+LEAST_DOF = 8.0  # of the differences between repeats, below which no drift is told
 
 
 def suspect_rows(refit: Refit) -> str:
@@ -213,4 +217,46 @@ def _where(observation: TableObservation, rows: NDArray[np.intp]) -> str:
         f"{place}; {word} {', '.join(lines[:MOST_LINES])}{more}"
         if place
         else f"{word} {', '.join(lines[:MOST_LINES])}{more}"
+    )
+
+
+def drift_over_rows(base: Refit) -> str:
+    """A sentence where repeats of the same conditions differ the more the further they lie apart in the table.
+
+    Only differences between repeats are looked at, so that the order of the conditions plays no part: the slope of
+    what the model leaves over the number of the row, both about the means of their replicate groups, in Student's
+    test. Empty where the table holds the time (then a drift is an effect like any other), where nothing is repeated
+    and where nothing drifts.
+    """
+    problem, observation = base.problem, base.problem.observations[0]
+    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
+        return ""
+    if observation.lines is None or observation.replicate_group is None or TIME in observation.available:
+        return ""
+    from scipy.special import stdtr
+
+    _, index, counts = np.unique(observation.replicate_group, return_inverse=True, return_counts=True)
+    rows = observation.lines - observation.lines.min()
+    span = float(np.ptp(rows))
+    weight = 1.0 / observation.sigma
+    mass = np.bincount(index, weight**2)
+
+    def centred(column: np.ndarray) -> np.ndarray:
+        return np.asarray(column - (np.bincount(index, weight**2 * column) / mass)[index]) * weight
+
+    left = centred(observation.measured - problem.predictions(base.fit.theta)[0])
+    order = centred(rows / max(span, 1.0))
+    dof, size = float(np.sum(counts - 1)) - 1, float(order @ order)
+    if dof < LEAST_DOF or size <= 0:
+        return ""
+    slope = float(order @ left) / size
+    error = float(np.sqrt(max(float(np.sum((left - slope * order) ** 2)), 1e-300) / dof / size))
+    chance = 2 * float(stdtr(dof, -abs(slope) / error))
+    if chance >= LACK_OF_FIT:
+        return ""
+    measured = problem.assembly.model.observables[str(observation.observable[0])]
+    unit = f" {printed_unit(measured.unit)}".rstrip()
+    return (
+        f"repeats of the same conditions move by {slope:+.2g}{unit} from the first row to the last (p = {chance:.1g}): "
+        "a zero that drifts, or a machine that changes; give elapsed_time_s for each row, and both are tested"
     )
