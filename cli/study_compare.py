@@ -132,7 +132,16 @@ def _print(study: Study, found: Comparison) -> None:
         table(
             "Where, the clearest first",
             ["conditions", "values", "z", "p", ""],
-            [[b.short_place, b.n, f"{b.z:+.1f}", f"{b.p_value:.1g}", b.text] for b in blocks],
+            [
+                [
+                    b.short_place,
+                    b.n,
+                    f"{b.z:+.1f}",
+                    f"{b.p_value:.1g}",
+                    ", ".join(filter(None, (b.text, b.most_at))),
+                ]
+                for b in blocks
+            ],
         )
     if best.p_value <= 1e-3:
         click.echo(f"\nAsk what is missing: specan study diagnose {study.directory}")

@@ -240,18 +240,18 @@ class OctaveAccumulator:
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             self._at_work.add(samples)
 
-    def spectrum(self) -> EnergySpectrum:
-        """What was added, in a form that can be divided into other bands (linear averages only); call it once."""
+    def spectrum(self, fraction: int = 24) -> EnergySpectrum:
+        """What was added, for bands of 1/`fraction` octave and wider (linear averages only); call it once."""
         assert isinstance(self._at_work, BandEnergyAccumulator)
         with np.errstate(invalid="ignore", over="ignore"):
-            return self._at_work.result()
+            return self._at_work.result(fraction)
 
     def result(self, quality: Sequence[Quality] | None = None) -> BandLevels:
         """Band levels of what was added; call it once. `quality` gives the channels' flags."""
         label, flags = self.recording.label, self.recording.flags
         if isinstance(self._at_work, BandEnergyAccumulator):
             return band_levels(
-                self.spectrum(),
+                self.spectrum(self.settings.fraction),
                 self.channels,
                 self.settings,
                 label=label,

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
-from specan.errors import ComputationError, RequestError, nearest
+from specan.errors import ComputationError, RequestError, SpecanError, nearest
 from specan.models.effect import Effect, Use
-from specan.models.loops import components, cut, settle
+from specan.models.loops import FixedPoint, components, cut
 from specan.models.parameter import Parameter, ParameterName
 from specan.models.quantity import Condition, Quantity
-from specan.models.user_code import call, place_of
+from specan.models.user_code import place_of, users_mistake
 from specan.units import convert
 
 BASE = "base"  # the name of the part of a quantity that is not an effect's
@@ -233,12 +233,15 @@ class Evaluator:
         parts: dict[str, dict[str, Any]],
     ) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
-        node = self.model.quantities[name]
-        base = self._base(node, known, parameters)
-        contributions: dict[str, Any] = {BASE: base}
+        contributions = {BASE: _given(self.model.quantities[name], name, known, parameters)}
         for use in self._acting[name]:
             effect = self.model.effects[use.name]
-            contributions[str(use)] = self._contribution(use, effect, name, known, parameters)
+            given = _given(effect, str(use), known, parameters)
+            if len(effect.changes) > 1:
+                given = given[name]
+            if effect.at:
+                given = (use.at, given) if name in effect.joins else self._spread(use, effect, name, given)
+            contributions[str(use)] = given
         try:
             known[name] = self._combined(name, contributions)
         except ValueError:
@@ -272,29 +275,6 @@ class Evaluator:
                 )
         return RequestError(f"what acts on {name!r} has other shapes than it", expected="one value a row")
 
-    def _base(self, node: Quantity, known: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
-        return call(
-            node.function,
-            node.name,
-            *(_read(known, r, node.name) for r in node.reads),
-            **{p: parameters[f"{node.name}.{p}"] for p in node.parameters},
-        )
-
-    def _contribution(
-        self, use: Use, effect: Effect, name: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
-    ) -> Any:
-        given = call(
-            effect.function,
-            effect.name,
-            *(_read(known, r, effect.name) for r in effect.reads),
-            **{p: parameters[f"{use}.{p}"] for p in effect.parameters},
-        )
-        if len(effect.changes) > 1:
-            given = given[name]
-        if effect.at and name not in effect.joins:
-            return self._spread(use, effect, name, given)
-        return given if name not in effect.joins or not effect.at else (use.at, given)
-
     def _spread(self, use: Use, effect: Effect, name: str, given: Any) -> Any:
         """Put one element's contribution into an array over the axis; neutral elsewhere."""
         import numpy as np
@@ -317,18 +297,17 @@ class Evaluator:
         import numpy as np
 
         for name in loop:
-            known[name] = self._base(self.model.quantities[name], known, parameters)
-
-        def once_around(guess: Mapping[str, Any]) -> dict[str, Any]:
-            known.update(guess)
-            for name in order:
-                self._value(name, known, parameters, parts)
-            return {name: known[name] for name in guess}
-
+            known[name] = _given(self.model.quantities[name], name, known, parameters)
         order, guessed = self._walks[tuple(loop)]
+        point = FixedPoint({name: known[name] for name in guessed})
         with np.errstate(all="ignore"):  # a loop that runs away is told below, once
-            if settle(once_around, {name: known[name] for name in guessed}):
-                return
+            while point.goes_on:
+                known.update(point.guess)
+                for name in order:
+                    self._value(name, known, parameters, parts)
+                point.take({name: known[name] for name in guessed})
+        if point.settled:
+            return
         raise ComputationError(
             f"the loop through {', '.join(loop)} does not settle",
             expected="a fixed point within 200 iterations",
@@ -375,10 +354,23 @@ class Evaluation:
         return self.parts[name]
 
 
-def _read(known: Mapping[str, Any], name: str, reader: str) -> Any:
+def _given(
+    owner: Quantity | Effect, called: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
+) -> Any:
+    """What the function of a quantity, or of an effect `called` by its use, gives; a user's mistake is told as such."""
     try:
-        return known[name]
-    except KeyError:
+        read = [known[name] for name in owner.reads]
+    except KeyError as missing:
+        name = missing.args[0]
         raise RequestError(
-            f"{reader!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
+            f"{owner.name!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
         ) from None
+    try:
+        return owner.function(*read, **{p: parameters[f"{called}.{p}"] for p in owner.parameters})
+    except SpecanError:
+        raise
+    except Exception as fault:
+        mistake = users_mistake(fault, owner.function, owner.name)
+        if mistake is None:
+            raise
+        raise mistake from fault

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -81,8 +81,8 @@ def cut(loop: Sequence[str], reads: Mapping[str, Sequence[str]]) -> tuple[list[s
     return [node for part in components(without(guessed)) for node in part], tuple(guessed)
 
 
-def settle(once_around: Callable[[Mapping[str, Any]], State], guess: State) -> bool:
-    """Iterate ``x -> once_around(x)`` to its fixed point; whether it settles.
+class FixedPoint:
+    """A fixed point that is looked for by going around a loop: ``x -> around(x)``.
 
     Each element takes its own secant step (Aitken 1926): the change from one round to the next tells the loop's
     gain q, and 1/(1-q) of the plain step leads to where it ends. A loop that swings is damped that way, one that
@@ -91,33 +91,44 @@ def settle(once_around: Callable[[Mapping[str, Any]], State], guess: State) -> b
 
     Parameters
     ----------
-    once_around : callable
-        Values that the guess leads to; the last call leaves the solution behind.
-    guess : dict
+    guess : mapping
         Start.
+
+    Attributes
+    ----------
+    guess : dict
+        Where the next round is to begin.
+    settled : bool
+        Whether the last round led to where it began.
+    goes_on : bool
+        Whether another round is wanted; not where it is settled, runs away, or has taken 200 rounds.
 
     Examples
     --------
-    >>> seen = []
-    >>> settle(lambda x: seen.append(x) or {"x": np.cos(x["x"])}, {"x": np.float64(1.0)})
-    True
-    >>> round(float(seen[-1]["x"]), 12), len(seen) < 10
-    (0.739085133215, True)
+    >>> point = FixedPoint({"x": np.float64(1.0)})
+    >>> while point.goes_on:
+    ...     point.take({"x": np.cos(point.guess["x"])})
+    >>> point.settled, round(float(point.guess["x"]), 12), point.rounds < 10
+    (True, 0.739085133215, True)
     """
-    x = {name: np.asarray(value) for name, value in guess.items()}
-    before: tuple[State, State] | None = None
-    for _ in range(MOST_ROUNDS):
-        new = once_around(x)
+
+    def __init__(self, guess: Mapping[str, Any]) -> None:
+        self.guess: State = {name: np.asarray(value) for name, value in guess.items()}
+        self.settled, self.goes_on, self.rounds = False, True, 0
+        self._before: tuple[State, State] | None = None
+
+    def take(self, new: State) -> None:
+        """Take in the values that the guess has led to."""
+        x = self.guess
         gap = {name: new[name] - x[name] for name in x}
         worst = max(_relative(gap[name], new[name], x[name]) for name in x)
-        if not np.isfinite(worst):
-            return False
-        if worst < TOLERANCE:
-            return True
-        factor = _steps(x, gap, *before) if before else dict.fromkeys(x, 1.0)
-        before = (x, gap)
-        x = {name: x[name] + factor[name] * gap[name] for name in x}
-    return False
+        self.rounds += 1
+        self.settled = worst < TOLERANCE
+        self.goes_on = bool(np.isfinite(worst)) and not self.settled and self.rounds < MOST_ROUNDS
+        if self.goes_on:
+            factor = _steps(x, gap, *self._before) if self._before else dict.fromkeys(x, 1.0)
+            self._before = (x, gap)
+            self.guess = {name: x[name] + factor[name] * gap[name] for name in x}
 
 
 def _relative(gap: Any, new: Any, old: Any) -> float:

@@ -16,6 +16,7 @@ from specan.models.measurement_kinds import OrderLines, Receivers, TableRules
 from specan.models.observable import Frf, Observable
 from specan.models.quantity import Condition, Quantity
 from specan.models.rig import RigStatement, rig_statement
+from specan.models.user_code import PREFIX
 
 
 @dataclass(frozen=True)
@@ -176,6 +177,13 @@ class Model:
     def kinds(self) -> tuple[str, ...]:
         """Kinds of measurement that the model can be compared with: ``("table",)``."""
         return tuple(dict.fromkeys(o.kind for o in self.observables.values()))
+
+    @property
+    def is_own(self) -> bool:
+        """Whether it is a user's: made of functions, or of a file."""
+        return self.declared_units or any(
+            str(getattr(q.function, "__module__", "")).startswith(PREFIX) for q in self.quantities.values()
+        )
 
     def with_effect(self, *more: Effect) -> Model:
         """The same model with further effects in its catalogue (a user's own).

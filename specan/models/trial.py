@@ -31,13 +31,6 @@ Conditions = Mapping[str, NDArray[np.float64]]
 _EXPONENTS = {-2, -1, -0.5, 0, 0.5, 1, 1.5, 2, 3, 4}  # numbers that a formula has without a unit
 
 
-def is_own(model: Model) -> bool:
-    """Whether a model is a user's: made of functions, or of a file."""
-    return model.declared_units or any(
-        str(getattr(q.function, "__module__", "")).startswith(PREFIX) for q in model.quantities.values()
-    )
-
-
 def try_model(model: Model, conditions: Conditions, limit_s: float | None = None) -> None:
     """Evaluate a model's base twice and see that it keeps what every study rests on.
 

@@ -449,14 +449,15 @@ def _ranking(search: Search, sets: list[Refit]) -> tuple[Ranked, ...]:
 
 def _ranked(search: Search, refit: Refit, named: bool) -> Ranked:
     base, dispersion = search.base, search.best.dispersion
-    decision = search.decision(refit)
+    decision, error = search.decision(refit), _errors(refit)
     return Ranked(
         effects=tuple(sorted(u.name for u in refit.uses)),
         at=_places(refit.uses),
         delta_bic=base.bic(dispersion) - refit.bic(dispersion),
         p_value=decision.p_value,
         held_out_gain=decision.held_out_gain,
-        error_after=_errors(refit).rms,
+        error_after=error.rms,
+        level_after_dB=error.level_dB,
         parameters=parameters_of(refit, named),
         plausible=search.believable(refit),
         at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),

@@ -313,7 +313,8 @@ class Study:
         far = self.data.known and self.problem.strategy.continuation and self.best.reduced_chi2 > POOR_FIT
         if not far:
             return MistakenSetUp()
-        return self.kept.get("set_up", MistakenSetUp, lambda: mistaken_set_up(self.problem))
+        found = self.kept.find("set_up", MistakenSetUp)
+        return found or self.kept.keep("set_up", mistaken_set_up(self.problem))
 
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
@@ -342,9 +343,21 @@ class Study:
 
             found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
             found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
+            if self.problem.strategy.linearised_covariance:
+                found = self._as_shown(found)
             self.kept.keep(name, found)
         keep_diagnosis(self.directory, self.hashes, found)
         return found
+
+    def _as_shown(self, found: Diagnosis) -> Diagnosis:
+        """A diagnosis that says of the base what every verb says: a search has covariances about the field it found."""
+        lack, error = found.lack_of_fit, found.error
+        if lack is not None:
+            lack = replace(lack, reduced_chi2=self.shown.reduced_chi2, p_value=self.shown.p_value)
+        if error is not None:
+            after = self.errors[0] if error.after == error.before else error.after
+            error = replace(error, before=self.errors[0], after=after)
+        return replace(found, lack_of_fit=lack, error=error)
 
     def require_uncertainty(self, verb: str) -> None:
         """Refuse to conclude anything where the uncertainty is unknown."""

@@ -32,6 +32,8 @@ class Ranked:
         Gain in blocked cross-validation, in units of chi-square.
     error_after : float
         RMS of measured less predicted, in the observable's SI unit.
+    level_after_dB : float or None
+        Of transfer functions: RMS over channels and third octaves of the error of their levels.
     parameters : mapping
         ``{"effect.parameter": {"value", "low", "high", "unit"}}``, 95 % intervals.
     plausible, at_bound : bool
@@ -50,6 +52,7 @@ class Ranked:
     plausible: bool
     at_bound: bool
     pulls: tuple[Pull, ...] = ()
+    level_after_dB: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -60,6 +63,7 @@ class Ranked:
             "p_value": self.p_value,
             "held_out_gain": self.held_out_gain,
             "error_after": self.error_after,
+            **({} if self.level_after_dB is None else {"level_after_dB": self.level_after_dB}),
             "parameters": {name: dict(row) for name, row in self.parameters.items()},
             "plausible": self.plausible,
             "at_bound": self.at_bound,
@@ -102,10 +106,14 @@ class ErrorFall:
 def _fall(before: ObservableError, after: ObservableError) -> str:
     unit = "" if before.unit == "1" else f" {before.unit}"
     if before == after:
-        return f"{before.rms:.3g}{unit} ({before.relative_rms:.2g} %)"
-    return (
+        text = f"{before.rms:.3g}{unit} ({before.relative_rms:.2g} %)"
+        return text if before.level_dB is None else f"{text}, third-octave levels {before.level_dB:.2g} dB"
+    text = (
         f"{before.rms:.3g} to {after.rms:.3g}{unit} ({before.relative_rms:.2g} to {after.relative_rms:.2g} %)"
     )
+    if before.level_dB is None or after.level_dB is None:
+        return text
+    return f"{text}, third-octave levels {before.level_dB:.2g} to {after.level_dB:.2g} dB"
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
         Not finite at the start, or not settled after 25 Jacobians. A model that is far from many data and slides
         along a valley is taken where it is: nothing is concluded from its exact minimum.
     """
-    descent = _Descent(problem, np.asarray(start, dtype=float))
+    descent = _Descent(problem, start)
     history: list[float] = []
     for count in range(MOST_JACOBIANS):
         history.append(descent.chi2)
@@ -94,7 +94,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
 
 def descend_steps(problem: Problem, start: Array, jacobians: int) -> Array:
     """Where some exact Jacobians lead: near a minimum, if there is one near."""
-    descent = _Descent(problem, np.asarray(start, dtype=float))
+    descent = _Descent(problem, start)
     for _ in range(jacobians):
         if descent.follow(problem.jacobian(descent.theta), guessed=False) is not None:
             break
@@ -131,22 +131,37 @@ def unit(problem: Problem, chi2: float) -> float:
     return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * problem.strategy.tolerance
 
 
-class _Descent:
-    """Where a descent stands: theta, the residual there, and the damping of the next step."""
+class _Place:
+    """Where the steps of a descent stand: theta, inside its bounds, and the residual there."""
 
     def __init__(self, problem: Problem, start: Array) -> None:
         self.problem, self.size = problem, problem.scale
         self.low, self.high = problem.bounds()
-        self.theta = np.clip(start, self.low, self.high)
-        residual = finite_residual(problem, self.theta)
+        self.theta, residual = self.at(np.asarray(start, dtype=float))
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")
         self.residual = residual
-        self.damping = LEAST_START if problem.strategy.exact_minimum else FAR_START
 
     @property
     def chi2(self) -> float:
         return float(self.residual @ self.residual)
+
+    def at(self, theta: Array) -> tuple[Array, Array | None]:
+        """A place inside the bounds, and the residual there; None where the model has no finite value."""
+        inside = np.clip(theta, self.low, self.high)
+        try:
+            residual = self.problem.residual(inside)
+        except ComputationError:  # a loop of the model that does not settle there: the step was too long
+            return inside, None
+        return inside, residual if np.all(np.isfinite(residual)) else None
+
+
+class _Descent(_Place):
+    """A descent by secants, and the damping of its next step."""
+
+    def __init__(self, problem: Problem, start: Array) -> None:
+        super().__init__(problem, start)
+        self.damping = LEAST_START if problem.strategy.exact_minimum else FAR_START
 
     @property
     def unit(self) -> float:
@@ -176,7 +191,9 @@ class _Descent:
                 if secant > 0:
                     return None
             before, residual = self.theta, self.residual
-            trial, there = self._try(slope, step, bend=secant == 0)
+            trial, there = self.at(before + step * self.size)
+            if secant == 0 and there is not None and there @ there > self.chi2:
+                trial, there = self._bent(slope, step, trial, there)
             moved = (trial - before) / self.size
             if there is not None and moved @ moved > 0:
                 slope = slope + np.outer(there - residual - slope @ moved, moved) / (moved @ moved)
@@ -188,7 +205,7 @@ class _Descent:
                 slope = jacobian * self.size  # the exact one is better than a secant over a step that failed
                 continue
             if gained > 0.5 * promised and self.damping > 1e-7:
-                trial, there = _further(self.problem, before, trial, there)
+                trial, there = self._further(before, trial, there)
             self.theta, self.residual = trial, there
             if gained > 0.3 * promised:
                 self.damping = max(self.damping / 10, 1e-12)
@@ -200,31 +217,21 @@ class _Descent:
         low, high = (self.low - self.theta) / self.size, (self.high - self.theta) / self.size
         return _step(slope, self.residual, low, high, damping)
 
-    def _try(self, slope: Array, step: Array, bend: bool) -> tuple[Array, Array | None]:
-        """Residual after a step; if chi-square rises and it is asked for, after the step bent with the valley."""
-        trial, there = _try(self.problem, self.theta, step * self.size)
-        if not bend or there is None or there @ there <= self.chi2:
-            return trial, there
+    def _bent(self, slope: Array, step: Array, trial: Array, there: Array) -> tuple[Array, Array]:
+        """Where a step that has failed leads if it is bent with the valley; where it led, if that is better."""
         turn = _bend(slope, step, there - self.residual - slope @ step, self.damping)
-        other, beside = _try(self.problem, self.theta, (step + turn) * self.size)
+        other, beside = self.at(self.theta + (step + turn) * self.size)
         return (trial, there) if beside is None or beside @ beside > there @ there else (other, beside)
 
-
-def _try(problem: Problem, theta: Array, step: Array) -> tuple[Array, Array | None]:
-    low, high = problem.bounds()
-    trial = np.clip(theta + step, low, high)
-    return trial, finite_residual(problem, trial)
-
-
-def _further(problem: Problem, theta: Array, trial: Array, there: Array) -> tuple[Array, Array]:
-    """Go on in the direction of a good damped step while it pays: a valley costs residuals, no Jacobians."""
-    reach = 2.0
-    for _ in range(MOST_DOUBLINGS):
-        beyond, residual = _try(problem, theta, reach * (trial - theta))
-        if residual is None or residual @ residual >= there @ there:
-            break
-        theta, trial, there = trial, beyond, residual
-    return trial, there
+    def _further(self, theta: Array, trial: Array, there: Array) -> tuple[Array, Array]:
+        """Go on in the direction of a good damped step while it pays: a valley costs residuals, no Jacobians."""
+        reach = 2.0
+        for _ in range(MOST_DOUBLINGS):
+            beyond, residual = self.at(theta + reach * (trial - theta))
+            if residual is None or residual @ residual >= there @ there:
+                break
+            theta, trial, there = trial, beyond, residual
+        return trial, there
 
 
 def _bend(slope: Array, step: Array, off: Array, damping: float) -> Array:
@@ -238,15 +245,6 @@ def _bend(slope: Array, step: Array, off: Array, damping: float) -> Array:
     bend = -_solve(normal + np.diag(weight), slope.T @ off)
     length, most = float(np.linalg.norm(bend)), float(np.linalg.norm(step))
     return bend * min(1.0, most / length) if length > 0 else bend
-
-
-def finite_residual(problem: Problem, theta: Array) -> Array | None:
-    """Residual at theta; None where the model has no value or one that is not finite."""
-    try:
-        residual = problem.residual(theta)
-    except ComputationError:  # a loop of the model that does not settle there: the step was too long
-        return None
-    return residual if np.all(np.isfinite(residual)) else None
 
 
 def _step(slope: Array, residual: Array, low: Array, high: Array, damping: float) -> tuple[Array, float]:
@@ -304,26 +302,16 @@ def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
     return descent.minimum(), promised < STEP_TOLERANCE * unit(problem, descent.chi2)
 
 
-class _Refinement:
-    """Where the steps stand: theta, the residual and Jacobian there, and the damping of the next step."""
+class _Refinement(_Place):
+    """Where the last steps stand, with the Jacobian there, and the damping of the next one."""
 
     def __init__(self, problem: Problem, start: Array) -> None:
-        self.problem = problem
-        self.low, self.high = problem.bounds()
-        self.theta = np.clip(start, self.low, self.high)
-        residual = finite_residual(problem, self.theta)
-        if residual is None:
-            raise ComputationError("the model gives values that are not finite at the start of a fit")
-        self.residual = residual
+        super().__init__(problem, start)
         self.damping = 0.0
         self.jacobian = _finite(problem.jacobian(self.theta))
         self.predicted = float(
             np.linalg.norm(problem.whiten(np.concatenate(problem.predictions(self.theta))))
         )
-
-    @property
-    def chi2(self) -> float:
-        return float(self.residual @ self.residual)
 
     def minimum(self) -> Minimum:
         return Minimum(self.theta, self.residual, self.jacobian, self.chi2)
@@ -344,7 +332,7 @@ class _Refinement:
     def _steps(self) -> Array:
         """Steps of derivatives: such that each changes the predictions by the same share."""
         columns = np.linalg.norm(self.jacobian[: self.problem.n_data], axis=0)
-        most = MOST_OF_ITSELF * np.maximum(self.problem.scale, np.abs(self.theta))
+        most = MOST_OF_ITSELF * np.maximum(self.size, np.abs(self.theta))
         share = SHARE * self.predicted / np.maximum(columns, 1e-300)
         return np.where(share > 0, np.minimum(share, most), most)
 
@@ -357,8 +345,7 @@ class _Refinement:
             near_the_end = promised < ROUNDED * self.chi2
             moved = velocity if near_the_end else self._bent(velocity)
             if moved is not None:
-                theta = np.clip(self.theta + moved, self.low, self.high)
-                residual = finite_residual(self.problem, theta)
+                theta, residual = self.at(self.theta + moved)
                 allowed = self.chi2 * (1 + 1e-3 * ROUNDED if near_the_end else 1.0)
                 if residual is not None and residual @ residual <= allowed:
                     self.theta, self.residual = theta, residual
@@ -378,7 +365,7 @@ class _Refinement:
 
     def _bent(self, velocity: Array) -> Array | None:
         """The step with half its acceleration, from the second difference along it; None where that is too large."""
-        near = finite_residual(self.problem, np.clip(self.theta + REACH * velocity, self.low, self.high))
+        _, near = self.at(self.theta + REACH * velocity)
         if near is None:
             return None
         turn = 2 / REACH * ((near - self.residual) / REACH - self.jacobian @ velocity)
