@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from specan.study.selection.refits import FORM_TOLERANCE, Refit
 from specan.study.selection.residual_law import residual_law
 from specan.study.selection.search import Search
 from specan.study.selection.significance import LACK_OF_FIT
+from specan.study.verdict import parameters_of
 
 MOST_PULLS = 3  # values or rivals in one sentence
 MOST_SECOND = 3  # effects that may be there too, of which one is told
@@ -42,7 +44,7 @@ def conclude(search: Search, sets: Sequence[Refit]) -> Conclusion:
     base, best = search.base, search.best
     if not best.uses:
         return _of_base(search)
-    names = " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
+    names = _names(sets)
     if search.third is not None:
         return Conclusion(
             "unknown-effect", "three effects or more would be needed; one unknown is likelier", True
@@ -54,12 +56,22 @@ def conclude(search: Search, sets: Sequence[Refit]) -> Conclusion:
         return Conclusion(
             "fits-only-if", f"with {names} it fits only with {_values(contradicted)}{_telling(best)}", True
         )
-    left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions) or _fails_somewhere(best)
+    return Conclusion("effect" if len(sets) == 1 else "group", "")
+
+
+def _with_doubts(explained: Explained) -> Conclusion:
+    """What speaks against an effect or a group that was found."""
+    search, sets, found = explained.search, explained.sets, explained.found
+    if found.kind not in ("effect", "group"):
+        return found
+    base, best = search.base, search.best
+    left = best.lack_of_fit < WHOLE or bool(search.extensions) or _fails_somewhere(best)
     left = left or (len(best.uses) == 1 and _follows_a_law(best))
+    several = len(best.uses) > 1 and not search.of_one_instrument(best)
     reasons = []
     if left:
         reasons.append("something is left: its form is not exact, or another effect is there too")
-    elif len(best.uses) > 1 and not search.of_one_instrument(best):
+    elif several:
         reasons.append("one unknown effect would explain the data as well")
     second = [] if left else _second_possible(search)
     if second:
@@ -70,13 +82,8 @@ def conclude(search: Search, sets: Sequence[Refit]) -> Conclusion:
         )
     if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
-    doubt = (
-        left
-        or bool(second)
-        or (len(best.uses) > 1 and not search.of_one_instrument(best))
-        or bool(suspect_rows(base) or stretched(best) or better_but_too_far(search, sets))
-    )
-    return Conclusion("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
+    suspect = bool(suspect_rows(base) or stretched(best) or better_but_too_far(search, sets))
+    return replace(found, reason="; ".join(reasons), doubt=left or bool(second) or several or suspect)
 
 
 def _second_possible(search: Search) -> list[str]:
@@ -128,10 +135,98 @@ def _of_base(search: Search) -> Conclusion:
     return Conclusion("nothing-missing", "the model fits, and no effect of the catalogue improves it")
 
 
-def with_form(found: Conclusion, form: str) -> Conclusion:
-    """The verdict with the other form of a part that it rests on; which form is right stays open."""
-    said = f"with {form}, another published form of the same part"
-    return replace(found, reason=f"{said}: {found.reason}" if found.reason else said, doubt=True)
+def _names(sets: Sequence[Refit]) -> str:
+    return " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
+
+
+def _in_form(form: str) -> str:
+    return f"with {form}" if form else "with the declared form"
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """A finished search, the sets that are left, and what they amount to."""
+
+    search: Search
+    sets: list[Refit]
+    found: Conclusion
+
+
+@dataclass(frozen=True, eq=False)
+class OfForms:
+    """The likeliest search over published forms of the base, the form that it rests on, and those as likely."""
+
+    best: Explained
+    form: str
+    rivals: Mapping[str, Explained]
+
+    def others(self) -> list[str]:
+        """What is missing with a form that is as likely, where that is not what the verdict says."""
+        named = {r.uses for r in self.best.sets} or {frozenset()}
+        return [
+            f"{_in_form(form)} {_names(rival.sets) or 'nothing'} would be missing"
+            for form, rival in self.rivals.items()
+            if rival.search.best.uses not in named
+        ]
+
+    def sizes(self, named: Mapping[str, Mapping[str, Any]]) -> list[str]:
+        """Values of the named effects that lie outside their intervals with a form that is as likely."""
+        said = []
+        for form, rival in self.rivals.items():
+            if rival.search.best.uses != self.best.search.best.uses:
+                continue
+            for name, there in parameters_of(rival.search.best).items():
+                if not named[name]["low"] <= there["value"] <= named[name]["high"]:
+                    unit = "" if there["unit"] == "1" else f" {there['unit']}"
+                    said.append(f"{name} is {there['value']:.2g}{unit} {_in_form(form)}, which fits as well")
+        return said
+
+
+def likeliest_form(tried: Mapping[str, Explained]) -> OfForms:
+    """The search, with a part of the base in another published form where that explains the data better.
+
+    What needs no effect comes first where it is as likely by BIC; otherwise another form than the declared one, which
+    comes first, has to be decisively better.
+    """
+    chosen = ""
+    for form, new in tried.items():
+        likelier = DECISIVE if new.search.best.uses or new.found.kind != "nothing-missing" else 0.0
+        if _ahead(new.search.best, tried[chosen].search.best) > likelier:
+            chosen = form
+    best = tried[chosen]
+    rivals = {form: one for form, one in tried.items() if form != chosen and _as_likely(one, best)}
+    return OfForms(best, chosen, rivals)
+
+
+def _ahead(one: Refit, other: Refit) -> float:
+    """BIC by which one fit is likelier than another, chi-square in units of the smaller dispersion."""
+    dispersion = min(one.dispersion, other.dispersion)
+    return other.bic(dispersion) - one.bic(dispersion)
+
+
+def _as_likely(one: Explained, best: Explained) -> bool:
+    """Whether the data admit a verdict with another form of the base as well as the best one.
+
+    The same rule as between effects: behind by less than what is decisive and what the equation of the effects that
+    are named may be off. What does not fit, or only with values that are not known, explains nothing.
+    """
+    explained = (best.search.base.chi2 - best.search.best.chi2) / best.search.best.dispersion
+    behind = _ahead(best.search.best, one.search.best)
+    return (
+        one.found.kind in ("nothing-missing", "effect", "group")
+        and behind < DECISIVE + FORM_TOLERANCE**2 * explained
+    )
+
+
+def with_forms(forms: OfForms) -> Conclusion:
+    """The verdict with the form of a part that it rests on; a doubt only where another form would change it."""
+    found, others = _with_doubts(forms.best), forms.others()
+    said = f"with {forms.form}, another published form of the same part" if forms.form else ""
+    reason = ": ".join(text for text in (said, found.reason) if text)
+    if found.kind not in ("nothing-missing", "effect", "group") or not others:
+        return replace(found, reason=reason)
+    said = f"the form of the base is not certain, and {' and '.join(others)}"
+    return replace(found, reason="; ".join(text for text in (reason, said) if text), doubt=True)
 
 
 def better_but_too_far(search: Search, sets: list[Refit]) -> tuple[str, ...]:

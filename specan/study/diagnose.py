@@ -7,22 +7,28 @@ best, accept or reject them; compare what is left; see where the model fails; pr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from specan.errors import ComputationError
-from specan.study.conclusion import Conclusion, better_but_too_far, conclude, with_form
+from specan.study.conclusion import (
+    Conclusion,
+    Explained,
+    OfForms,
+    better_but_too_far,
+    conclude,
+    likeliest_form,
+    with_forms,
+)
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import Block
 from specan.study.localisation.localise import localise
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
-from specan.study.selection.acceptance import DECISIVE
+from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
 from specan.study.selection.alternatives import alternatives, other_forms
-from specan.study.selection.detectable_size import by_effect, minimum_detectable_sizes
 from specan.study.selection.doubtful_data import (
     copied_rows,
     drift_over_rows,
@@ -94,28 +100,15 @@ def diagnose(
             )
     near = initial_fit(start, progress)
     declared = Search(Refits(near.base, near.known), near.likely, bootstrap, progress)
-    likeliest: _Explained | None = None
+    tried: dict[str, Explained] = {}
     for form, search in _forms(_nearer(start, near, declared)):
         search.run()
         sets = alternatives(search)
         _check_failures(search)
-        new = _Explained(form, search, sets, conclude(search, sets))
-        if likeliest is None or _likelier(new, likeliest):
-            likeliest = new
-        if not form and new.found.nothing_left:
+        tried[form] = Explained(search, sets, conclude(search, sets))
+        if not form and tried[form].found.nothing_left:
             break
-    assert likeliest is not None, "the declared form comes first"
-    return _verdict(likeliest)
-
-
-@dataclass(frozen=True, eq=False)
-class _Explained:
-    """A search with one form of the base, the sets that are left, and what they amount to."""
-
-    form: str
-    search: Search
-    sets: list[Refit]
-    found: Conclusion
+    return _verdict(likeliest_form(tried))
 
 
 def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
@@ -124,17 +117,6 @@ def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
     for other in other_forms(declared.base):
         declared.progress(f"searching with {other.text}")
         yield other.text, Search(Refits(other.start), (), declared.bootstrap, declared.progress)
-
-
-def _likelier(new: _Explained, old: _Explained) -> bool:
-    """Whether another form of the base explains the data better than one that leaves something to explain.
-
-    What needs no effect comes first where it is as likely by BIC; otherwise another form has to be decisively better.
-    """
-    best, rival = old.search.best, new.search.best
-    dispersion = min(best.dispersion, rival.dispersion)
-    ahead = best.bic(dispersion) - rival.bic(dispersion)
-    return ahead > (DECISIVE if rival.uses or new.found.kind != "nothing-missing" else 0.0)
 
 
 def _nearer(start: Refit, near: InitialFit, search: Search) -> Search:
@@ -185,30 +167,31 @@ def _check_failures(search: Search) -> None:
             )
 
 
-def _verdict(explained: _Explained) -> Diagnosis:
+def _verdict(forms: OfForms) -> Diagnosis:
     """What is found, what it rests on, and what to measure next."""
-    search, sets, form = explained.search, explained.sets, explained.form
-    found = with_form(explained.found, form) if form else explained.found
+    search, sets = forms.best.search, forms.best.sets
+    found = with_forms(forms)
     base, best = search.base, search.best
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at
     visible = by_effect(
         [*minimum_detectable_sizes(step.seen, step.acceptance, best.dispersion), *_of_members(search)]
     )
+    rows = ranking(search, sets)
     return Diagnosis(
         verdict=found.kind,
         reason=found.reason,
         alternatives=tuple(tuple(sorted({u.name for u in r.uses})) for r in sets),
         at=places_of(u for r in sets for u in r.uses),
         unknown_possible=found.doubt,
-        ranking=ranking(search, sets),
+        ranking=rows,
         lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
         model_discrepancy_percent=_discrepancy(base.problem),
         fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
         residual_law=_law_of_what_is_left(search, found),
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
-        other_form=form,
+        other_form=forms.form,
         next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
         pulls=shown(found.values or pulls(best)),
         error=error_fall(base, best),
@@ -222,6 +205,7 @@ def _verdict(explained: _Explained) -> Diagnosis:
                 odd_repeat(base),
                 *better_but_too_far(search, sets),
                 *_too_good(base),
+                *(forms.sizes(rows[0].parameters) if best.uses else ()),
             )
             if r
         ),
