@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -176,18 +176,23 @@ class Search:
     def single(self) -> Refit | None:
         """The best single effect that passes, of those that are worth a refit."""
         step = self.step(self.base)
+        for use in self._singles_to_refit(step):
+            self.progress(f"refitting with {use}")
+            self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
+        return self._best_passed(self.refits.of_size(1))
+
+    def _singles_to_refit(self, step: Step) -> Iterator[Use]:
+        """Candidates that are worth a refit, in view of the sets that were fitted before each."""
         first = [use for use in self.likely if use in step.by_use]
-        for use in first:
-            self._extend(step, use)
-        if step.start.problem.strategy.reuses_signatures and not (self.only or self._met):
+        yield from first
+        strategy = step.start.problem.strategy
+        if strategy.reuses_signatures and not (self.only or self._met):
             self._look_closer(step)
         for use in _worth_refitting(step):
             if use not in first and not (self.only or self._pruned(step, use)):
-                self._extend(step, use)
-        if step.start.problem.strategy.pruning and not self._met:
-            for use in _outstanding(step):
-                self._extend(step, use)
-        return self._best_passed(self.refits.of_size(1))
+                yield use
+        if strategy.pruning and not self._met:
+            yield from _outstanding(step)
 
     @property
     def _met(self) -> bool:
@@ -205,11 +210,6 @@ class Search:
             return False
         found = min((r.chi2 for r in self.refits.of_size(1)), default=np.inf)
         return self.refits.beyond_pruning_bound(step.start.chi2 - step.by_use[use][0].chi2_reduction, found)
-
-    def _extend(self, step: Step, use: Use) -> Refit | None:
-        """Refit a set with one more effect."""
-        self.progress(f"refitting with {use}")
-        return self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
 
     def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
         passed = [r for r in found if self.decision(r).accepted]
@@ -345,7 +345,8 @@ class Search:
                 self.best, self.best.bic(1.0) - items[0].chi2_reduction + price * _count(items[0])
             ):
                 continue
-            refit = self._extend(step, use)
+            self.progress(f"refitting with {use}")
+            refit = self.refits.fit(step.seen, [[s] for s in different(items, STARTS)])
             if refit is None:
                 continue
             decision = step.acceptance.decision(refit)
