@@ -108,7 +108,8 @@ def diagnose(
         tried[form] = Explained(search, sets, conclude(search, sets))
         if not form and tried[form].found.nothing_left:
             break
-    return _verdict(likeliest_form(tried))
+    forms = likeliest_form(tried)
+    return _verdict(forms, with_forms(forms))
 
 
 def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
@@ -167,10 +168,9 @@ def _check_failures(search: Search) -> None:
             )
 
 
-def _verdict(forms: OfForms) -> Diagnosis:
+def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
     """What is found, what it rests on, and what to measure next."""
     search, sets = forms.best.search, forms.best.sets
-    found = with_forms(forms)
     base, best = search.base, search.best
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at
