@@ -16,9 +16,10 @@ from specan_cli.results import draw
 from specan_cli.several_files import expand
 
 if TYPE_CHECKING:
+    from specan.data.channel import Channel
     from specan.data.excitation import Excitation
     from specan.data.levels import Quality
-    from specan.data.recording import Channel, Recording
+    from specan.data.recording import Recording
 
 # Properties that the table of channels already shows, or that only say how the file was written.
 _SHOWN = {"unit_string", "Unit_String", "QuantityUnit", "Sensitivity", "SensitivityUnit", "name"}

@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.output import emit_json, table
+from specan_cli.results import draw
 from specan_cli.study_output import parameter_table
 
 if TYPE_CHECKING:
     from specan.study.edit import Change
 
 
-def show_change(change: Change, as_json: bool, plot: Path | None = None) -> None:
+def show_change(change: Change, as_json: bool, plot: Path | None) -> None:
     """Errors before and after, parameters, remarks; a figure where one was asked for."""
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_change import figure_change
-
-        save_figure(figure_change(change), plot)
+    draw(change, plot)
     before, after = change.before, change.after
     parameters = {name: dict(row) for name, row in after.parameters.items()}
     for name, (low, high) in change.intervals.items():

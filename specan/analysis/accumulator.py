@@ -7,7 +7,8 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 
 READ_BLOCK = 1 << 16  # samples of a channel that are read at once
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.band_levels import BandLevels, LevelHistory, OtherSettling
+from specan.data.channel import Channel
 from specan.data.levels import Quality
-from specan.data.recording import Channel
 from specan.dsp import bands
 from specan.dsp.band_energy import EnergySpectrum
 from specan.dsp.band_history import Histories

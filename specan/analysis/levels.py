@@ -15,8 +15,9 @@ from specan.analysis.band_results import LINEAR_SETTLING, level, quality_flags
 from specan.analysis.channel_groups import joined, slices
 from specan.analysis.quality import QualityAccumulator
 from specan.analysis.section import constant_part, of_one_rate, section
+from specan.data.channel import Channel
 from specan.data.levels import SignalLevels
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.band_energy import BandEnergy, EnergySpectrum
 from specan.dsp.band_history import BandHistory
 from specan.dsp.history_filters import weighting_filter

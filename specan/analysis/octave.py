@@ -75,7 +75,8 @@ class Octave(Settings):
 
     Examples
     --------
-    >>> from specan.data.recording import ArraySource, Channel
+    >>> from specan.data.channel import Channel
+    >>> from specan.data.recording import ArraySource
     >>> pascals = 0.02 * np.sqrt(2) * np.sin(2 * np.pi * 1000 * np.arange(48000) / 48000)
     >>> mic = Channel("Mic 1", role="microphone", unit="Pa", sampling_rate=48000.0, n_samples=48000)
     >>> found = Octave(band=1000)(Recording("a.tdms", (mic,), ArraySource([pascals])))

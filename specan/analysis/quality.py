@@ -9,8 +9,8 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.data.channel import Channel
 from specan.data.levels import Quality
-from specan.data.recording import Channel
 from specan.dsp.block_grid import BlockGrid
 from specan.dsp.clipping import is_cut_off, longest_run
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan.api.drawing import saved
-from specan.errors import RequestError
 from specan.result import Result, counted
 from specan.study.study import Study as OpenedStudy
 
@@ -282,12 +281,11 @@ class Study:
         RequestError
             The directory of `path` does not exist, or it is a measured file or one that specan did not write.
         """
-        from specan.io.output_file import check_output, text_file
+        from specan.io.output_file import check_directory, check_output, text_file
         from specan.report.study_report import study_report
 
         path = Path(path)
-        if not path.absolute().parent.is_dir():
-            raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+        check_directory(path)
         check_output(path, [], force=False)
         page = study_report(self._opened)
         with text_file(path) as file:

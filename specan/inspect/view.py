@@ -16,8 +16,6 @@ from specan.dsp.weighting import Weighting
 from specan.dsp.windows import WindowName
 from specan.schema import Settings, parse
 
-TABS = ("octave", "fft", "frf", "levels", "spectrogram", "orders", "info")
-
 
 class View(Settings):
     """Everything that can be chosen on the page of a recording.

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.accumulator import READ_BLOCK
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 
 
 class Accumulator(Protocol):

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from specan.analysis.orders import Orders
 from specan.analysis.shaft import Shaft, tracked_shaft
+from specan.data.channel import Channel
 from specan.data.orders import OrderLines as FoundLines
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, nearest
 from specan.io.open import open_recording
 from specan.models import Model

@@ -178,7 +178,7 @@ class Observation(Protocol):
 
     @property
     def kind(self) -> str:
-        """Kind of measurement; see `specan.study.measurement_kinds`."""
+        """Kind of measurement; see `specan.study.data.sources`."""
 
     @property
     def variables(self) -> Mapping[str, Variable]:
