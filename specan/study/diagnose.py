@@ -36,12 +36,12 @@ from specan.study.selection.doubtful_data import (
     rows_of_two_kinds,
     suspect_rows,
 )
-from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
+from specan.study.selection.initial_fit import initial_fit, with_covariances_about
 from specan.study.selection.pulls import (
     pulls,
     shown,
 )
-from specan.study.selection.refits import POOR_FIT, Refit, Refits
+from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import ResidualLaw, residual_law
 from specan.study.selection.search import Progress, Search
 from specan.study.verdict import Diagnosis, LackOfFit, error_fall, places_of, ranking
@@ -88,7 +88,8 @@ def diagnose(
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
-    if start.problem.strategy.continuation and start.reduced > POOR_FIT:
+    declared = Search(Refits(start), (), bootstrap, progress)
+    if start.poor_fit:
         progress("checking positions and signs of the channels against the data")
         mistake = mistaken_set_up(problem)
         if mistake.text:
@@ -98,17 +99,17 @@ def diagnose(
                 lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
-    near = initial_fit(start, progress)
-    declared = Search(Refits(near.base, near.known), near.likely, bootstrap, progress)
+        declared = _about_a_near_field(start, bootstrap, progress)
     tried: dict[str, Explained] = {}
-    for form, search in _forms(_nearer(start, near, declared)):
+    for form, search in _forms(declared):
         search.run()
         sets = alternatives(search)
         _check_failures(search)
         tried[form] = Explained(search, sets, conclude(search, sets))
         if not form and tried[form].found.nothing_left:
             break
-    return _verdict(likeliest_form(tried))
+    forms = likeliest_form(tried)
+    return _verdict(forms, with_forms(forms))
 
 
 def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
@@ -119,16 +120,16 @@ def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
         yield other.text, Search(Refits(other.start), (), declared.bootstrap, declared.progress)
 
 
-def _nearer(start: Refit, near: InitialFit, search: Search) -> Search:
-    """The search with covariances about the single effect that it finds best, where they were about another field.
+def _about_a_near_field(start: Refit, bootstrap: bool, progress: Progress) -> Search:
+    """A search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
     """
-    if not search.refits.poor_fit:
+    near = initial_fit(start, progress)
+    search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress)
+    if not search.refits.poor_fit or search.single is None or search.single.uses == near.found:
         return search
     single = search.single
-    if single is None or single.uses == near.found:
-        return search
     search.progress("once more, with covariances about the field that was found")
     done = {uses: r.problem.values_at(r.fit.theta) for uses, r in search.refits.done.items() if uses}
     order = sorted(search.refits.of_size(1), key=lambda r: r.chi2)
@@ -167,10 +168,9 @@ def _check_failures(search: Search) -> None:
             )
 
 
-def _verdict(forms: OfForms) -> Diagnosis:
+def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
     """What is found, what it rests on, and what to measure next."""
     search, sets = forms.best.search, forms.best.sets
-    found = with_forms(forms)
     base, best = search.base, search.best
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at

@@ -62,6 +62,7 @@ class Strategy:
     rivals: int = 8
 
 
+NO_VERDICT = 20.0  # times the tolerances: 0.02 of chi-square, which no verdict shows
 TABLE = Strategy()
 
 
@@ -86,6 +87,8 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
     whole = Strategy(
         continuation=any(p.continuation for p in parts),
         linearised_covariance=any(p.linearised_covariance for p in parts),
+        exact_minimum=all(p.exact_minimum for p in parts),
+        tolerance=max((p.tolerance for p in parts), default=1.0),
     )
     return frugal(whole) if n_data > MANY_ROWS else whole
 
@@ -93,7 +96,7 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
 def frugal(strategy: Strategy) -> Strategy:
     """The same where an evaluation of the model is worth saving; no verdict shows the tolerance of chi-square."""
     return replace(
-        strategy, exact_minimum=False, tolerance=20.0, further_starts=False, secondary_refits=False,
+        strategy, exact_minimum=False, tolerance=NO_VERDICT, further_starts=False, secondary_refits=False,
         pruning=True, reuses_signatures=True, refitted=3, pairs=4, rivals=3,
     )  # fmt: skip
 
@@ -175,7 +178,7 @@ class Observation(Protocol):
 
     @property
     def kind(self) -> str:
-        """Kind of measurement; see `specan.study.measurement_kinds`."""
+        """Kind of measurement; see `specan.study.data.sources`."""
 
     @property
     def variables(self) -> Mapping[str, Variable]:
