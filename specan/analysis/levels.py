@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.accumulator import read_through
 from specan.analysis.band_results import LINEAR_SETTLING, level, quality_flags
 from specan.analysis.channel_groups import joined, slices
-from specan.analysis.quality import BLOCK, QualityAccumulator
+from specan.analysis.quality import QualityAccumulator
 from specan.analysis.section import constant_part, of_one_rate, section
+from specan.data.channel import Channel
 from specan.data.levels import SignalLevels
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.band_energy import BandEnergy, EnergySpectrum
 from specan.dsp.band_history import BandHistoryAccumulator
 from specan.dsp.history_filters import weighting_filter
@@ -86,12 +88,7 @@ class Levels(Settings):
 
     def __call__(self, recording: Recording) -> SignalLevels:
         """Read the recording (once in 32 channels) and return the values."""
-        found = []
-        for part in self.groups(recording):
-            for samples in recording.blocks(part.channels, BLOCK, part.start, part.stop):
-                part.add(samples)
-            found.append(part.result())
-        return joined_values(found)
+        return joined_values([read_through(part, recording) for part in self.groups(recording)])
 
 
 class LevelsAccumulator:

@@ -10,16 +10,16 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.dsp.extremes import low_and_high
 from specan.inspect.kept_overview import keep, load, place_of
 
 STEP = 1024  # samples behind one pair of the overview
 PIECE = STEP * 512
 DIRECT = 2_000_000  # samples that are read for a view; above that the overview serves
-LOOKS = (
-    750  # places at which a long channel is looked at before it is read: half the columns of a wide screen
-)
+# Places at which a long channel is looked at before it is read: half the columns of a wide screen.
+LOOKS = 750
 
 
 @dataclass

@@ -26,7 +26,7 @@ from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import plain
 from specan.inspect.server import start_server
 from specan.inspect.sheets import notice, sheet
-from specan.inspect.superseded import Superseded
+from specan.inspect.superseded import Heard, Superseded
 from specan.inspect.tabs.tab import text_of
 from specan.inspect.view import View
 
@@ -149,41 +149,41 @@ def test_what_is_not_read_yet_is_a_gap():
 def test_another_setting_gives_the_commands_text_and_reads_nothing(changed, monkeypatch):
     one = recording()
     kept = KeptBands()
-    kept.levels(one, one.channels, Octave(), go_on)
+    kept.levels(one, one.channels, Octave())
     settings = Octave(**changed)
     expected = text_of(write_text, settings(one))
     monkeypatch.setattr(ArraySource, "read", None)
-    assert text_of(write_text, kept.levels(one, one.channels, settings, go_on)) == expected
+    assert text_of(write_text, kept.levels(one, one.channels, settings)) == expected
 
 
 def test_one_more_channel_reads_that_channel_only(monkeypatch):
     one = recording()
     kept = KeptBands()
-    kept.levels(one, one.channels[:2], Octave(), go_on)
+    kept.levels(one, one.channels[:2], Octave())
     seen = set()
     read = ArraySource.read
     monkeypatch.setattr(ArraySource, "read", lambda s, i, a, b: seen.update(i) or read(s, i, a, b))
-    kept.levels(one, one.channels, Octave(), go_on)
+    kept.levels(one, one.channels, Octave())
     assert seen == {2}
 
 
 def test_work_that_nobody_waits_for_ends():
     one = recording(60.0, 1)
     with pytest.raises(Superseded):
-        KeptBands().levels(one, one.channels, Octave(), lambda part: False)
+        KeptBands().levels(Heard.of(one, lambda part: False), one.channels, Octave())
 
 
 def test_a_weighting_leaves_out_what_is_no_sound_pressure():
     one = recording(unit="m/s")
     with pytest.raises(RequestError, match="Pa"):
-        KeptBands().levels(one, one.channels, Octave(weighting="A"), go_on)
+        KeptBands().levels(one, one.channels, Octave(weighting="A"))
 
 
 def test_zeros_and_a_tenth_of_a_second():
     n = 800
     channel = Channel("Mic", "G", unit="Pa", sampling_rate=RATE, n_samples=n)
     one = Recording("z.tdms", (channel,), ArraySource([np.zeros(n)]))
-    found = KeptBands().levels(one, one.channels, Octave(), go_on)
+    found = KeptBands().levels(one, one.channels, Octave())
     assert found.flags == (("dead",),)
     assert np.isneginf(found.level_dB).all()
     assert low_and_high(np.zeros(n), 300)[0].max() == 0.0
