@@ -26,8 +26,8 @@ import numpy as np
 
 from hidden_effects.run import fingerprint
 from specan.study.create import begin
+from specan.study.estimation.continuation import about
 from specan.study.estimation.levenberg_marquardt import descend_steps
-from specan.study.estimation.linearised_covariance import about
 from specan.study.estimation.problem import Problem
 from specan.study.study import Study
 from truth.room import RoomCase, simulate, write

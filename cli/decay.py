@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import table
-from specan_cli.recording_input import given, say_notes, section_options
+from specan_cli.recording_input import given, opened, say_notes, section_options
 from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     help="Channel of the excitation: the impulse responses to it are found first.  [default: the generator "
     "of noise and sweeps]",
 )
-@click.option("--fraction", type=click.Choice(["1", "3"]), help="1/N octave.  [default: 1]")
+@click.option("--fraction", type=click.Choice([1, 3]), help="1/N octave.  [default: 1]")
 @click.option("--fmin", type=float, metavar="HZ", help="From this band.  [default: 125; 100 for thirds]")
 @click.option("--fmax", type=float, metavar="HZ", help="To this band.  [default: 4000; 5000 for thirds]")
 @section_options
@@ -34,8 +33,6 @@ if TYPE_CHECKING:
 @result_options()
 def command(
     file: Path,
-    reference: str | None,
-    fraction: str | None,
     plot: Path | None,
     output: Path | None,
     as_json: bool,
@@ -50,60 +47,23 @@ def command(
     \b
     specan decay sample_data/recordings/knock.tdms --fmax 2000
     """
-    from specan.api.recordings import decay, read
+    from specan.api.recordings import decay
 
-    recording = read(file, **opening)
-    found = decay(
-        recording, reference, **given(fraction=None if fraction is None else int(fraction), **options)
-    )
-    deliver(
-        plot, output, as_json, draw=lambda path: _draw(found, path), write=lambda path: write_text(found, path),
-        content=lambda: content(found), show=lambda: show(found),
-    )  # fmt: skip
+    found = decay(opened(file, opening), **given(**options))
+    deliver(found, plot, output, as_json, write=write_text, show=lambda: show(found))
     say_notes(found.notes, {})
     return 0
 
 
-_TIMES = ("edt_s", "t20_s", "u_t20_s", "t30_s", "u_t30_s")
-_RATIOS = ("c50_dB", "c80_dB", "d50_percent", "centre_time_s", "range_dB", "nonlinearity_permille")
-
-
-def _draw(found: DecayTimes, path: Path) -> None:
-    from specan.report.figure_style import save_figure
-    from specan.report.figures_decay import figure_decay
-
-    save_figure(figure_decay(found), path)
-
-
-def content(found: DecayTimes) -> dict[str, Any]:
-    """All there is, for JSON."""
-    return {
-        "file": found.label,
-        "fraction": found.fraction,
-        "nominal_hz": found.nominal_hz,
-        "exact_hz": found.exact_hz,
-        "channels": [
-            {
-                "channel": name,
-                "group": found.groups[row],
-                "start_s": found.start_s[row],
-                **{key: getattr(found, key)[row] for key in (*_TIMES, *_RATIOS, "curvature_percent")},
-                "flags": [found.flags(row, band) for band in range(found.exact_hz.size)],
-            }
-            for row, name in enumerate(found.channels)
-        ],
-        "notes": found.notes,
-        "settings": found.settings,
-    }
-
-
 def show(found: DecayTimes) -> None:
     """A table a channel, a row a band."""
+    from specan.data.decay import TIMES
+
     header = ["Hz", "EDT s", "T20 s", "u s", "T30 s", "u s", "C80 dB", "D50 %", "range dB", ""]
     for row, name in enumerate(found.channels):
         lines = []
         for band, nominal in enumerate(found.nominal_hz):
-            times = [_number(getattr(found, key)[row, band], "{:.3f}") for key in _TIMES]
+            times = [_number(getattr(found, key)[row, band], "{:.3f}") for key in TIMES]
             ratios = [_number(getattr(found, key)[row, band], "{:.1f}") for key in ("c80_dB", "d50_percent")]
             span = _number(found.range_dB[row, band], "{:.0f}")
             flags = " ".join(found.flags(row, band))
@@ -116,30 +76,20 @@ def show(found: DecayTimes) -> None:
 
 def write_text(found: DecayTimes, path: Path) -> None:
     """All bands, tab-separated, the channels one after the other."""
+    from specan.data.decay import VALUES
     from specan.io import results_text as text
 
-    bands = [f"{f:g}" for f in found.nominal_hz]
-    blocks = [
-        text.rows(
-            [
-                [text.word(name)] * len(bands),
-                bands,
-                *(text.significant(getattr(found, key)[row], 4) for key in (*_TIMES, *_RATIOS)),
-                text.significant(found.curvature_percent[row], 4),
-                [" ".join(found.flags(row, band)) for band in range(len(bands))],
-            ]
-        )
-        for row, name in enumerate(found.channels)
-    ]
-    header = [
-        f"specan {__version__} decay",
+    def columns(row: int) -> list[list[str]]:
+        bands = range(found.nominal_hz.size)
+        values = [text.significant(getattr(found, name)[row], 4) for name in VALUES]
+        return [[f"{f:g}" for f in found.nominal_hz], *values, [" ".join(found.flags(row, b)) for b in bands]]
+
+    about = [
         f"decay times of {found.label}, 1/{found.fraction} octave bands (ISO 3382-1:2009)",
         "u: standard deviation over positions in a diffuse field (ISO 3382-2:2008, 7.1)",
-        f"settings: {found.settings}",
-        *found.notes,
     ]
-    columns = ("channel", "band_hz", *_TIMES, *_RATIOS, "curvature_percent", "flags")
-    text.write_table(path, header, columns, blocks)
+    names = ("channel", "band_hz", *VALUES, "flags")
+    text.write_result(path, "decay", found, about, names, text.rows_of_channels(found.channels, columns))
 
 
 def _number(value: float, form: str) -> str:

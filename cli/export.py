@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json
 from specan_cli.output_file import OutputFile, Verb, refuse_unsafe, say_written, to_standard_output
-from specan_cli.recording_input import opening_options, say_notes, section_options
+from specan_cli.recording_input import opened, opening_options, say_notes, section_options
+from specan_cli.results import draw
 
 if TYPE_CHECKING:
     from specan.data.recording import Recording
@@ -49,9 +50,7 @@ def command(
     channels: tuple[str, ...],
     start_s: float,
     stop_s: float | None,
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
+    opening: dict[str, Any],
     plot: Path | None,
     as_json: bool,
 ) -> int:
@@ -65,7 +64,6 @@ def command(
     from specan.analysis.section import of_one_rate, section
     from specan.errors import RequestError
     from specan.io.export_file import Excerpt, together, write_excerpt
-    from specan.io.open import open_recording
 
     if decimal != "." and form != "csv":
         raise RequestError(f"--decimal is for CSV, not for {form}", remedy="leave it out")
@@ -76,20 +74,14 @@ def command(
         )
     target = output or Path(file.stem + SUFFIXES[form])
     refuse_unsafe(target)
-    recording = open_recording(
-        file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate
-    )
+    recording = opened(file, opening)
     if reference is not None:
         return _transfer(recording, reference, channels, (start_s, stop_s), target, plot, as_json)
     chosen, notes = of_one_rate(recording, channels)
     start, stop = section(recording, chosen, start_s, stop_s)
     excerpt = Excerpt(recording, chosen, start, stop)
     write_excerpt(excerpt, form, target, decimal)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_waveforms import figure_waveforms
-
-        save_figure(figure_waveforms(recording, chosen, start_s, stop_s), plot)
+    draw(recording, plot, channels=chosen, start_s=start_s, stop_s=stop_s)
     late = tuple(
         f"{c.name} carries a phase or delay correction, which samples in time do not show"
         for c in chosen
@@ -126,18 +118,12 @@ def _transfer(
     as_json: bool,
 ) -> int:
     """Write transfer functions as a universal file."""
-    from specan.analysis.transfer_function import TransferFunction
+    from specan.api.recordings import frf
     from specan.io.export_uff import write_uff_transfer
 
-    found = TransferFunction(reference=reference, channels=channels, start_s=section[0], stop_s=section[1])(
-        recording
-    )
+    found = frf(recording, reference, channels=channels, start_s=section[0], stop_s=section[1])
     write_uff_transfer(found, target)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_spectra import figure_frequency_response
-
-        save_figure(figure_frequency_response(found), plot)
+    draw(found, plot)
     say_notes(found.notes, {"the file": recording.flags})
     if as_json:
         emit_json(

@@ -13,9 +13,10 @@ import click
 from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
+from specan_cli.options import weighting_option
 from specan_cli.output import table
 from specan_cli.output_file import say_written, to_standard_output
-from specan_cli.recording_input import feed, given, quantity_option, say_notes, section_options
+from specan_cli.recording_input import given, opened, quantity_option, say_notes, section_options
 from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
@@ -55,12 +56,7 @@ if TYPE_CHECKING:
     metavar="CH",
     help="Reference channel of the phase; averaged spectra have no absolute phase.",
 )
-@click.option(
-    "--weighting",
-    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
-    metavar="A|B|C|Z",
-    help="Weighting of the magnitudes of sound pressure; phases are not changed.  [default: Z]",
-)
+@weighting_option("Weighting of the magnitudes of sound pressure; phases are not changed.  [default: Z]")
 @click.option("--fmin", "fmin_hz", type=float, metavar="HZ", help="Lowest line.")
 @click.option("--fmax", "fmax_hz", type=float, metavar="HZ", help="Highest line.")
 @click.option(
@@ -93,26 +89,25 @@ def command(
     specan fft sample_data/recordings/noise/noise_24_microphones.tdms --channel "Mic 1" --lines 800
     specan fft sample_data/recordings/knock.tdms --spectrogram --lines 100 --plot knock.png
     """
-    from specan.api.recordings import read
+    from specan.api.recordings import fft
     from specan.errors import RequestError
 
-    recording = read(file, quantity=quantity, **opening)
+    recording = opened(file, opening, quantity)
     single = options["whole"] or options["averaging"] == "none"
     if limit is not None and spectrogram:
         raise RequestError("a spectrogram has no limits", remedy="leave out --limit or --spectrogram")
     if single and not (spectrogram or as_json or plot is not None or limit is not None):
         return _single(recording, options, peaks, output)
-    found = _spectrogram(recording, columns, options) if spectrogram else _spectrum(recording, options)
+    found = _spectrogram(recording, columns, options) if spectrogram else fft(recording, **given(**options))
     kept = [] if limit is None else _held(found, limit)
 
     def shown() -> None:
         show(found, peaks)
-        show_limit("" if limit is None else limit.name, kept)
+        show_limit(limit, kept)
 
     deliver(
-        plot, output, as_json,
-        draw=lambda path: _draw(found, path), write=lambda path: write_text(found, path), show=shown,
-        content=lambda: {**content(found), **({"limits": limit_content(kept)} if kept else {})},
+        found, plot, output, as_json, write=write_text, show=shown,
+        content=lambda: {**found.to_json(), **limit_content(kept)},
     )  # fmt: skip
     say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
     return limit_code(kept)
@@ -173,22 +168,9 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, output: P
     return 0
 
 
-def _spectrum(recording: Recording, options: dict[str, Any]) -> Spectrum:
-    from specan.analysis.spectrum import FourierSpectrum
-    from specan.schema import parse
-
-    settings = parse(FourierSpectrum, given(**options), "fft")
-    if settings.whole or settings.averaging == "none":
-        return settings(recording)
-    accumulator = settings.accumulator(recording)
-    feed(accumulator, recording)
-    return accumulator.result()
-
-
 def _spectrogram(recording: Recording, columns: int | None, options: dict[str, Any]) -> Spectrogram:
-    from specan.analysis.spectrogram import SpectrogramSettings
+    from specan.api.recordings import spectrogram
     from specan.errors import RequestError
-    from specan.schema import parse
 
     wanted = given(columns=columns, **options)
     for name in ("averaging", "n_exponential", "reference"):
@@ -196,67 +178,7 @@ def _spectrogram(recording: Recording, columns: int | None, options: dict[str, A
             raise RequestError(f"a spectrogram has no {name}", remedy="leave that option out")
     if wanted.pop("whole"):
         raise RequestError("a spectrogram of one block has one column", remedy="leave out --whole")
-    return parse(SpectrogramSettings, wanted, "fft --spectrogram")(recording)
-
-
-def _draw(found: Spectrum | Spectrogram, path: Path) -> None:
-    from specan.data.spectrum import Spectrogram
-    from specan.report.figure_style import save_figure
-    from specan.report.figures_spectra import figure_spectrogram, figure_spectrum
-
-    save_figure(figure_spectrogram(found) if isinstance(found, Spectrogram) else figure_spectrum(found), path)
-
-
-def content(found: Spectrum | Spectrogram) -> dict[str, Any]:
-    """All there is, for JSON."""
-    from specan.data.spectrum import Spectrogram
-
-    scale = found.scale
-    common = {
-        "file": found.label,
-        "scaling": scale.scaling,
-        "weighting": scale.weighting,
-        "window": {
-            "name": scale.window,
-            "coherent_gain": scale.coherent_gain,
-            "enbw_hz": scale.enbw_hz,
-            "line_spacing_hz": scale.line_spacing_hz,
-        },
-        "frequency_hz": found.frequency_hz,
-        "notes": found.notes,
-        "settings": found.settings,
-    }
-    values, levels = found.values, found.level_dB
-    channels = [
-        {
-            "channel": name,
-            "unit": scale.unit_of(unit),
-            "values": values[row],
-            "level_dB": levels[row],
-            "level_reference": scale.level_text(unit),
-        }
-        for row, (name, unit) in enumerate(zip(found.channels, found.units))
-    ]
-    if isinstance(found, Spectrogram):
-        return {
-            **common,
-            "time_s": found.time_s,
-            "blocks_per_column": found.blocks_per_column,
-            "channels": channels,
-        }
-    for row, channel in enumerate(channels):
-        channel["phase_deg"] = None if found.phase_deg is None else found.phase_deg[row]
-        channel["rms"], channel["flags"] = found.rms[row], found.flags[row]
-    return {
-        **common,
-        "averaging": found.averaging,
-        "n_blocks": found.n_blocks,
-        "n_effective": found.n_effective,
-        "u_dB": found.u_dB,
-        "degrees_of_freedom": found.degrees_of_freedom,
-        "phase_reference": found.phase_reference,
-        "channels": channels,
-    }
+    return spectrogram(recording, **wanted)
 
 
 def show(found: Spectrum | Spectrogram, peaks: int) -> None:

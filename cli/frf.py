@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.output import table
-from specan_cli.recording_input import feed, given, quantity_option, say_notes, section_options
+from specan_cli.recording_input import given, opened, quantity_option, say_notes, section_options
 from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
@@ -47,15 +46,6 @@ if TYPE_CHECKING:
 @result_options("all lines")
 def command(
     file: Path,
-    reference: str | None,
-    estimator: str | None,
-    instrument: str | None,
-    channels: tuple[str, ...],
-    start_s: float,
-    stop_s: float | None,
-    lines: int | None,
-    window: str | None,
-    overlap: float | None,
     no_align: bool,
     fmin: float,
     fmax: float | None,
@@ -66,6 +56,7 @@ def command(
     as_json: bool,
     opening: dict[str, Any],
     quantity: Quantity | None,
+    **options: Any,
 ) -> int:
     """Find the transfer functions of microphones and accelerometers over the vibrometer, or over --reference.
 
@@ -74,80 +65,13 @@ def command(
     \b
     specan frf sample_data/recordings/noise/noise_24_microphones.tdms --at 250 --plot frf.png
     """
-    from specan.analysis.transfer_function import TransferFunction
-    from specan.api.recordings import read
-    from specan.schema import parse
+    from specan.api.recordings import frf
 
-    settings = parse(
-        TransferFunction,
-        given(
-            reference=reference,
-            estimator=estimator,
-            instrument=instrument,
-            channels=channels,
-            start_s=start_s,
-            stop_s=stop_s,
-            lines=lines,
-            window=window,
-            overlap=overlap,
-            align=not no_align,
-        ),
-        "frf",
-    )
-    recording = read(file, quantity=quantity, **opening)
-    accumulator = settings.accumulator(recording)
-    feed(accumulator, recording)
-    found = accumulator.result().between(fmin, float("inf") if fmax is None else fmax)
-    deliver(
-        plot, output, as_json,
-        draw=lambda path: _draw(found, path, unwrap), write=lambda path: write_text(found, path),
-        content=lambda: content(found), show=lambda: show(found, at_hz),
-    )  # fmt: skip
+    found = frf(opened(file, opening, quantity), align=not no_align, **given(**options))
+    found = found.between(fmin, float("inf") if fmax is None else fmax)
+    deliver(found, plot, output, as_json, write=write_text, show=lambda: show(found, at_hz), unwrapped=unwrap)
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return 0
-
-
-def _draw(found: FrequencyResponse, path: Path, unwrap: bool) -> None:
-    from specan.report.figure_style import save_figure
-    from specan.report.figures_spectra import figure_frequency_response
-
-    save_figure(figure_frequency_response(found, unwrapped=unwrap), path)
-
-
-def content(found: FrequencyResponse) -> dict[str, Any]:
-    """All there is, for JSON."""
-    channels = [
-        {
-            "channel": name,
-            "unit": found.units[row],
-            "magnitude": found.magnitude[row],
-            "phase_deg": found.phase_deg[row],
-            "coherence": found.coherence[row],
-            "u_magnitude_percent": found.u_magnitude_percent[row],
-            "u_phase_deg": found.u_phase_deg[row],
-            "u_leakage_percent": found.u_leakage_percent[row],
-            "degrees_of_freedom": found.degrees_of_freedom[row],
-            "u_common_percent": found.u_common_percent[row],
-            "u_common_phase_deg": found.u_common_phase_deg[row],
-            "delay_s": found.delay_s[row],
-            "flags": found.flags[row],
-        }
-        for row, name in enumerate(found.channels)
-    ]
-    return {
-        "file": found.label,
-        "reference": found.reference,
-        "reference_unit": found.reference_unit,
-        "reference_rms": found.reference_rms,
-        "estimator": found.estimator,
-        "n_blocks": found.n_blocks,
-        "n_effective": found.n_effective,
-        "line_correlation": found.line_correlation,
-        "frequency_hz": found.frequency_hz,
-        "channels": channels,
-        "notes": found.notes,
-        "settings": found.settings,
-    }
 
 
 def show(found: FrequencyResponse, at_hz: tuple[float, ...]) -> None:
@@ -198,47 +122,31 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
     """All lines, tab-separated, the channels one after the other."""
     from specan.io import results_text as text
 
-    low = found.line_flags
-    blocks = []
-    for row, name in enumerate(found.channels):
-        marked = [
-            " ".join(
-                [
-                    *found.flags[row],
-                    *(w for w, mask in low.items() if mask[row, k] and w not in found.flags[row]),
-                ]
-            )
-            for k in range(len(found.frequency_hz))
+    doubts = found.line_flags
+
+    def flags(row: int, line: int) -> str:
+        own = found.flags[row]
+        return " ".join([*own, *(w for w, mask in doubts.items() if mask[row, line] and w not in own)])
+
+    def columns(row: int) -> list[list[str]]:
+        return [
+            text.frequencies(found.frequency_hz),
+            text.significant(found.magnitude[row]),
+            text.phases(found.phase_deg[row]),
+            text.fixed(found.coherence[row], 4),
+            *(text.significant(getattr(found, name)[row], 3) for name in uncertainties),
+            [flags(row, line) for line in range(found.frequency_hz.size)],
         ]
-        blocks.append(
-            text.rows(
-                [
-                    [text.word(name)] * len(found.frequency_hz),
-                    text.frequencies(found.frequency_hz),
-                    text.significant(found.magnitude[row]),
-                    text.phases(found.phase_deg[row]),
-                    text.fixed(found.coherence[row], 4),
-                    text.significant(found.u_magnitude_percent[row], 3),
-                    text.significant(found.u_phase_deg[row], 3),
-                    text.significant(found.u_leakage_percent[row], 3),
-                    text.significant(found.u_common_percent[row], 3),
-                    text.significant(found.u_common_phase_deg[row], 3),
-                    marked,
-                ]
-            )
-        )
-    header = [
-        f"specan {__version__} frf",
+
+    uncertainties = (
+        "u_magnitude_percent", "u_phase_deg", "u_leakage_percent", "u_common_percent", "u_common_phase_deg",
+    )  # fmt: skip
+    about = [
         f"transfer functions of {found.label}: {found.estimator} over {found.reference} ({found.reference_unit})",
         "magnitude in " + ", ".join(f"{u} ({n})" for n, u in zip(found.channels, found.units)),
         "phase in degrees: exp(+j w t), response over reference",
         "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of calibration "
         "and delay",
-        f"settings: {found.settings}",
-        *found.notes,
     ]
-    columns = (
-        "channel", "frequency_hz", "magnitude", "phase_deg", "coherence", "u_magnitude_percent", "u_phase_deg",
-        "u_leakage_percent", "u_common_percent", "u_common_phase_deg", "flags",
-    )  # fmt: skip
-    text.write_table(path, header, columns, blocks)
+    names = ("channel", "frequency_hz", "magnitude", "phase_deg", "coherence", *uncertainties, "flags")
+    text.write_result(path, "frf", found, about, names, text.rows_of_channels(found.channels, columns))

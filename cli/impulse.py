@@ -11,7 +11,8 @@ from specan_cli.export import SUFFIXES
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json
 from specan_cli.output_file import OutputFile, Verb, refuse_unsafe, say_written, to_standard_output
-from specan_cli.recording_input import given, opening_options, say_notes, section_options
+from specan_cli.recording_input import given, opened, opening_options, say_notes, section_options
+from specan_cli.results import draw
 
 
 @click.command("impulse", cls=Verb)
@@ -42,9 +43,7 @@ def command(
     output: Path | None,
     plot: Path | None,
     as_json: bool,
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
+    opening: dict[str, Any],
     **options: Any,
 ) -> int:
     """Find impulse responses of microphones and accelerometers to the excitation, and write them.
@@ -55,34 +54,17 @@ def command(
     \b
     specan impulse sample_data/recordings/noise/noise_24_microphones.tdms --channel "Mic 1" --to csv -o mic_1.csv
     """
-    from specan.api.recordings import impulse, read
+    from specan.api.recordings import impulse
     from specan.io.export_file import Excerpt, write_excerpt
 
     target = output or Path(f"{file.stem}_impulse{SUFFIXES[form]}")
     refuse_unsafe(target)
-    recording = read(file, channel_table=channel_table, calibration=calibration, sampling_rate=sampling_rate)
-    found = impulse(recording, **given(**options))
+    found = impulse(opened(file, opening), **given(**options))
     responses = found.recording()
     write_excerpt(Excerpt(responses, responses.channels, 0, found.samples.shape[1]), form, target)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_waveforms import figure_waveforms
-
-        save_figure(figure_waveforms(responses, responses.channels, 0.0, None), plot)
+    draw(found, plot)
     if as_json:
-        emit_json(
-            {
-                "output": str(target),
-                "format": form,
-                "reference": found.reference,
-                "method": found.method,
-                "samples": found.samples.shape[1],
-                "sampling_rate_hz": found.sampling_rate,
-                "channels": [{"name": c.name, "unit": c.unit} for c in found.channels],
-                "notes": found.notes,
-                "settings": found.settings,
-            }
-        )
+        emit_json({"output": str(target), "format": form, **found.to_json()})
     elif not to_standard_output(target):
         click.echo(f"{found.summary()}.")
         say_written(plot, target)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +12,14 @@ from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
 from specan_cli.output_file import Verb
 from specan_cli.recording_input import opening_options
+from specan_cli.results import draw
 from specan_cli.several_files import expand
 
 if TYPE_CHECKING:
+    from specan.data.channel import Channel
     from specan.data.excitation import Excitation
     from specan.data.levels import Quality
-    from specan.data.recording import Channel, Recording
+    from specan.data.recording import Recording
 
 # Properties that the table of channels already shows, or that only say how the file was written.
 _SHOWN = {"unit_string", "Unit_String", "QuantityUnit", "Sensitivity", "SensitivityUnit", "name"}
@@ -34,13 +36,11 @@ _LINES = 30  # of properties; the others are told with --all
 @click.option("--json", "as_json", is_flag=True, help="Everything, as JSON.")
 def command(
     files: tuple[Path, ...],
-    channel_table: Path | None,
-    calibration: Path | None,
-    sampling_rate: float | None,
     levels: bool,
     show_all: bool,
     plot: Path | None,
     as_json: bool,
+    opening: dict[str, Any],
 ) -> int:
     """Show groups, channels, roles, rates, units, excitation, notes and integrity of recordings.
 
@@ -61,13 +61,7 @@ def command(
         raise RequestError(f"--plot draws one recording, and there are {len(found)}", remedy="name one")
     for item in found:
         try:
-            recording = open_recording(
-                item.path,
-                label=item.label,
-                channel_table=channel_table,
-                calibration=calibration,
-                sampling_rate=sampling_rate,
-            )
+            recording = open_recording(item.path, label=item.label, **opening)
             excitation = recognise(recording)
             quality = _levels(recording) if levels else {}
         except InputError as fault:
@@ -81,11 +75,7 @@ def command(
         else:
             _show(recording, item.path, excitation, quality, show_all)
             seen.append({})
-        if plot is not None:
-            from specan.report.figure_style import save_figure
-            from specan.report.figures_waveforms import figure_waveforms
-
-            save_figure(figure_waveforms(recording), plot)
+        draw(recording, plot)
     if not seen:
         raise InputError("no file could be read", remedy="see the reasons above")
     if as_json:
@@ -273,67 +263,18 @@ def _text(value: Any, whole: bool) -> str:
 def _content(
     recording: Recording, path: Path, excitation: Excitation, quality: dict[int, tuple[float, Quality]]
 ) -> dict[str, Any]:
-    return {
-        "file": recording.label,
-        "size_bytes": path.stat().st_size,
-        "flags": recording.flags,
-        "notes": recording.notes,
-        "excitation": {
-            "kind": excitation.kind,
-            "frequency_hz": excitation.frequency_hz,
-            "reason": excitation.reason,
-        },
-        "properties": _plain(recording.properties),
-        "groups": {group: _plain(p) for group, p in recording.group_properties.items()},
-        "channels": [_channel(c, quality.get(k)) for k, c in enumerate(recording.channels)],
-        "set_aside": dict(recording.set_aside),
+    found = {**recording.to_json(), "size_bytes": path.stat().st_size}
+    found["excitation"] = {
+        "kind": excitation.kind,
+        "frequency_hz": excitation.frequency_hz,
+        "reason": excitation.reason,
     }
-
-
-def _channel(channel: Channel, quality: tuple[float, Quality] | None) -> dict[str, Any]:
-    content = {
-        "name": channel.name,
-        "group": channel.group,
-        "role": channel.role,
-        "unit": channel.unit,
-        "sampling_rate_hz": channel.sampling_rate,
-        "n_samples": channel.n_samples,
-        "duration_s": channel.duration_s,
-        "start_offset_s": channel.start_offset_s,
-        "sample_unit": channel.raw_unit,
-        "gain": channel.gain,
-        "u_gain_percent": channel.u_gain_percent,
-        "derivatives": channel.derivatives,
-        "delay_s": channel.delay_s,
-        "u_delay_s": channel.u_delay_s,
-        "full_scale": channel.full_scale,
-        "phase": None,
-        "decisions": dict(channel.decisions),
-        "properties": _plain(channel.properties),
-    }
-    if channel.phase is not None:
-        content["phase"] = {
-            "frequency_hz": channel.phase.frequency_hz,
-            "phase_deg": channel.phase.phase_deg,
-            "u_phase_deg": channel.phase.u_phase_deg,
-            "model": channel.phase.model,
-            "group": channel.phase.group,
-        }
-    if quality is not None:
-        rms, found = quality
-        content |= {
+    for place, (rms, seen) in quality.items():
+        found["channels"][place] |= {
             "rms": rms,
-            "minimum": found.minimum,
-            "maximum": found.maximum,
-            "n_not_finite": found.n_not_finite,
-            "flags": found.flags,
+            "minimum": seen.minimum,
+            "maximum": seen.maximum,
+            "n_not_finite": seen.n_not_finite,
+            "flags": seen.flags,
         }
-    return content
-
-
-def _plain(properties: Mapping[str, Any]) -> dict[str, Any]:
-    """Properties as JSON values; time stamps as ISO 8601."""
-    return {
-        key: value if isinstance(value, (str, int, float, bool)) else str(value)
-        for key, value in properties.items()
-    }
+    return found

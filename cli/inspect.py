@@ -44,7 +44,7 @@ def command(
     port: int,
     no_browser: bool,
     effects: tuple[Path, ...],
-    **known: Any,
+    opening: dict[str, Any],
 ) -> int:
     """Look at one recording, or at a study, in the browser of this machine.
 
@@ -64,12 +64,12 @@ def command(
     else:
         if effects:
             raise RequestError("--effect is for a study", remedy="leave it out")
-        fill = _recording(place, overlay, known)
+        fill = _recording(place, overlay, opening)
     _serve(fill, address, port, not no_browser)
     return 0
 
 
-def _recording(place: Path, overlay: Path | None, known: dict[str, Any]) -> Callable[[Document], None]:
+def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Callable[[Document], None]:
     from specan.errors import InputError
     from specan.inspect.opened import Opened, watched
     from specan.io.open import open_recording
@@ -80,7 +80,7 @@ def _recording(place: Path, overlay: Path | None, known: dict[str, Any]) -> Call
     from specan.inspect.recording_page import RecordingPage
 
     paths = [place] if overlay is None else [place, overlay]
-    opened = Opened(tuple(watched(open_recording(path, **known), path) for path in paths))
+    opened = Opened(tuple(watched(open_recording(path, **opening), path) for path in paths))
     if not opened.keys:
         raise InputError(f"{place} has no channel with samples and a sampling rate")
     kept = KeptBands()

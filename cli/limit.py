@@ -24,22 +24,15 @@ def limit_option() -> Callable[[Any], Any]:
     )
 
 
-def limit_content(kept: Sequence[Kept]) -> list[dict[str, Any]]:
-    """For JSON."""
-    return [
-        {
-            "channel": one.channel,
-            "passed": one.passed,
-            "excess_dB": one.excess_dB,
-            "place": one.place,
-            "compared": one.compared,
-        }
-        for one in kept
-    ]
+def limit_content(kept: Sequence[Kept]) -> dict[str, Any]:
+    """For JSON; nothing where nothing was compared."""
+    names = ("channel", "passed", "excess_dB", "place", "compared")
+    return {"limits": [{name: getattr(one, name) for name in names} for one in kept]} if kept else {}
 
 
-def show_limit(label: str, kept: Sequence[Kept]) -> None:
+def show_limit(limit: Path | None, kept: Sequence[Kept]) -> None:
     """A line for each channel."""
+    label = "" if limit is None else limit.name
     for one in kept:
         if one.passed:
             text = f"passed, {-one.excess_dB:.2f} dB to spare at {one.place}"

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan import __version__
 from specan_cli.figure_output import plot_option
 from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
+from specan_cli.options import FRACTIONS, level_options, weighting_option
 from specan_cli.output import table
-from specan_cli.recording_input import fed, given, quantity_option, say_notes, section_options
+from specan_cli.recording_input import given, opened, quantity_option, say_notes, section_options
 from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
@@ -40,13 +40,8 @@ class _Averaging(click.ParamType):
 
 @click.command("octave", cls=RecordingVerb)
 @recording_argument()
-@click.option("--fraction", type=click.Choice(["1", "3", "6", "12", "24"]), help="1/N octave.  [default: 3]")
-@click.option(
-    "--weighting",
-    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
-    metavar="A|B|C|Z",
-    help="Weighting of the band levels; A, B and C for sound pressure only.  [default: Z]",
-)
+@click.option("--fraction", type=click.Choice(FRACTIONS), help="1/N octave.  [default: 3]")
+@weighting_option("Weighting of the band levels; A, B and C for sound pressure only.  [default: Z]")
 @click.option(
     "--averaging",
     type=_Averaging(),
@@ -76,24 +71,13 @@ class _Averaging(click.ParamType):
     metavar="FILE",
     help="Subtract the levels of this recording of the background.",
 )
-@click.option(
-    "--velocity-reference",
-    type=click.Choice(["1 nm/s", "50 nm/s"]),
-    help="0 dB of velocity.  [default: 1 nm/s]",
-)
-@click.option(
-    "--settling",
-    type=click.Choice(["left-out", "counted"]),
-    help="The cut at the ends of the section, in linear averages.  [default: left-out]",
-)
+@level_options("linear averages")
 @limit_option()
 @plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")
 @result_options("all levels")
 def command(
     file: Path,
-    fraction: str | None,
-    weighting: str | None,
     background: Path | None,
     limit: Path | None,
     plot: Path | None,
@@ -111,39 +95,27 @@ def command(
     specan octave sample_data/recordings/knock.tdms --averaging fast --plot history.png --history
     """
     from specan.analysis.background import without_background
-    from specan.analysis.octave import Octave, joined_levels
-    from specan.api.recordings import read
+    from specan.api.recordings import octave
     from specan.errors import RequestError
-    from specan.schema import parse
 
-    settings = parse(
-        Octave,
-        given(
-            fraction=None if fraction is None else int(fraction),
-            weighting=None if weighting is None else weighting.upper(),
-            **options,
-        ),
-        "octave",
-    )
-    if history and (plot is None or settings.averaging == "linear"):
+    if history and (plot is None or options["averaging"] in (None, "linear")):
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
         )
-    recording = read(file, quantity=quantity, **opening)
-    found = joined_levels([fed(part, recording) for part in settings.groups(recording)])
+    wanted = given(**options)
+    found = octave(opened(file, opening, quantity), **wanted)
     if background is not None:
-        whole = settings.model_copy(update={"start_s": 0.0, "stop_s": None})
-        found = without_background(found, whole(read(background, quantity=quantity, **opening)))
+        whole = {**wanted, "start_s": 0.0, "stop_s": None}
+        found = without_background(found, octave(opened(background, opening, quantity), **whole))
     kept = [] if limit is None else _held(found, limit)
 
     def shown() -> None:
         show(found)
-        show_limit("" if limit is None else limit.name, kept)
+        show_limit(limit, kept)
 
     deliver(
-        plot, output, as_json,
-        draw=lambda path: _draw(found, path, history), write=lambda path: write_text(found, path), show=shown,
-        content=lambda: {**content(found), **({"limits": limit_content(kept)} if kept else {})},
+        found, plot, output, as_json, write=write_text, show=shown, view="history" if history else "",
+        content=lambda: {**found.to_json(), **limit_content(kept)},
     )  # fmt: skip
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return limit_code(kept)
@@ -162,71 +134,6 @@ def _held(found: BandLevels, limit: Path) -> list[Kept]:
         )
         for row, name in enumerate(found.channels)
     ]
-
-
-def _draw(found: BandLevels, path: Path, history: bool) -> None:
-    from specan.report.figure_style import save_figure
-    from specan.report.figures_bands import figure_band_levels, figure_level_history
-
-    save_figure(figure_level_history(found) if history else figure_band_levels(found), path)
-
-
-def content(found: BandLevels) -> dict[str, Any]:
-    """All there is, for JSON."""
-    channels = []
-    for row, name in enumerate(found.channels):
-        channels.append(
-            {
-                "channel": name,
-                "group": found.groups[row],
-                "unit": found.units[row],
-                "level_reference": found.references[row].text,
-                "level_dB": found.level_dB[row],
-                "overall_dB": {weighting: values[row] for weighting, values in found.overall_dB.items()},
-                "flags": found.flags[row],
-                "overall_flags": {w: found.overall_flags(row, w) for w in found.overall_dB},
-                "band_flags": [found.band_flags(row, band) for band in range(found.exact_hz.size)],
-            }
-        )
-        if found.other is not None:
-            channels[-1]["edges"] = found.edges[row]
-            channels[-1]["other_settling_dB"] = found.other.level_dB[row]
-            channels[-1]["other_settling_overall_dB"] = {
-                weighting: values[row] for weighting, values in found.other.overall_dB.items()
-            }
-        if found.percentile_dB is not None:
-            channels[-1]["percentile_dB"] = {f"{n:g}": v[row] for n, v in found.percentile_dB.items()}
-            channels[-1]["percentile_overall_dB"] = {
-                f"{n:g}": {weighting: values[row] for weighting, values in totals.items()}
-                for n, totals in (found.percentile_overall_dB or {}).items()
-            }
-        if found.history is not None:
-            channels[-1]["history_dB"] = found.history.level_dB[row]
-            channels[-1]["overall_history_dB"] = {
-                weighting: values[row] for weighting, values in found.history.overall_dB.items()
-            }
-    return {
-        "file": found.label,
-        "fraction": found.fraction,
-        "weighting": found.weighting,
-        "averaging": found.averaging,
-        "hold": found.hold,
-        "start_s": found.start_s,
-        "duration_s": found.duration_s,
-        "sampling_rate_hz": found.sampling_rate,
-        "settling": found.settling,
-        "other_settling": None if found.other is None else found.other.name,
-        "nominal_hz": found.nominal_hz,
-        "exact_hz": found.exact_hz,
-        "lower_hz": found.lower_hz,
-        "upper_hz": found.upper_hz,
-        "u_dB": found.u_dB,
-        "history_interval_s": None if found.history is None else found.history.interval_s,
-        "history_time_s": None if found.history is None else found.history.time_s,
-        "channels": channels,
-        "notes": found.notes,
-        "settings": found.settings,
-    }
 
 
 def show(found: BandLevels) -> None:
@@ -298,39 +205,33 @@ def write_text(found: BandLevels, path: Path) -> None:
     from specan.data.band_levels import percentile_name
     from specan.io import results_text as text
 
-    blocks, percentiles = [], found.percentile_dB or {}
-    for row, name in enumerate(found.channels):
+    percentiles, all_totals = found.percentile_dB or {}, found.percentile_overall_dB or {}
+
+    def columns(row: int) -> list[list[str]]:
         totals = {w: v[row] for w, v in found.overall_dB.items() if v[row] == v[row]}
-        bands = [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)]
-        marks = [" ".join(found.band_flags(row, band)) for band in range(found.exact_hz.size)]
-        blocks.append(
-            text.rows(
-                [
-                    [text.word(name)] * len(bands),
-                    bands,
-                    text.levels([*found.level_dB[row], *totals.values()]),
-                    [*text.levels(found.u_dB), *[""] * len(totals)],
-                    *(
-                        text.levels(
-                            [*values[row], *((found.percentile_overall_dB or {})[n][w][row] for w in totals)]
-                        )
-                        for n, values in percentiles.items()
-                    ),
-                    [*marks, *(" ".join(found.overall_flags(row, w)) for w in totals)],
-                ]
-            )
-        )
+        return [
+            [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)],
+            text.levels([*found.level_dB[row], *totals.values()]),
+            [*text.levels(found.u_dB), *[""] * len(totals)],
+            *(
+                text.levels([*values[row], *(all_totals[n][w][row] for w in totals)])
+                for n, values in percentiles.items()
+            ),
+            [
+                *(" ".join(found.band_flags(row, band)) for band in range(found.exact_hz.size)),
+                *(" ".join(found.overall_flags(row, w)) for w in totals),
+            ],
+        ]
+
     units = zip(found.channels, found.units, found.references)
-    header = [
-        f"specan {__version__} octave",
+    about = [
         f"1/{found.fraction} octave levels of {found.label}, {found.weighting} weighting, {found.averaging} averaging",
         "level_dB: " + ", ".join(f"{n} in dB re {r.text} ({u})" for n, u, r in units),
         "u_dB: standard deviation of stationary noise",
         f"settling: {found.settling}",
-        f"settings: {found.settings}",
-        *found.notes,
     ]
     if percentiles:
-        header.append("LN_dB: level exceeded during N % of the time; max_dB, min_dB: largest and smallest")
+        about.append("LN_dB: level exceeded during N % of the time; max_dB, min_dB: largest and smallest")
     names = [f"{percentile_name(n)}_dB" for n in percentiles]
-    text.write_table(path, header, ("channel", "band_hz", "level_dB", "u_dB", *names, "flags"), blocks)
+    header = ("channel", "band_hz", "level_dB", "u_dB", *names, "flags")
+    text.write_result(path, "octave", found, about, header, text.rows_of_channels(found.channels, columns))

@@ -9,16 +9,17 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output import say, table
-from specan_cli.recording_input import feed, given, say_notes, section_options
+from specan_cli.recording_input import given, opened, say_notes, section_options
 from specan_cli.results import deliver, result_options
+from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.orders import OrderSpectrum
     from specan.data.recording import Recording
 
 
-@click.command("orders")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.command("orders", cls=RecordingVerb)
+@recording_argument()
 @section_options
 @click.option("--tacho", metavar="CH", help="The tacho.  [default: the recording's only one]")
 @click.option(
@@ -77,25 +78,18 @@ def command(
     specan orders run.tdms --tacho "Tacho carrier" --mesh 66 --sidebands 3
     specan orders run.tdms --tacho "Tacho sun" --ratio 3.75 --max-order 200 --map --plot map.png
     """
-    from specan.analysis.orders import Orders
-    from specan.io.open import open_recording
-    from specan.schema import parse
+    from specan.api.recordings import orders
 
-    wanted = given(envelope_hz=_band(envelope), **options)
-    settings = parse(Orders, wanted, "orders")
-    recording = open_recording(file, **opening)
-    if settings.envelope_hz is None:
-        accumulator = settings.accumulator(recording)
-        feed(accumulator, recording)
-        found = accumulator.result()
-    else:
-        found = settings(recording)
-    impulsive = _kurtosis(recording, found, settings) if kurtosis else None
+    recording = opened(file, opening)
+    found = orders(recording, **given(envelope_hz=_band(envelope), **options))
+    impulsive = _kurtosis(recording, found) if kurtosis else {}
+
+    def content() -> dict[str, Any]:
+        return {**found.to_json(with_map=as_map), **({"kurtosis": impulsive} if impulsive else {})}
+
     deliver(
-        plot, output, as_json,
-        draw=lambda path: _draw(found, path, as_map), write=lambda path: write_text(found, path, as_map),
-        content=lambda: {**content(found, as_map), **({"kurtosis": impulsive} if impulsive else {})},
-        show=lambda: show(found, peaks, impulsive),
+        found, plot, output, as_json, view="map" if as_map else "", content=content,
+        write=lambda found, path: write_text(found, path, as_map), show=lambda: show(found, peaks, impulsive),
     )  # fmt: skip
     say_notes(found.notes, {})
     return 0
@@ -113,20 +107,13 @@ def _band(text: str | None) -> tuple[float, float] | None:
     return low, high
 
 
-def _draw(found: OrderSpectrum, path: Path, as_map: bool) -> None:
-    from specan.report.figure_style import save_figure
-    from specan.report.figures_orders import figure_order_map, figure_orders
-
-    save_figure(figure_order_map(found) if as_map else figure_orders(found), path)
-
-
-def _kurtosis(recording: Recording, found: OrderSpectrum, settings: Any) -> dict[str, Any]:
+def _kurtosis(recording: Recording, found: OrderSpectrum) -> dict[str, Any]:
     """Kurtosis of every channel in octaves, over the same section."""
     from specan.analysis.section import section
     from specan.dsp.envelope import band_kurtosis, octaves_below
 
     channels = [recording.channel(name) for name in found.channels]
-    start, stop = section(recording, channels, settings.start_s, settings.stop_s)
+    start, stop = section(recording, channels, found.settings["start_s"], found.settings["stop_s"])
     bands = octaves_below(channels[0].sampling_rate)
     rows = [
         band_kurtosis(recording.read([c], start, stop)[0], c.sampling_rate, bands).tolist() for c in channels
@@ -134,60 +121,7 @@ def _kurtosis(recording: Recording, found: OrderSpectrum, settings: Any) -> dict
     return {"bands_hz": bands, "channels": dict(zip(found.channels, rows))}
 
 
-def content(found: OrderSpectrum, as_map: bool = False) -> dict[str, Any]:
-    """All there is, for JSON."""
-    import numpy as np
-
-    tacho = found.tacho
-    channels = []
-    for row, (name, unit) in enumerate(zip(found.channels, found.units)):
-        one: dict[str, Any] = {
-            "channel": name,
-            "unit": unit,
-            "rms": found.rms[row],
-            "synchronous_rms": found.synchronous_rms[row],
-            "amplitude": found.amplitude[row],
-            "average": found.average[row],
-        }
-        if found.lines is not None:
-            lines = found.lines
-            one["lines"] = [
-                {
-                    "order": order,
-                    "amplitude": abs(lines.amplitude[row, k]),
-                    "phase_deg": lines.phase_deg[row, k],
-                    "u": lines.u[row, k],
-                    "u_scatter": lines.u_scatter[row, k],
-                }
-                for k, order in enumerate(lines.order)
-            ]
-        if as_map:
-            one["map"] = found.map[:, row]
-        channels.append(one)
-    return {
-        "file": found.label,
-        "tacho": {
-            "channel": tacho.channel,
-            "pulses": tacho.pulses,
-            "missing": tacho.missing,
-            "double": tacho.double,
-            "jitter_s": tacho.jitter_s,
-        },
-        "speed_hz": dict(zip(("least", "mean", "greatest"), tacho.speed_hz)),
-        "turns": found.turns,
-        "block_turns": found.block_turns,
-        "n_blocks": found.n_blocks,
-        "average_turns": found.average_turns,
-        "line_turns": None if found.lines is None else found.lines.turns,
-        "order": found.order,
-        "columns": {"time_s": found.time_s, "speed_hz": found.speed_hz} if as_map else None,
-        "channels": channels,
-        "notes": found.notes,
-        "settings": {k: list(v) if isinstance(v, np.ndarray) else v for k, v in found.settings.items()},
-    }
-
-
-def show(found: OrderSpectrum, peaks: int, impulsive: dict[str, Any] | None) -> None:
+def show(found: OrderSpectrum, peaks: int, impulsive: dict[str, Any]) -> None:
     """RMS, synchronous part and highest lines of every channel; the lines that were asked for."""
     from specan_cli.fft import highest
 
@@ -217,7 +151,7 @@ def show(found: OrderSpectrum, peaks: int, impulsive: dict[str, Any] | None) -> 
     table("", ["channel", "RMS", "synchronous", "order", "amplitude", "dB"], rows)
     if found.lines is not None:
         _show_lines(found)
-    if impulsive is not None:
+    if impulsive:
         header = ["kurtosis", *(f"{low:.0f}-{high:.0f} Hz" for low, high in impulsive["bands_hz"])]
         table("", header, [[name, *(f"{k:.2f}" for k in ks)] for name, ks in impulsive["channels"].items()])
 
@@ -251,43 +185,34 @@ def write_text(found: OrderSpectrum, path: Path, as_map: bool = False) -> None:
     """The lines that were asked for, or the spectrum, or the map, tab-separated."""
     from specan.io import results_text as text
 
-    header = [
+    about = [
         f"{'map of orders' if as_map else 'orders'} of {found.label}",
         ", ".join(f"{name} in {unit}" for name, unit in zip(found.channels, found.units)),
         f"speed {found.tacho.speed_hz[1]:.6g} Hz, {found.turns} turns, blocks of {found.block_turns}",
-        f"settings: {found.settings}",
-        *found.notes,
     ]
-    blocks = []
-    if as_map:
-        for row, name in enumerate(found.channels):
-            for column, speed in enumerate(text.fixed(found.speed_hz, 4)):
-                count = len(found.order)
-                parts = [text.frequencies(found.order), text.significant(found.map[column, row])]
-                blocks.append(text.rows([[text.word(name)] * count, [speed] * count, *parts]))
-        text.write_table(path, header, ["channel", "speed_hz", "order", "amplitude"], blocks)
-        return
-    for row, name in enumerate(found.channels):
-        if found.lines is not None:
-            lines = found.lines
-            parts = [
-                text.frequencies(lines.order),
-                text.significant(abs(lines.amplitude[row])),
-                text.phases(lines.phase_deg[row]),
-                text.significant(lines.u[row], 3),
-                text.significant(lines.u_scatter[row], 3),
-            ]
-            blocks.append(text.rows([[text.word(name)] * len(lines.order), *parts]))
-        else:
-            count = len(found.order)
-            parts = [
-                text.frequencies(found.order),
-                text.significant(found.amplitude[row]),
-                [""] * count,
-                [""] * count,
-                [""] * count,
-            ]
-            blocks.append(text.rows([[text.word(name)] * count, *parts]))
-    text.write_table(path, header, ["channel", "order", "amplitude", "phase_deg", "u", "u_blocks"], blocks)
-    if found.lines is not None:
+
+    def of_map(row: int) -> list[list[str]]:
+        speeds = [speed for speed in text.fixed(found.speed_hz, 4) for _ in found.order]
+        orders = text.frequencies(found.order) * len(found.speed_hz)
+        return [speeds, orders, text.significant(found.map[:, row].ravel())]
+
+    def of_lines(row: int) -> list[list[str]]:
+        lines = found.lines
+        if lines is None:
+            nothing = [""] * len(found.order)
+            return [text.frequencies(found.order), text.significant(found.amplitude[row]), *[nothing] * 3]
+        return [
+            text.frequencies(lines.order),
+            text.significant(abs(lines.amplitude[row])),
+            text.phases(lines.phase_deg[row]),
+            text.significant(lines.u[row], 3),
+            text.significant(lines.u_scatter[row], 3),
+        ]
+
+    names = (
+        ["speed_hz", "order", "amplitude"] if as_map else ["order", "amplitude", "phase_deg", "u", "u_blocks"]
+    )
+    blocks = text.rows_of_channels(found.channels, of_map if as_map else of_lines)
+    text.write_result(path, "orders", found, about, ["channel", *names], blocks)
+    if found.lines is not None and not as_map:
         say("The table holds the lines that were asked for; leave them out for the whole spectrum.")

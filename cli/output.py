@@ -3,26 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import click
-
-
-def finite(value: Any) -> Any:
-    """Plain JSON values; numpy becomes Python, what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, set)):
-        return [finite(item) for item in value]
-    if hasattr(value, "tolist"):
-        return finite(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
 
 _COLLECTED = "specan_cli.collected"
 
@@ -44,6 +29,8 @@ def emit_json(content: Any) -> None:
     if ctx is not None and _COLLECTED in ctx.meta:
         ctx.meta[_COLLECTED].append(content)
         return
+    from specan.result import finite
+
     click.echo(json.dumps(finite(content), indent=2, ensure_ascii=False))
 
 

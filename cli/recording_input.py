@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from specan_cli.output import say
-from specan_cli.verbosity import is_quiet, is_verbose
+from specan_cli.verbosity import is_quiet
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from specan.data.recording import Channel, Recording
-
-Found = TypeVar("Found", covariant=True)
-_LONG_SAMPLES = 50_000_000  # some seconds of work
+    from specan.data.recording import Recording
+    from specan.units import Quantity
 
 
 def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options that say what the file itself does not: channel table, calibration, sampling rate."""
+    """Options that say what the file itself does not: channel table, calibration, sampling rate.
+
+    The callback gets them as one dict `opening`.
+    """
+
+    @wraps(command)
+    def gathered(
+        channel_table: Path | None, calibration: Path | None, sampling_rate: float | None, **options: Any
+    ) -> Any:
+        opening = {"channel_table": channel_table, "calibration": calibration, "sampling_rate": sampling_rate}
+        return command(opening=opening, **options)
+
     options = [
         click.option("--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities."),
         click.option("--calibration", type=click.Path(path_type=Path), help="A calibration.toml to apply."),
@@ -31,9 +37,10 @@ def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--sampling-rate", type=float, metavar="HZ", help="Sampling rate, instead of that in the file."
         ),
     ]
+    found: Callable[..., Any] = gathered
     for option in reversed(options):
-        command = option(command)
-    return command
+        found = option(found)
+    return found
 
 
 def section_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -64,45 +71,12 @@ def given(**options: Any) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None and value != ()}
 
 
-class Accumulator(Protocol):
-    """An analysis that takes its samples in pieces."""
+def opened(file: Path, opening: dict[str, Any], quantity: Quantity | None = None) -> Recording:
+    """The recording; on a terminal it shows how far it has been read."""
+    from specan.api.recordings import read
+    from specan_cli.progress import Shown
 
-    channels: tuple[Channel, ...]
-    start: int
-    stop: int
-
-    def add(self, samples: NDArray[np.float64]) -> None:
-        """Take the next samples."""
-        ...
-
-
-class Analysis(Accumulator, Protocol[Found]):
-    """One that has a result."""
-
-    def result(self) -> Found:
-        """What was found."""
-        ...
-
-
-def feed(accumulator: Accumulator, recording: Recording, piece: int = 1 << 16) -> None:
-    """Read the section once; a bar on a terminal where it takes some time."""
-    total = accumulator.stop - accumulator.start
-    if is_verbose():
-        rate = accumulator.channels[0].sampling_rate if accumulator.channels else 0.0
-        say(
-            f"Reading {recording.label}: {len(accumulator.channels)} channels, {total} samples at {rate:g} Hz."
-        )
-    hidden = is_quiet() or not sys.stderr.isatty() or total * len(accumulator.channels) < _LONG_SAMPLES
-    with click.progressbar(length=total, file=sys.stderr, label=recording.label, hidden=hidden) as bar:
-        for samples in recording.blocks(accumulator.channels, piece, accumulator.start, accumulator.stop):
-            accumulator.add(samples)
-            bar.update(samples.shape[1])
-
-
-def fed(accumulator: Analysis[Found], recording: Recording) -> Found:
-    """The result of an analysis that `feed` has given the section."""
-    feed(accumulator, recording)
-    return accumulator.result()
+    return Shown.of(read(file, quantity=quantity, **opening))
 
 
 def say_notes(notes: tuple[str, ...], flags: dict[str, tuple[str, ...]]) -> None:

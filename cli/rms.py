@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan import __version__
 from specan_cli.figure_output import plot_option
+from specan_cli.options import level_options, weighting_option
 from specan_cli.output import table
-from specan_cli.recording_input import fed, given, say_notes, section_options
+from specan_cli.recording_input import given, opened, say_notes, section_options
 from specan_cli.results import deliver, result_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
@@ -20,12 +20,7 @@ if TYPE_CHECKING:
 
 @click.command("rms", cls=RecordingVerb)
 @recording_argument()
-@click.option(
-    "--weighting",
-    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
-    metavar="A|B|C|Z",
-    help="Weighting of the time-weighted levels of sound pressure.  [default: A]",
-)
+@weighting_option("Weighting of the time-weighted levels of sound pressure.  [default: A]")
 @click.option(
     "--averaging",
     type=click.Choice(["fast", "slow"]),
@@ -36,21 +31,11 @@ if TYPE_CHECKING:
     help="Level exceeded during N % of the time; repeatable.  [default: 5, 10, 50, 90, 95]",
 )  # fmt: skip
 @section_options
-@click.option(
-    "--velocity-reference",
-    type=click.Choice(["1 nm/s", "50 nm/s"]),
-    help="0 dB of velocity.  [default: 1 nm/s]",
-)
-@click.option(
-    "--settling",
-    type=click.Choice(["left-out", "counted"]),
-    help="The cut at the ends of the section, in equivalent levels.  [default: left-out]",
-)
+@level_options("equivalent levels")
 @plot_option()
 @result_options()
 def command(
     file: Path,
-    weighting: str | None,
     plot: Path | None,
     output: Path | None,
     as_json: bool,
@@ -64,70 +49,12 @@ def command(
     \b
     specan rms sample_data/recordings/knock.tdms --averaging slow
     """
-    from specan.analysis.levels import Levels, joined_values
-    from specan.io.open import open_recording
-    from specan.schema import parse
+    from specan.api.recordings import rms
 
-    settings = parse(
-        Levels, given(weighting=None if weighting is None else weighting.upper(), **options), "rms"
-    )
-    recording = open_recording(file, **opening)
-    found = joined_values([fed(part, recording) for part in settings.groups(recording)])
-    deliver(
-        plot, output, as_json, draw=lambda path: _draw(found, path), write=lambda path: write_text(found, path),
-        content=lambda: content(found), show=lambda: show(found),
-    )  # fmt: skip
+    found = rms(opened(file, opening), **given(**options))
+    deliver(found, plot, output, as_json, write=write_text, show=lambda: show(found))
     say_notes(found.notes, dict(zip(found.channels, found.flags)))
     return 0
-
-
-def _draw(found: SignalLevels, path: Path) -> None:
-    from specan.report.figure_style import save_figure
-    from specan.report.figures_levels import figure_levels
-
-    save_figure(figure_levels(found), path)
-
-
-def content(found: SignalLevels) -> dict[str, Any]:
-    """All there is, for JSON."""
-    channels = [
-        {
-            "channel": name,
-            "group": found.groups[row],
-            "unit": found.units[row],
-            "level_reference": found.references[row].text,
-            "rms": found.rms[row],
-            "level_dB": found.level_dB[row],
-            "peak": found.peak[row],
-            "peak_dB": found.peak_dB[row],
-            "C_peak_dB": found.c_peak_dB[row],
-            "crest_factor": found.crest_factor[row],
-            "mean": found.mean[row],
-            "minimum": found.minimum[row],
-            "maximum": found.maximum[row],
-            "equivalent_dB": {w: values[row] for w, values in found.equivalent_dB.items()},
-            "exposure_dB": {w: values[row] for w, values in found.exposure_dB.items()},
-            "time_weighted_dB": {
-                "weighting": found.weighting if found.units[row] == "Pa" else "Z",
-                "averaging": found.averaging,
-                "max": found.max_dB[row],
-                "min": found.min_dB[row],
-                "exceeded": {f"{n:g}": values[row] for n, values in found.percentile_dB.items()},
-            },
-            "flags": found.flags[row],
-        }
-        for row, name in enumerate(found.channels)
-    ]
-    return {
-        "file": found.label,
-        "start_s": found.start_s,
-        "duration_s": found.duration_s,
-        "sampling_rate_hz": found.sampling_rate,
-        "settling": found.settling,
-        "channels": channels,
-        "notes": found.notes,
-        "settings": found.settings,
-    }
 
 
 def show(found: SignalLevels) -> None:
@@ -194,16 +121,13 @@ def write_text(found: SignalLevels, path: Path) -> None:
             [" ".join(words) for words in found.flags],
         ]
     )
-    header = [
-        f"specan {__version__} rms",
+    about = [
         f"levels of {found.label}, {found.start_s:g} s to {found.start_s + found.duration_s:g} s, about the mean",
         f"max, min and L of the {found.averaging} level, {found.weighting} weighted for Pa",
         f"settling: {found.settling}",
-        f"settings: {found.settings}",
-        *found.notes,
     ]
     columns = ("channel", "group", "unit", *numbers, "level_reference", *levels, "flags")
-    text.write_table(path, header, columns, [block])
+    text.write_result(path, "rms", found, about, columns, [block])
 
 
 def _number(value: float, form: str = "{:.2f}") -> str:

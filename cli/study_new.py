@@ -124,6 +124,7 @@ def _show(begun: object, as_json: bool) -> None:
                 "rig_defaults_used": defaults,
                 "parameters_held": [*held, *begun.held],
                 "fit_error": step.fit_error,
+                "mistaken_set_up": study.mistaken_set_up.text,
             }
         )
         return
@@ -135,7 +136,8 @@ def _show(begun: object, as_json: bool) -> None:
     for text in study.data.statements:
         click.echo(f"  {text}")
     for name, (sd, unit) in calibration_priors(study.problem).items():
-        click.echo(f"  {name}: an error common to all readings, standard uncertainty {sd:.3g} {unit}")
+        size = f"{100 * sd:.3g} %" if unit == "1" else f"{sd:.3g} {unit}"
+        click.echo(f"  {name}: an error common to all readings, standard uncertainty {size}")
     for name, needed in held.items():
         columns = ", ".join(study.model.conditions[n].column for n in needed if n in study.model.conditions)
         click.echo(f"  {name} is held at its default: {columns or ', '.join(needed)} does not vary")
@@ -151,5 +153,7 @@ def _show(begun: object, as_json: bool) -> None:
         click.echo(
             "\nThe uncertainty of the measurement is unknown: compare shows errors, diagnose will refuse."
         )
+    if study.mistaken_set_up.text:
+        click.echo(f"\nCheck the set-up: {study.mistaken_set_up.sentence}.")
     click.echo(f"\nStep 0 is kept ({step.fit_error['metric']} {amount(step.fit_error)}). ", nl=False)
     click.echo(f"Go on with: specan study compare {study.directory}")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
 
 from specan.errors import RequestError
 
@@ -33,6 +36,10 @@ class Result:
         """Columns of the data frame, each of the same length."""
         raise NotImplementedError
 
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        return {"rows": records(**self.columns())}
+
     def overview(self) -> pd.DataFrame:
         """The table that a notebook shows; the whole data frame unless a result has thousands of rows."""
         return self.to_dataframe()
@@ -45,6 +52,16 @@ class Result:
             max_rows=_SHOWN_ROWS, index=False, border=0, float_format="{:.6g}".format
         )
         return f"<p><b>{escape(type(self).__name__)}</b> {escape(self.summary())}</p>{sheet}"
+
+    def to_json(self) -> dict[str, Any]:
+        """What ``--json`` of its verb prints, as plain values; what is not finite is None.
+
+        Returns
+        -------
+        dict
+        """
+        found: dict[str, Any] = finite(self.content())
+        return found
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row for each channel, or for each channel and line or band, with the names of the JSON output.
@@ -88,6 +105,48 @@ class Result:
         import specan  # the front door knows who draws; results know no figure
 
         return specan.plot(self, **options)
+
+
+def finite(value: Any) -> Any:
+    """Plain JSON values; numpy becomes Python, what is not finite becomes None.
+
+    Examples
+    --------
+    >>> finite({"level_dB": (1.5, float("nan"))})
+    {'level_dB': [1.5, None]}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [finite(item) for item in value]
+    if hasattr(value, "tolist"):
+        return finite(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def records(**columns: Any) -> list[dict[str, Any]]:
+    """One mapping for each row of columns of one length.
+
+    Examples
+    --------
+    >>> records(channel=["Mic 1", "Mic 2"], rms=[0.5, 0.25])
+    [{'channel': 'Mic 1', 'rms': 0.5}, {'channel': 'Mic 2', 'rms': 0.25}]
+    """
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def crossed(**dimensions: Any) -> dict[str, Any]:
+    """Columns that name the rows of an array over these dimensions, the last of them running fastest.
+
+    Examples
+    --------
+    >>> {name: column.tolist() for name, column in crossed(channel=["a", "b"], line=[1, 2]).items()}
+    {'channel': ['a', 'a', 'b', 'b'], 'line': [1, 2, 1, 2]}
+    """
+    grids = np.meshgrid(*map(np.asarray, dimensions.values()), indexing="ij")
+    return {name: grid.ravel() for name, grid in zip(dimensions, grids, strict=True)}
 
 
 def full_names(names: Sequence[str], groups: Sequence[str]) -> list[str]:

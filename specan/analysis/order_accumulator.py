@@ -7,11 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.analysis.accumulator import READ_BLOCK
 from specan.analysis.order_settings import OrderSettings
 from specan.analysis.section import of_one_rate, section
 from specan.analysis.shaft import DRIFT_PERCENT, Shaft, steady_shaft, tracked_shaft
+from specan.data.channel import Channel
 from specan.data.orders import OrderLines, OrderSpectrum, TachoReport
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.angular import PASS, AngularResampler, samples_per_turn
 from specan.dsp.envelope import envelope
 from specan.dsp.integration import derivative_factor
@@ -22,7 +24,6 @@ from specan.units import MOTION, QUANTITIES
 
 Real = NDArray[np.float64]
 
-READ_BLOCK = 1 << 16
 HELD = 2e9  # bytes of resampled signal that are held for lines, at most
 _DEPARTURE_DEG = (
     90.0  # of a line's phase from that of a constant speed, from which on the speed is said to drift

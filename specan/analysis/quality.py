@@ -9,8 +9,8 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.data.channel import Channel
 from specan.data.levels import Quality
-from specan.data.recording import Channel, Recording
 from specan.dsp.block_grid import BlockGrid
 from specan.dsp.clipping import is_cut_off, longest_run
 
@@ -169,9 +169,3 @@ class Watched(Generic[Result]):
     def result(self) -> Result:
         """The accumulator's result, with flags; call it once."""
         return self._accumulator.result(self._quality.result())
-
-    def over(self, recording: Recording) -> Result:
-        """Read the recording once and return the result."""
-        for samples in recording.blocks(self.channels, BLOCK, self.start, self.stop):
-            self.add(samples)
-        return self.result()

@@ -11,16 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.analysis.accumulator import READ_BLOCK
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import arrivals, estimate
-from specan.dsp.welch import CrossSpectra, effective_averages, hop_of
+from specan.dsp.welch import CrossSpectra, SpectralMatrix, effective_averages, hop_of
 from specan.dsp.windows import WindowName, window_correlation
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-READ_BLOCK = 1 << 16
 # The look takes as many samples as this many blocks, in blocks longer by up to this power of two, of which it
 # holds at least so many: delays and echoes of several blocks are seen as such.
 _LOOK_BLOCKS, _LONGEST, _LEAST = 32, 8, 4
@@ -54,6 +55,8 @@ class Look:
         Spectrum of the reference.
     foreign_share : float
         Share of the reference's power that is not the generator's (median over the lines); NaN without a generator.
+    whole : SpectralMatrix or None
+        The averages themselves, where they are those of the whole section.
     """
 
     block: int
@@ -64,25 +67,30 @@ class Look:
     variance: Real
     power: Real
     foreign_share: float
+    whole: SpectralMatrix | None = None
 
-    def bias(self, block: int) -> Complex:
-        """What blocks of `block` samples, of which `self.block` is a multiple, take from each of their lines."""
+    def bias(self, block: int, first: int = 0) -> Complex:
+        """What blocks of `block` samples, of which `self.block` is a multiple, take from each of their lines.
+
+        Of the channels from `first` on.
+        """
         ratio = self.block // block
         rows = [
-            leakage_bias(h, v, self.window, ratio) for h, v in zip(self.response, self.variance, strict=True)
+            leakage_bias(h, v, self.window, ratio)
+            for h, v in zip(self.response[first:], self.variance[first:], strict=True)
         ]
         return np.stack(rows)[:, ratio - 1 :: ratio]
 
     def leakage(self, block: int) -> Real:
-        """RMS of `bias` over that of the response, weighted with the reference's power, of each channel."""
+        """RMS of `bias` over that of the response, weighted with the reference's power, of each other channel."""
         ratio = self.block // block
         power = self.power[ratio - 1 :: ratio]
-        response = self.response[:, ratio - 1 :: ratio]
-        return _rms_ratio(np.abs(self.bias(block)) ** 2, np.abs(response) ** 2, power)
+        response = self.response[1:, ratio - 1 :: ratio]
+        return _rms_ratio(np.abs(self.bias(block, 1)) ** 2, np.abs(response) ** 2, power)
 
     def random(self, averages: float) -> Real:
-        """Relative random error that as many averages leave, likewise weighted."""
-        found = _rms_ratio(self.variance, np.abs(self.response) ** 2, self.power)
+        """Relative random error that as many averages leave, likewise weighted, of each other channel."""
+        found = _rms_ratio(self.variance[1:], np.abs(self.response[1:]) ** 2, self.power)
         return found * np.sqrt(self.n_effective / max(averages, 1.0))
 
 
@@ -117,7 +125,8 @@ def look(
     longest = block * max([r for r in (1, 2, 4, _LONGEST) if _LEAST * r * block <= stop - start], default=1)
     read = [*channels, *([] if generator is None else [generator])]
     spectra = CrossSpectra(rate, longest, window_name, overlap, n_channels=len(read), references=[0])
-    for samples in recording.blocks(read, READ_BLOCK, start, min(stop, start + _LOOK_BLOCKS * block)):
+    until = min(stop, start + _LOOK_BLOCKS * block)
+    for samples in recording.blocks(read, READ_BLOCK, start, until):
         spectra.add(samples)
     seen = spectra.result()
     first = estimate("H1", seen.auto[0], seen.auto, seen.cross[0], seen.n_effective)
@@ -128,8 +137,9 @@ def look(
     distinct = impulse.max(axis=-1) > _DISTINCT_PEAK * np.sqrt(np.mean(impulse**2, axis=-1))
     lags = arrivals(impulse) * distinct
     count = len(channels)
-    turn = np.exp(2j * np.pi * np.outer(lags[:count], seen.frequency_hz[1:]) / rate)
-    response = first.response[:count, 1:] * turn
+    response = first.response[:count, 1:].copy()
+    for row in np.flatnonzero(lags[:count]):
+        response[row] *= np.exp(2j * np.pi * lags[row] * seen.frequency_hz[1:] / rate)
     return Look(
         block=longest,
         n_effective=seen.n_effective,
@@ -139,6 +149,7 @@ def look(
         variance=2 * (first.u_relative[:count, 1:] * np.abs(response)) ** 2,
         power=seen.auto[0, 1:],
         foreign_share=np.nan if generator is None else _foreign(first.coherence[-1, 1:], seen.n_effective),
+        whole=seen if until == stop else None,
     )
 
 
@@ -194,4 +205,4 @@ def _suffices(seen: Look, leakage: Real, block: int, n: int, overlap: float) -> 
     random = seen.random(averages_in(n, block, seen.window, overlap))
     # Where the look's blocks are too short as well, what looks random in them is leakage, which goes with 1 / length.
     random = random * min(1.0, seen.block / block)
-    return bool(np.all(leakage[1:] <= np.maximum(TOLERATED_LEAKAGE, TOLERATED_SHARE * random[1:])))
+    return bool(np.all(leakage <= np.maximum(TOLERATED_LEAKAGE, TOLERATED_SHARE * random)))

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.accumulator import read_through
 from specan.analysis.section import section, weightable
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.data.spectrum import Scaling, Spectrum, SpectrumScale
 from specan.dsp.fft import AmplitudeTransform, has_mirror
 from specan.dsp.transfer_function import phase_deg
@@ -21,7 +23,6 @@ from specan.dsp.windows import WindowName, window_properties
 from specan.errors import InputError, RequestError
 from specan.schema import Settings
 
-READ_BLOCK = 1 << 16
 SAMPLES_PER_LINE = 2.56
 DEFAULT_LINES, MIN_BLOCK = 3200, 16
 
@@ -101,12 +102,7 @@ class FourierSpectrum(BlockSettings):
         """Read the recording once and return the spectra."""
         if self.whole or self.averaging == "none":
             return _single_block(recording, self)
-        accumulator = self.accumulator(recording)
-        for samples in recording.blocks(
-            accumulator.channels, READ_BLOCK, accumulator.start, accumulator.stop
-        ):
-            accumulator.add(samples)
-        return accumulator.result()
+        return read_through(self.accumulator(recording), recording)
 
 
 class SpectrumAccumulator:

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.accumulator import read_through
 from specan.analysis.excitation import recognise
 from specan.analysis.section import of_one_rate, section
-from specan.analysis.transfer_function import READ_BLOCK, quotient
-from specan.data.recording import Channel, Recording
+from specan.analysis.transfer_function import quotient
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.data.tone import ToneTable
 from specan.dsp.few_averages import student_factor
 from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
@@ -72,12 +74,7 @@ class Tone(Settings):
 
     def __call__(self, recording: Recording) -> ToneTable:
         """Read the recording once and return the tone on every channel."""
-        accumulator = self.accumulator(recording)
-        for samples in recording.blocks(
-            accumulator.channels, READ_BLOCK, accumulator.start, accumulator.stop
-        ):
-            accumulator.add(samples)
-        return accumulator.result()
+        return read_through(self.accumulator(recording), recording)
 
 
 class ToneAccumulator:

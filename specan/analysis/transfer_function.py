@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.analysis.accumulator import read_through
 from specan.analysis.response_length import (
     LEAST_AVERAGES,
-    READ_BLOCK,
     Look,
     averages_in,
     look,
@@ -19,8 +19,9 @@ from specan.analysis.response_length import (
     sufficient_block,
 )
 from specan.analysis.section import of_one_rate, reference_channel, section
+from specan.data.channel import Channel
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import Estimate, Estimator, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix
@@ -103,12 +104,7 @@ class TransferFunction(Settings):
 
     def __call__(self, recording: Recording) -> FrequencyResponse:
         """Read the recording once and return the transfer functions."""
-        accumulator = self.accumulator(recording)
-        for samples in recording.blocks(
-            accumulator.channels, READ_BLOCK, accumulator.start, accumulator.stop
-        ):
-            accumulator.add(samples)
-        return accumulator.result()
+        return read_through(self.accumulator(recording), recording)
 
 
 class TransferFunctionAccumulator:
@@ -150,6 +146,10 @@ class TransferFunctionAccumulator:
             self.shifts = shifts_of(seen, self.settings.block, n)
         # Where its blocks are no longer than those of the analysis it has nothing more to say.
         self._longer = seen if seen is not None and seen.block > self.settings.block else None
+        # A short section has been averaged already, in the same blocks.
+        self._whole = None
+        if seen is not None and seen.block == self.settings.block and not any(self.shifts):
+            self._whole = None if self.instrument is not None else seen.whole
         self._spectra = self._accumulate(self.settings.lines, self.shifts)
 
     def _find_instrument(self) -> Channel | None:
@@ -225,11 +225,13 @@ class TransferFunctionAccumulator:
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples (channels, m) of `channels`."""
-        self._spectra.add(samples)
+        if self._whole is None:
+            self._spectra.add(samples)
 
     def result(self) -> FrequencyResponse:
-        """Transfer functions from what was added so far."""
-        spectra = _without_mean(self._spectra.result())
+        """Transfer functions from what was added so far; from all of a section that the first look took in."""
+        spectra = self._spectra.result() if self._whole is None else self._whole
+        spectra = _without_mean(spectra.part(len(self.channels), self.settings.n_lines))
         found = self._estimate(spectra)
         spectra = spectra._replace(
             cross=spectra.cross[..., :0].copy()
@@ -306,9 +308,10 @@ class TransferFunctionAccumulator:
         square = np.empty(found.response.shape)
         seen = None
         if self._longer is not None:
-            seen = np.abs(self._longer.bias(block)[first:, : len(f)]) ** 2
+            seen = np.abs(self._longer.bias(block, first)[:, : len(f)]) ** 2
         for row, (response, u) in enumerate(zip(found.response, found.u_relative, strict=True)):
-            turned = response * np.exp(2j * np.pi * f * self.shifts[first + row] / block)
+            shift = self.shifts[first + row]
+            turned = response * np.exp(2j * np.pi * f * shift / block) if shift else response
             variance = 2 * (u * np.abs(response)) ** 2
             square[row] = np.abs(leakage_bias(turned, variance, self.settings.window)) ** 2
             if seen is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, full_names
+from specan.result import Result, counted, crossed, full_names, records
 from specan.units import LevelReference
 
 if TYPE_CHECKING:
@@ -139,8 +139,7 @@ class BandLevels(Result):
         """One row for each channel and band."""
         bands, names = self.exact_hz.size, full_names(self.channels, self.groups)
         return {
-            "channel": np.repeat(names, bands),
-            "nominal_hz": np.tile(self.nominal_hz, len(names)),
+            **crossed(channel=names, nominal_hz=self.nominal_hz),
             "exact_hz": np.tile(self.exact_hz, len(names)),
             "level_dB": self.level_dB.ravel(),
             "u_dB": np.tile(self.u_dB, len(names)),
@@ -148,6 +147,57 @@ class BandLevels(Result):
             "level_reference": np.repeat([r.text for r in self.references], bands),
             "flags": [" ".join(self.band_flags(c, b)) for c in range(len(names)) for b in range(bands)],
         }
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        return {
+            "file": self.label,
+            "fraction": self.fraction,
+            "weighting": self.weighting,
+            "averaging": self.averaging,
+            "hold": self.hold,
+            "start_s": self.start_s,
+            "duration_s": self.duration_s,
+            "sampling_rate_hz": self.sampling_rate,
+            "settling": self.settling,
+            "other_settling": None if self.other is None else self.other.name,
+            "nominal_hz": self.nominal_hz,
+            "exact_hz": self.exact_hz,
+            "lower_hz": self.lower_hz,
+            "upper_hz": self.upper_hz,
+            "u_dB": self.u_dB,
+            "history_interval_s": None if self.history is None else self.history.interval_s,
+            "history_time_s": None if self.history is None else self.history.time_s,
+            "channels": records(**self._of_channels()),
+            "notes": self.notes,
+            "settings": self.settings,
+        }
+
+    def _of_channels(self) -> dict[str, Any]:
+        rows = range(len(self.channels))
+        found = {
+            "channel": self.channels,
+            "group": self.groups,
+            "unit": self.units,
+            "level_reference": [reference.text for reference in self.references],
+            "level_dB": self.level_dB,
+            "overall_dB": records(**self.overall_dB),
+            "flags": self.flags,
+            "overall_flags": [{w: self.overall_flags(row, w) for w in self.overall_dB} for row in rows],
+            "band_flags": [[self.band_flags(row, b) for b in range(self.exact_hz.size)] for row in rows],
+        }
+        if self.other is not None:
+            found["edges"] = self.edges
+            found["other_settling_dB"] = self.other.level_dB
+            found["other_settling_overall_dB"] = records(**self.other.overall_dB)
+        if self.percentile_dB is not None:
+            totals = {f"{n:g}": records(**v) for n, v in (self.percentile_overall_dB or {}).items()}
+            found["percentile_dB"] = records(**{f"{n:g}": v for n, v in self.percentile_dB.items()})
+            found["percentile_overall_dB"] = records(**totals)
+        if self.history is not None:
+            found["history_dB"] = self.history.level_dB
+            found["overall_history_dB"] = records(**self.history.overall_dB)
+        return found
 
     def overview(self) -> pd.DataFrame:
         """Levels with a row for each band and a column for each channel."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, full_names
+from specan.result import Result, counted, crossed, full_names, records
 
 Real = NDArray[np.float64]
 
@@ -18,6 +18,13 @@ NOT_LINEAR_PERMILLE, CURVED_PERCENT = 10.0, 10.0
 
 LEAST_BT = 4.0
 """Bandwidth times decay time that a band filter reversed in time allows: ISO 3382-1:2009, 7.3."""
+
+TIMES = ("edt_s", "t20_s", "u_t20_s", "t30_s", "u_t30_s")
+VALUES = (
+    *TIMES, "c50_dB", "c80_dB", "d50_percent", "centre_time_s", "range_dB", "nonlinearity_permille",
+    "curvature_percent",
+)  # fmt: skip
+"""What every table of decay times holds, in this order."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,14 +102,31 @@ class DecayTimes(Result):
 
     def columns(self) -> dict[str, Any]:
         """One row for each channel and band."""
-        names, bands = full_names(self.channels, self.groups), self.exact_hz.size
-        values = (
-            "edt_s", "t20_s", "u_t20_s", "t30_s", "u_t30_s", "c50_dB", "c80_dB", "d50_percent", "centre_time_s",
-            "range_dB", "nonlinearity_permille", "curvature_percent",
-        )  # fmt: skip
         return {
-            "channel": np.repeat(names, bands),
-            "nominal_hz": np.tile(self.nominal_hz, len(names)),
-            **{name: getattr(self, name).ravel() for name in values},
-            "flags": [" ".join(self.flags(row, band)) for row in range(len(names)) for band in range(bands)],
+            **crossed(channel=full_names(self.channels, self.groups), nominal_hz=self.nominal_hz),
+            **{name: getattr(self, name).ravel() for name in VALUES},
+            "flags": [" ".join(words) for flags in self._all_flags() for words in flags],
         }
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        return {
+            "file": self.label,
+            "fraction": self.fraction,
+            "nominal_hz": self.nominal_hz,
+            "exact_hz": self.exact_hz,
+            "channels": records(
+                channel=self.channels,
+                group=self.groups,
+                start_s=self.start_s,
+                **{name: getattr(self, name) for name in VALUES},
+                flags=self._all_flags(),
+            ),
+            "notes": self.notes,
+            "settings": self.settings,
+        }
+
+    def _all_flags(self) -> list[list[tuple[str, ...]]]:
+        return [
+            [self.flags(row, band) for band in range(self.exact_hz.size)] for row in range(len(self.channels))
+        ]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.result import Result, counted
+from specan.result import Result, counted, crossed, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,10 +109,8 @@ class FrequencyResponse(Result):
 
     def columns(self) -> dict[str, Any]:
         """One row for each channel and line, as ``specan frf -o`` writes it."""
-        count = self.frequency_hz.size
         return {
-            "channel": np.repeat(self.channels, count),
-            "frequency_hz": np.tile(self.frequency_hz, len(self.channels)),
+            **crossed(channel=self.channels, frequency_hz=self.frequency_hz),
             "magnitude": self.magnitude.ravel(),
             "phase_deg": self.phase_deg.ravel(),
             "coherence": self.coherence.ravel(),
@@ -121,6 +119,37 @@ class FrequencyResponse(Result):
             "u_leakage_percent": self.u_leakage_percent.ravel(),
             "u_common_percent": self.u_common_percent.ravel(),
             "u_common_phase_deg": self.u_common_phase_deg.ravel(),
+        }
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        return {
+            "file": self.label,
+            "reference": self.reference,
+            "reference_unit": self.reference_unit,
+            "reference_rms": self.reference_rms,
+            "estimator": self.estimator,
+            "n_blocks": self.n_blocks,
+            "n_effective": self.n_effective,
+            "line_correlation": self.line_correlation,
+            "frequency_hz": self.frequency_hz,
+            "channels": records(
+                channel=self.channels,
+                unit=self.units,
+                magnitude=self.magnitude,
+                phase_deg=self.phase_deg,
+                coherence=self.coherence,
+                u_magnitude_percent=self.u_magnitude_percent,
+                u_phase_deg=self.u_phase_deg,
+                u_leakage_percent=self.u_leakage_percent,
+                degrees_of_freedom=self.degrees_of_freedom,
+                u_common_percent=self.u_common_percent,
+                u_common_phase_deg=self.u_common_phase_deg,
+                delay_s=self.delay_s,
+                flags=self.flags,
+            ),
+            "notes": self.notes,
+            "settings": self.settings,
         }
 
     def overview(self) -> pd.DataFrame:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import ArraySource, Channel, Recording
-from specan.result import Result, counted, full_names
+from specan.data.channel import Channel
+from specan.data.recording import ArraySource, Recording
+from specan.result import Result, counted, crossed, full_names
 
 
 @dataclass(frozen=True, repr=False)
@@ -63,11 +64,18 @@ class ImpulseResponses(Result):
     def columns(self) -> dict[str, Any]:
         """One row for each channel and instant."""
         names = full_names([c.name for c in self.channels], [c.group for c in self.channels])
-        n = self.samples.shape[1]
+        return {**crossed(channel=names, time_s=self.time_s), "response": self.samples.ravel()}
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
         return {
-            "channel": np.repeat(names, n),
-            "time_s": np.tile(self.time_s, len(names)),
-            "response": self.samples.ravel(),
+            "reference": self.reference,
+            "method": self.method,
+            "samples": self.samples.shape[1],
+            "sampling_rate_hz": self.sampling_rate,
+            "channels": [{"name": c.name, "unit": c.unit} for c in self.channels],
+            "notes": self.notes,
+            "settings": self.settings,
         }
 
     def recording(self) -> Recording:

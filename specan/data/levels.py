@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, full_names
+from specan.result import Result, counted, full_names, records
 from specan.units import LevelReference
 
 Real = NDArray[np.float64]
@@ -151,4 +151,45 @@ class SignalLevels(Result):
             "min_dB": self.min_dB,
             **{f"L{n:g}_dB": values for n, values in self.percentile_dB.items()},
             "flags": [" ".join(words) for words in self.flags],
+        }
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        time_weighted = [
+            {
+                "weighting": self.weighting if unit == "Pa" else "Z",
+                "averaging": self.averaging,
+                "max": self.max_dB[row],
+                "min": self.min_dB[row],
+                "exceeded": {f"{n:g}": values[row] for n, values in self.percentile_dB.items()},
+            }
+            for row, unit in enumerate(self.units)
+        ]
+        return {
+            "file": self.label,
+            "start_s": self.start_s,
+            "duration_s": self.duration_s,
+            "sampling_rate_hz": self.sampling_rate,
+            "settling": self.settling,
+            "channels": records(
+                channel=self.channels,
+                group=self.groups,
+                unit=self.units,
+                level_reference=[reference.text for reference in self.references],
+                rms=self.rms,
+                level_dB=self.level_dB,
+                peak=self.peak,
+                peak_dB=self.peak_dB,
+                C_peak_dB=self.c_peak_dB,
+                crest_factor=self.crest_factor,
+                mean=self.mean,
+                minimum=self.minimum,
+                maximum=self.maximum,
+                equivalent_dB=records(**self.equivalent_dB),
+                exposure_dB=records(**self.exposure_dB),
+                time_weighted_dB=time_weighted,
+                flags=self.flags,
+            ),
+            "notes": self.notes,
+            "settings": self.settings,
         }

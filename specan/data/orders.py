@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted
+from specan.result import Result, counted, crossed, finite, records
 from specan.units import level_reference
 
 if TYPE_CHECKING:
@@ -79,6 +79,19 @@ class OrderLines:
         """Phase in (-180, 180]."""
         return np.degrees(np.angle(self.amplitude))
 
+    def rows(self) -> list[list[dict[str, Any]]]:
+        """The lines of each channel, one mapping each."""
+        return [
+            records(
+                order=self.order,
+                amplitude=abs(self.amplitude[row]),
+                phase_deg=self.phase_deg[row],
+                u=self.u[row],
+                u_scatter=self.u_scatter[row],
+            )
+            for row in range(len(self.amplitude))
+        ]
+
 
 @dataclass(frozen=True, repr=False)
 class OrderSpectrum(Result):
@@ -132,13 +145,64 @@ class OrderSpectrum(Result):
 
     def columns(self) -> dict[str, Any]:
         """One row for each channel and order."""
-        count = self.order.size
         return {
-            "channel": np.repeat(self.channels, count),
-            "order": np.tile(self.order, len(self.channels)),
+            **crossed(channel=self.channels, order=self.order),
             "amplitude": self.amplitude.ravel(),
             "level_dB": self.level_dB.ravel(),
         }
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        found: dict[str, Any] = {
+            "channel": self.channels,
+            "unit": self.units,
+            "rms": self.rms,
+            "synchronous_rms": self.synchronous_rms,
+            "amplitude": self.amplitude,
+            "average": self.average,
+        }
+        if self.lines is not None:
+            found["lines"] = self.lines.rows()
+        return {
+            "file": self.label,
+            "tacho": {
+                "channel": self.tacho.channel,
+                "pulses": self.tacho.pulses,
+                "missing": self.tacho.missing,
+                "double": self.tacho.double,
+                "jitter_s": self.tacho.jitter_s,
+            },
+            "speed_hz": dict(zip(("least", "mean", "greatest"), self.tacho.speed_hz)),
+            "turns": self.turns,
+            "block_turns": self.block_turns,
+            "n_blocks": self.n_blocks,
+            "average_turns": self.average_turns,
+            "line_turns": None if self.lines is None else self.lines.turns,
+            "order": self.order,
+            "columns": None,
+            "channels": records(**found),
+            "notes": self.notes,
+            "settings": self.settings,
+        }
+
+    def to_json(self, with_map: bool = False) -> dict[str, Any]:
+        """What ``specan orders --json`` prints, as plain values.
+
+        Parameters
+        ----------
+        with_map : bool
+            Also the amplitudes of every channel over the times and speeds of the map's columns.
+
+        Returns
+        -------
+        dict
+        """
+        found = super().to_json()
+        if with_map:
+            found["columns"] = finite({"time_s": self.time_s, "speed_hz": self.speed_hz})
+            for row, channel in enumerate(found["channels"]):
+                channel["map"] = finite(self.map[:, row])
+        return found
 
     def overview(self) -> pd.DataFrame:
         """One row for each channel: RMS, the part that repeats every turn, the highest order."""

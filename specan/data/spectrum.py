@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted
+from specan.result import Result, counted, crossed, records
 from specan.units import level_reference
 
 if TYPE_CHECKING:
@@ -88,8 +88,64 @@ class SpectrumScale:
             return np.asarray(10 * np.log10(power / base))
 
 
+class _Lines(Result):
+    """What spectra and spectrograms have in common."""
+
+    label: str
+    frequency_hz: Real
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    density: Real
+    has_mirror: NDArray[np.bool_]
+    scale: SpectrumScale
+    notes: tuple[str, ...]
+    settings: Mapping[str, Any]
+
+    @property
+    def values(self) -> Real:
+        """Amplitude, RMS or density in the form of `density`, as `scale` says."""
+        return self.scale.values(self.density, self.has_mirror)
+
+    @property
+    def value_units(self) -> tuple[str, ...]:
+        """Units of `values`."""
+        return tuple(self.scale.unit_of(unit) for unit in self.units)
+
+    @property
+    def level_dB(self) -> Real:
+        """Levels in the form of `density`; see `SpectrumScale.level_dB`."""
+        return np.stack([self.scale.level_dB(row, unit) for row, unit in zip(self.density, self.units)])
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        scale = self.scale
+        return {
+            "file": self.label,
+            "scaling": scale.scaling,
+            "weighting": scale.weighting,
+            "window": {
+                "name": scale.window,
+                "coherent_gain": scale.coherent_gain,
+                "enbw_hz": scale.enbw_hz,
+                "line_spacing_hz": scale.line_spacing_hz,
+            },
+            "frequency_hz": self.frequency_hz,
+            "notes": self.notes,
+            "settings": self.settings,
+        }
+
+    def _of_channels(self) -> dict[str, Any]:
+        return {
+            "channel": self.channels,
+            "unit": self.value_units,
+            "values": self.values,
+            "level_dB": self.level_dB,
+            "level_reference": [self.scale.level_text(unit) for unit in self.units],
+        }
+
+
 @dataclass(frozen=True, repr=False)
-class Spectrum(Result):
+class Spectrum(_Lines):
     """Spectra of several channels on common lines.
 
     Attributes
@@ -145,10 +201,8 @@ class Spectrum(Result):
 
     def columns(self) -> dict[str, Any]:
         """One row for each channel and line, as ``specan fft -o`` writes it: the value is named after the scaling."""
-        count = self.frequency_hz.size
         found = {
-            "channel": np.repeat(self.channels, count),
-            "frequency_hz": np.tile(self.frequency_hz, len(self.channels)),
+            **crossed(channel=self.channels, frequency_hz=self.frequency_hz),
             self.scale.scaling: self.values.ravel(),
             "level_dB": self.level_dB.ravel(),
         }
@@ -171,20 +225,19 @@ class Spectrum(Result):
             }
         )
 
-    @property
-    def values(self) -> Real:
-        """Amplitude, RMS or density (channels, n), as `scale` says."""
-        return self.scale.values(self.density, self.has_mirror)
-
-    @property
-    def value_units(self) -> tuple[str, ...]:
-        """Units of `values`."""
-        return tuple(self.scale.unit_of(unit) for unit in self.units)
-
-    @property
-    def level_dB(self) -> Real:
-        """Levels (channels, n); see `SpectrumScale.level_dB`."""
-        return np.stack([self.scale.level_dB(row, unit) for row, unit in zip(self.density, self.units)])
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        phases = [None] * len(self.channels) if self.phase_deg is None else self.phase_deg
+        return {
+            **super().content(),
+            "averaging": self.averaging,
+            "n_blocks": self.n_blocks,
+            "n_effective": self.n_effective,
+            "u_dB": self.u_dB,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "phase_reference": self.phase_reference,
+            "channels": records(**self._of_channels(), phase_deg=phases, rms=self.rms, flags=self.flags),
+        }
 
     @property
     def u_dB(self) -> float:
@@ -206,7 +259,7 @@ class Spectrum(Result):
 
 
 @dataclass(frozen=True, repr=False)
-class Spectrogram(Result):
+class Spectrogram(_Lines):
     """Spectra against time.
 
     Attributes
@@ -241,11 +294,8 @@ class Spectrogram(Result):
 
     def columns(self) -> dict[str, Any]:
         """One row for each channel, time and line."""
-        names, times, lines = len(self.channels), self.time_s.size, self.frequency_hz.size
         return {
-            "channel": np.repeat(self.channels, times * lines),
-            "time_s": np.tile(np.repeat(self.time_s, lines), names),
-            "frequency_hz": np.tile(self.frequency_hz, names * times),
+            **crossed(channel=self.channels, time_s=self.time_s, frequency_hz=self.frequency_hz),
             self.scale.scaling: self.values.ravel(),
             "level_dB": self.level_dB.ravel(),
         }
@@ -260,12 +310,11 @@ class Spectrogram(Result):
             rows.append([name, self.time_s[column], self.frequency_hz[line], values[column, line]])
         return pd.DataFrame(rows, columns=["channel", "time_s", "peak_hz", self.scale.scaling])
 
-    @property
-    def values(self) -> Real:
-        """Amplitude, RMS or density (channels, columns, n)."""
-        return self.scale.values(self.density, self.has_mirror)
-
-    @property
-    def level_dB(self) -> Real:
-        """Levels (channels, columns, n)."""
-        return np.stack([self.scale.level_dB(part, unit) for part, unit in zip(self.density, self.units)])
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        return {
+            **super().content(),
+            "time_s": self.time_s,
+            "blocks_per_column": self.blocks_per_column,
+            "channels": records(**self._of_channels()),
+        }

@@ -181,14 +181,16 @@ class BandEnergy:
         return _found(first, nodes, inner, energy, self._sum, self._count, self.sampling_rate, self._fade)
 
 
-def energy_of_short(samples: NDArray[np.float64], sampling_rate: float, n_samples: int) -> EnergySpectrum:
-    """What `BandEnergy` finds in all samples of a record of `n_samples`, at once."""
+def energy_of_short(
+    samples: NDArray[np.float64], sampling_rate: float, n_samples: int, fraction: int = 24
+) -> EnergySpectrum:
+    """What `BandEnergy` finds in all samples of a record of `n_samples`, at once; see `short_record.add_energy`."""
     first, count = node_range(sampling_rate)
     fade = Fade.of(n_samples, sampling_rate)
     rows, n = samples.shape
     nodes = np.zeros((2 * rows, count))
-    both = np.concatenate([samples, samples * fade.weights(0, n)])
-    energy = add_energy(nodes, both, sampling_rate, first)[:rows]
+    energy = add_energy(nodes[:rows], samples, sampling_rate, first, fraction)
+    add_energy(nodes[rows:], samples, sampling_rate, first, fraction, fade.weights(0, n))
     total = np.add.reduce(samples, axis=1)
     return _found(first, nodes[:rows], nodes[rows:], energy, total, n, sampling_rate, fade)
 
@@ -270,18 +272,16 @@ class BandEnergyAccumulator:
         if self._short is None:
             self._transform.add(samples)
         else:
-            self._short.append(samples.copy())
+            self._short.append(samples - (0.0 if self._offset is None else self._offset[:, None]))
 
-    def result(self) -> EnergySpectrum:
-        """The energy spectrum; call it once, after the last samples."""
+    def result(self, fraction: int = 24) -> EnergySpectrum:
+        """The energy spectrum for bands of 1/`fraction` octave and wider; call it once, after the last samples."""
         if self._short is None or self._n_samples is None:
             self._transform.finish()
             return self._energy.result()
-        samples = np.concatenate(self._short, axis=1)
+        samples = self._short[0] if len(self._short) == 1 else np.concatenate(self._short, axis=1)
         self._short = []
-        if self._offset is not None:
-            samples -= self._offset[:, None]
-        return energy_of_short(samples, self._rate, self._n_samples)
+        return energy_of_short(samples, self._rate, self._n_samples, fraction)
 
 
 @lru_cache(maxsize=8)

@@ -75,19 +75,24 @@ def leakage_bias(response: Complex, variance: Real, window_name: WindowName, rat
     hop, bell = size // 2, _bell(size)
     lost = _lost_of_seen(size, ratio, window_name)
     count = -(-n // hop) + 1  # each line lies in two sections
-    sections = _cut(np.where(np.isfinite(response), response, 0.0), size, hop, count)
-    noise = _cut(np.where(np.isfinite(variance), variance, 0.0), size, hop, count)
+    sections = _cut(_finite(response), size, hop, count)
+    noise = _cut(_finite(variance), size, hop, count)
     lags = np.fft.ifft(sections * bell, axis=-1)
     floor = np.mean(noise * bell**2, axis=-1, keepdims=True) / size
-    energy = _neighbours(_neighbours(np.abs(lags) ** 2, -1, circular=True), -2, circular=False)
+    energy = _neighbours(_neighbours(lags.real**2 + lags.imag**2, -1, circular=True), -2, circular=False)
     threshold = _ABOVE_NOISE if ratio == 1 else _ABOVE_NOISE_OF_LONGER
     with np.errstate(divide="ignore", invalid="ignore"):
         above = np.sqrt(np.nan_to_num(np.maximum(1 - threshold * floor / energy, 0.0)))
     back = np.fft.fft(lags * above * lost, axis=-1)
-    found = np.zeros((*response.shape[:-1], (count + 1) * hop), dtype=complex)
-    for k in range(count):
-        found[..., k * hop : k * hop + size] += back[..., k, :]
-    return found[..., hop : hop + n]
+    found = np.zeros((*response.shape[:-1], count + 1, hop), dtype=complex)
+    found[..., :-1, :] = back[..., :hop]
+    found[..., 1:, :] += back[..., hop:]
+    return found.reshape(*response.shape[:-1], -1)[..., hop : hop + n]
+
+
+def _finite(values: NDArray) -> NDArray:
+    finite = np.isfinite(values)
+    return values if finite.all() else np.where(finite, values, 0.0)
 
 
 @lru_cache(maxsize=16)
@@ -99,6 +104,7 @@ def _lost_of_seen(size: int, ratio: int, window_name: WindowName) -> Real:
     return np.asarray((1 - window_correlations(window_name, lag * ratio)) / seen)
 
 
+@lru_cache(maxsize=4)
 def _bell(size: int) -> Real:
     """Hann window of a section; two neighbours add up to one."""
     return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(size) + 0.5) / size))
@@ -122,10 +128,12 @@ def _cut(values: NDArray, size: int, hop: int, count: int) -> NDArray:
 
 def _neighbours(values: Real, axis: int, *, circular: bool) -> Real:
     """Mean over three neighbours, the middle one twice; the ends stand for what is beyond them."""
-    if circular:
-        before, after = np.roll(values, 1, axis), np.roll(values, -1, axis)
-    else:
-        n = values.shape[axis]
-        before = np.take(values, np.maximum(np.arange(n) - 1, 0), axis)
-        after = np.take(values, np.minimum(np.arange(n) + 1, n - 1), axis)
-    return (before + 2 * values + after) / 4
+    mean = 2 * np.moveaxis(values, axis, -1)
+    values = np.moveaxis(values, axis, -1)
+    before, after = (-1, 0) if circular else (0, -1)
+    mean[..., 1:] += values[..., :-1]
+    mean[..., 0] += values[..., before]
+    mean[..., :-1] += values[..., 1:]
+    mean[..., -1] += values[..., after]
+    mean /= 4
+    return np.moveaxis(mean, -1, axis)

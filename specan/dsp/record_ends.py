@@ -45,11 +45,12 @@ class Fade:
         """Factors on `count` samples from the number `first` on."""
         if not self.samples:
             return np.ones(count)
-        place = np.arange(first, first + count)
-        end = np.minimum(place, self.n_samples - 1 - place)
         rise, weights = _rise(self.samples), np.ones(count)
-        faded = end < self.samples
-        weights[faded] = rise[end[faded]]
+        low, high = min(first + count, self.samples), max(first, self.n_samples - self.samples)
+        if first < low:
+            weights[: low - first] = rise[first:low]
+        if high < first + count:
+            weights[high - first :] = rise[self.n_samples - first - count : self.n_samples - high][::-1]
         return weights
 
     def touches(self, first: int, count: int) -> bool:

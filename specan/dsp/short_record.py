@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from functools import lru_cache
 
 import numpy as np
@@ -27,13 +28,20 @@ CROSS_OVER = (0.28, 0.38)
 _NOTHING = 1e-20
 
 
-def _settling() -> int:
-    """Samples of a stage after which its narrowest band, 1/24 octave, has fallen by 180 dB: 10 dB in every 1 / B."""
-    lower, upper = bands.band_edges(0, 24)
-    return math.ceil(18.0 / (float(upper - lower) / float(bands.mid_frequencies(0, 24)) * LOWEST_PART))
+@lru_cache(maxsize=8)
+def _settling(fraction: int) -> int:
+    """Samples of a stage after which its narrowest band has fallen by 180 dB: 10 dB in every 1 / B.
 
-
-_SETTLING = _settling()
+    For whole and third octaves the filter rings less long than the low-pass filter and the cross-over, which come on
+    top. For finer bands it is the time of 1/24 octaves: with fewer lines, what cubic interpolation between nodes adds
+    to them (1e-6 dB) would be another.
+    """
+    fraction, rings = (3, FACTOR * _RINGS) if fraction <= 3 else (24, 0)
+    lower, upper = bands.band_edges(0, fraction)
+    return (
+        math.ceil(18.0 / (float(upper - lower) / float(bands.mid_frequencies(0, fraction)) * LOWEST_PART))
+        + rings
+    )
 
 
 def share_of_lines(stage: Stage, points: int) -> NDArray[np.float64]:
@@ -50,7 +58,12 @@ def share_of_lines(stage: Stage, points: int) -> NDArray[np.float64]:
 
 
 def add_energy(
-    nodes: NDArray[np.float64], samples: NDArray[np.float64], sampling_rate: float, first: int
+    nodes: NDArray[np.float64],
+    samples: NDArray[np.float64],
+    sampling_rate: float,
+    first: int,
+    fraction: int = 24,
+    factors: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Add the energy of a record to the nodes of a frequency grid, in place; return its whole energy.
 
@@ -68,6 +81,10 @@ def add_energy(
         In Hz.
     first : int
         Number of the first node.
+    fraction : int
+        Bandwidth designator of the narrowest bands that will be read from the nodes.
+    factors : ndarray, shape (n,), optional
+        The samples are multiplied with these.
 
     Returns
     -------
@@ -75,28 +92,48 @@ def add_energy(
         Sum of the squared samples, from the transform.
     """
     energy = np.empty(samples.shape[0])
-    # Memory that is used again: on fresh memory, a transform takes twice the time.
-    padded: dict[int, NDArray[np.float64]] = {}
-    transforms: dict[int, NDArray[np.complex128]] = {}
     for top in range(0, samples.shape[0], ROWS):
         rows, stream = slice(top, top + ROWS), samples[top : top + ROWS]
         for stage in stages_of(sampling_rate):
-            points = _fast(stream.shape[1] + _SETTLING)
-            if stage.number not in padded:
-                padded[stage.number] = np.zeros((len(stream), points))
-                transforms[stage.number] = np.empty((len(stream), points // 2 + 1), dtype=np.complex128)
-            filled = padded[stage.number][: len(stream)]
-            filled[:, : stream.shape[1]] = stream
-            transform = np.fft.rfft(filled, out=transforms[stage.number][: len(stream)])
-            lines = np.square(transform.real)
-            lines += np.square(transform.imag)
+            count = stream.shape[1]
+            points = _fast(count + _settling(fraction))
+            padded = _memory.real("padded", len(stream), points)
+            if factors is None or stage.number > 0:
+                padded[:, :count] = stream
+            else:
+                np.multiply(stream, factors, out=padded[:, :count])
+            padded[:, count:] = 0.0
+            transform = np.fft.rfft(padded, out=_memory.complex(len(stream), points // 2 + 1))
+            lines = _memory.real("lines", len(stream), points // 2 + 1)
+            np.multiply(transform.real, transform.real, out=lines)
+            lines += np.multiply(transform.imag, transform.imag, out=padded[:, : points // 2 + 1])
             if stage.number == 0:
                 inner = 2.0 * np.add.reduce(lines[:, 1:-1], axis=1)
                 energy[rows] = (inner + lines[:, 0] + lines[:, -1]) / points
             _spread(stage, points, first).add(nodes[rows], lines)
             if not stage.last:
-                stream = _thinned(transform, stream.shape[1])
+                stream = _thinned(transform, count)
     return energy
+
+
+class _Memory(threading.local):
+    """Arrays that are used again: on fresh memory, a transform takes twice the time."""
+
+    def __init__(self) -> None:
+        self._flat: dict[str, NDArray[np.float64]] = {}
+
+    def real(self, name: str, rows: int, points: int) -> NDArray[np.float64]:
+        """An array of that shape, which holds anything."""
+        if name not in self._flat or self._flat[name].size < rows * points:
+            self._flat[name] = np.empty(rows * points)
+        return self._flat[name][: rows * points].reshape(rows, points)
+
+    def complex(self, rows: int, points: int) -> NDArray[np.complex128]:
+        """Likewise, for a transform."""
+        return self.real("transform", rows, 2 * points).view(np.complex128)
+
+
+_memory = _Memory()
 
 
 def _thinned(transform: NDArray[np.complex128], count: int) -> NDArray[np.float64]:

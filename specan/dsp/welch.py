@@ -39,6 +39,14 @@ class SpectralMatrix(NamedTuple):
     n_blocks: int
     n_effective: float
 
+    def part(self, channels: int, lines: int) -> SpectralMatrix:
+        """The first channels, and lines 0 to `lines`."""
+        return self._replace(
+            frequency_hz=self.frequency_hz[: lines + 1],
+            auto=self.auto[:channels, : lines + 1],
+            cross=self.cross[:, :channels, : lines + 1],
+        )
+
 
 def hop_of(block: int, overlap: float) -> int:
     """Distance between block starts for an overlap of 0 to below 1."""
@@ -210,10 +218,11 @@ class CrossSpectra:
             scale *= np.nan
         elif self.averaging == "linear":
             scale /= self.n_blocks
-        turn = np.exp(-2j * np.pi * np.outer(self.shifts, frequency) / self.rate)
-        back = turn[None, :, :] * np.conj(turn[list(self.references)])[:, None, :]
         auto: Real = self._auto * scale
-        cross: Complex = np.multiply(self._cross, back * scale)
+        cross: Complex = np.multiply(self._cross, scale)
+        if any(self.shifts):
+            turn = np.exp(-2j * np.pi * np.outer(self.shifts, frequency) / self.rate)
+            cross *= turn[None, :, :] * np.conj(turn[list(self.references)])[:, None, :]
         return SpectralMatrix(frequency, auto, cross, self.n_blocks, self._effective())
 
     def _effective(self) -> float:

@@ -14,9 +14,9 @@ import numpy as np
 from specan.impedance.surface_impedance import Impedance
 from specan.impedance.wall_admittance import USE, Point, Space, free_walls
 from specan.models import Model
-from specan.models.receivers import Places
+from specan.models.measurement_kinds import Places
 from specan.models.room.places import with_microphones
-from specan.study.design.planned_receivers import (
+from specan.study.design.receiver_places import (
     by_receiver,
     few_lines,
     planned,

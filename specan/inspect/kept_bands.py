@@ -13,11 +13,11 @@ from specan.analysis.octave import Octave
 from specan.analysis.quality import BLOCK, QualityAccumulator
 from specan.analysis.section import constant_part, section
 from specan.data.band_levels import BandLevels
+from specan.data.channel import Channel
 from specan.data.levels import Quality
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
 from specan.errors import RequestError
-from specan.inspect.superseded import Superseded, Tell
 
 _KEPT = 400  # one channel's spectrum takes some 0.2 MB
 
@@ -35,9 +35,7 @@ class KeptBands:
         self._kept: OrderedDict[tuple[int, str, str, int, int], _Kept] = OrderedDict()
         self._lock = Lock()
 
-    def levels(
-        self, recording: Recording, channels: tuple[Channel, ...], settings: Octave, tell: Tell
-    ) -> BandLevels:
+    def levels(self, recording: Recording, channels: tuple[Channel, ...], settings: Octave) -> BandLevels:
         """What `settings` gives for the channels (of one rate), with linear averaging.
 
         Channels that are no sound pressure are left out, with a note, where a weighting is asked for.
@@ -50,10 +48,10 @@ class KeptBands:
             )
         notes = [f"{c.name} is left out: {settings.weighting} is for Pa" for c in channels if c not in shown]
         start, stop = section(recording, shown, settings.start_s, settings.stop_s)
-        keys = [(id(recording), c.group, c.name, start, stop) for c in shown]
+        keys = [(id(recording.source), c.group, c.name, start, stop) for c in shown]
         lacking = [c for key, c in zip(keys, shown) if key not in self._kept]
         if lacking:
-            self._read(recording, lacking, start, stop, tell)
+            self._read(recording, lacking, start, stop)
         kept = [self._kept[key] for key in keys]
         return band_levels(
             _joined([k.spectrum for k in kept]),
@@ -65,18 +63,14 @@ class KeptBands:
             notes=notes,
         )
 
-    def _read(self, recording: Recording, channels: list[Channel], start: int, stop: int, tell: Tell) -> None:
+    def _read(self, recording: Recording, channels: list[Channel], start: int, stop: int) -> None:
         constant = constant_part(recording, channels, start, stop)
         energy = BandEnergyAccumulator(len(channels), channels[0].sampling_rate, stop - start, constant)
         quality = QualityAccumulator(channels)
-        done = start
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             for samples in recording.blocks(channels, BLOCK, start, stop):
                 energy.add(samples)
                 quality.add(samples)
-                done += samples.shape[1]
-                if not tell((done - start) / (stop - start)):
-                    raise Superseded
             whole = energy.result()
         with self._lock:
             for row, (channel, seen) in enumerate(zip(channels, quality.result())):
@@ -87,7 +81,9 @@ class KeptBands:
                     mean=whole.mean[row : row + 1],
                     inner=None if whole.inner is None else whole.inner[row : row + 1],
                 )
-                self._kept[(id(recording), channel.group, channel.name, start, stop)] = _Kept(one, seen)
+                self._kept[(id(recording.source), channel.group, channel.name, start, stop)] = _Kept(
+                    one, seen
+                )
             while len(self._kept) > max(_KEPT, len(channels)):
                 self._kept.popitem(last=False)
 

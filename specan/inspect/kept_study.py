@@ -9,7 +9,6 @@ from specan.inspect.opened import stamp_of
 from specan.inspect.superseded import Superseded, Tell
 from specan.inspect.trial import Trial, as_it_is
 from specan.study.history import NAME as HISTORY
-from specan.study.kept_diagnoses import diagnose_and_keep
 from specan.study.study import Study
 from specan.study.study_file import NAME
 from specan.study.verdict import Diagnosis
@@ -91,7 +90,7 @@ class KeptStudy:
         try:
             study = self.current()
             if self._found is None:
-                found = diagnose_and_keep(study, progress=progress)
+                found = study.diagnose(progress=progress)
                 with self._lock:
                     if study is not self._study:  # changed meanwhile
                         raise Superseded

@@ -42,6 +42,7 @@ FIRST_CHANNELS = 4  # on screen when nothing else is said
 _LEFT, _RIGHT = 214, 270  # px
 _GROWS = {"flex": "1 1 0", "min-height": "0", "min-width": "0"}
 _CENTRED = {"display": "flex", "align-items": "center", "justify-content": "center"}
+_PICTURE_EVERY = 8  # pieces that are read
 _SETTLE_MS = 60  # a pan sends many ranges; one drawing answers them
 
 
@@ -365,13 +366,13 @@ def _notes(found: Found) -> tuple[str, str]:
     return "; ".join([*notes, *warned]), "error" if warned else ""
 
 
-def _now_and_then(tell: Tell, told: Callable[[float], bool], every: int = 8) -> Tell:
-    """Every so many pieces the picture as far as it is known, else the progress alone."""
+def _now_and_then(tell: Tell, told: Callable[[float], bool]) -> Tell:
+    """At first and every few pieces the picture as far as it is known, else the progress alone."""
     count = 0
 
     def both(part: float) -> bool:
         nonlocal count
         count += 1
-        return told(part) if count % every == 0 else tell(part)
+        return told(part) if count % _PICTURE_EVERY == 1 else tell(part)
 
     return both

@@ -2,67 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording, SampleSource
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 
 Tell = Callable[[float], bool]  # hears the part done, says whether to go on
-_PIECE = 1 << 16
 
 
 class Superseded(Exception):
     """Another request came before this one was done."""
 
 
-class _Accumulator(Protocol):
-    channels: tuple[Channel, ...]
-    start: int
-    stop: int
+@dataclass(frozen=True, repr=False)
+class Heard(Recording):
+    """A recording that tells how much of a section an analysis has read, and ends it when told so."""
 
-    def add(self, samples: NDArray[np.float64]) -> None: ...
-    def result(self) -> Any: ...
+    tell: Tell = lambda part: True
 
+    @classmethod
+    def of(cls, recording: Recording, tell: Tell) -> Heard:
+        """The same recording, heard."""
+        return cls(**vars(recording), tell=tell)
 
-@dataclass(frozen=True)
-class _Heard:
-    """Samples whose reading is told."""
+    def blocks(
+        self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None
+    ) -> Iterator[NDArray[np.float64]]:
+        """Consecutive blocks, as of any recording.
 
-    source: SampleSource
-    total: int
-    tell: Tell
-    done: list[int] = field(default_factory=lambda: [0])
-
-    def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
-        """Samples of the chosen channels; see `SampleSource`."""
-        self.done[0] += stop - start
-        if not self.tell(min(self.done[0] / max(self.total, 1), 1.0)):
-            raise Superseded
-        return self.source.read(indices, start, stop)
-
-
-def heard(recording: Recording, total: int, tell: Tell) -> Recording:
-    """A recording that tells how much of `total` samples an analysis has read, and ends it when told so."""
-    return replace(recording, source=_Heard(recording.source, total, tell))
-
-
-def run(accumulator: _Accumulator, recording: Recording, tell: Tell) -> Any:
-    """Feed an analysis its section of a recording and return the result.
-
-    Raises
-    ------
-    Superseded
-        `tell` said not to go on.
-    """
-    first, last = accumulator.start, accumulator.stop
-    done = first
-    for samples in recording.blocks(accumulator.channels, _PIECE, first, last):
-        accumulator.add(samples)
-        done += samples.shape[1]
-        if not tell((done - first) / (last - first)):
-            raise Superseded
-    return accumulator.result()
+        Raises
+        ------
+        Superseded
+            `tell` said not to go on.
+        """
+        stop = min(c.n_samples for c in channels) if stop is None else stop
+        done = start
+        for samples in super().blocks(channels, size, start, stop):
+            yield samples
+            done += samples.shape[1]
+            if not self.tell((done - start) / (stop - start)):
+                raise Superseded

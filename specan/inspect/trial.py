@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models import Use
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.report.residual_map import ResidualMap, residual_map
 from specan.study.build_problem import parameter_table
+from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import Fit, fit
-from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, candidates

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from specan import __version__
 from specan.errors import RequestError, nearest
 from specan.io.output_file import text_file
 from specan.io.text_cell import cells, escaped, plain, word
@@ -56,19 +57,6 @@ def read_table(path: Path) -> pd.DataFrame:
     return pd.read_csv(path, sep="\t", skiprows=header, encoding="utf-8")
 
 
-class Numbers(NamedTuple):
-    """Numbers as they are to be printed, and the form in which."""
-
-    values: NDArray[np.float64]
-    form: str
-
-
-def fixed_numbers(values: ArrayLike, decimals: int) -> Numbers:
-    """See `fixed`."""
-    rounded = np.round(np.atleast_1d(np.asarray(values, dtype=float)), decimals) + 0.0
-    return Numbers(rounded, f"%.{decimals}f")
-
-
 def fixed(values: ArrayLike, decimals: int) -> list[str]:
     """Numbers with a fixed number of decimals; empty where not finite, no negative zero.
 
@@ -77,15 +65,15 @@ def fixed(values: ArrayLike, decimals: int) -> list[str]:
     >>> fixed([1.23456, -0.0001, float("nan")], 3)
     ['1.235', '0.000', '']
     """
-    return _printed(fixed_numbers(values, decimals))
+    rounded = np.round(np.atleast_1d(np.asarray(values, dtype=float)), decimals) + 0.0
+    return _printed(rounded, f"%.{decimals}f")
 
 
-def _printed(numbers: Numbers) -> list[str]:
+def _printed(values: NDArray[np.float64], form: str) -> list[str]:
     """Each number in one form, all at once; empty where not finite."""
-    values, form = numbers
-    finite = np.isfinite(values)
     if not values.size:
         return []
+    finite = np.isfinite(values)
     texts = ("\t".join([form] * len(values)) % tuple(values.tolist())).split("\t")
     return texts if finite.all() else [t if ok else "" for t, ok in zip(texts, finite.tolist())]
 
@@ -103,16 +91,16 @@ def phases(values: ArrayLike) -> list[str]:
     >>> phases([-180.0, 179.999, 180.004, 359.999, -0.001, float("nan")])
     ['180.00', '180.00', '180.00', '0.00', '0.00', '']
     """
-    return _printed(phase_numbers(values))
+    return fixed(in_one_turn(values), 2)
 
 
-def phase_numbers(values: ArrayLike) -> Numbers:
-    """See `phases`."""
-    given = np.atleast_1d(np.asarray(values, dtype=float))
+def in_one_turn(degrees: ArrayLike) -> NDArray[np.float64]:
+    """Angles to 0.01 degree, in (-180, 180]; NaN where not finite."""
+    given = np.atleast_1d(np.asarray(degrees, dtype=float))
     usable = np.isfinite(given)
     hundredths = np.rint(np.where(usable, given, 0.0) * 100.0) % 36000.0
     hundredths = np.where(hundredths > 18000.0, hundredths - 36000.0, hundredths)
-    return Numbers(np.where(usable, hundredths / 100.0, np.nan), "%.2f")
+    return np.where(usable, hundredths / 100.0, np.nan)
 
 
 def significant(values: ArrayLike, digits: int = 6) -> list[str]:
@@ -123,12 +111,7 @@ def significant(values: ArrayLike, digits: int = 6) -> list[str]:
     >>> significant([0.123456789, 1e-9, 0.0, -0.0, float("inf")])
     ['0.123457', '1e-09', '0', '0', '']
     """
-    return _printed(significant_numbers(values, digits))
-
-
-def significant_numbers(values: ArrayLike, digits: int = 6) -> Numbers:
-    """See `significant`."""
-    return Numbers(np.atleast_1d(np.asarray(values, dtype=float)) + 0.0, f"%.{digits}g")
+    return _printed(np.atleast_1d(np.asarray(values, dtype=float)) + 0.0, f"%.{digits}g")
 
 
 def frequencies(values: ArrayLike) -> list[str]:
@@ -155,20 +138,13 @@ def rows(columns: Sequence[Sequence[str]]) -> str:
     return f"{lines}\n" if lines else ""
 
 
-def rows_of_numbers(before: Sequence[str], numbers: Sequence[Numbers], after: Sequence[str]) -> str:
-    """Lines of a cell or more, numbers, and a last cell: `rows` of the same, formatted in one go.
-
-    Examples
-    --------
-    >>> rows_of_numbers(["a", "50 %"], [fixed_numbers([1, 2], 1), phase_numbers([0, np.nan])], ["", "x"]).split()
-    ['a', '1.0', '0.00', '50', '%', '2.0', 'x']
-    """
-    if not all(np.isfinite(column.values).all() for column in numbers):
-        return rows([before, *map(_printed, numbers), after])
-    form = "\t".join(column.form for column in numbers)
-    lines = [f"{first}\t\0\t{last}" for first, last in zip(before, after, strict=True)]
-    pattern = "\n".join([*lines, ""]).replace("%", "%%").replace("\0", form)
-    return pattern % tuple(np.stack([column.values for column in numbers], axis=1).ravel().tolist())
+def rows_of_channels(
+    names: Sequence[str], columns: Callable[[int], Sequence[Sequence[str]]]
+) -> Iterator[str]:
+    """Lines of one channel after the other: its name before the columns that its number gives."""
+    for number, name in enumerate(names):
+        own = columns(number)
+        yield rows([[word(name)] * len(own[0]), *own])
 
 
 def write_table(path: Path, header: Iterable[str], columns: Sequence[str], blocks: Iterable[str]) -> None:
@@ -191,3 +167,11 @@ def write_table(path: Path, header: Iterable[str], columns: Sequence[str], block
         file.write("\t".join(columns) + "\n")
         for block in blocks:
             file.write(block)
+
+
+def write_result(
+    path: Path, verb: str, found: Any, about: Iterable[str], columns: Sequence[str], blocks: Iterable[str]
+) -> None:
+    """Write the table of one result; its header says which verb made it, and ends with its settings and notes."""
+    header = [f"specan {__version__} {verb}", *about, f"settings: {found.settings}", *found.notes]
+    write_table(path, header, columns, blocks)

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
-from specan.errors import ComputationError, RequestError, nearest
+from specan.errors import ComputationError, RequestError, SpecanError, nearest
 from specan.models.effect import Effect, Use
-from specan.models.fixed_point import settle
-from specan.models.graph import components, cut
-from specan.models.parameter import Parameter
-from specan.models.parameter_name import ParameterName
+from specan.models.loops import FixedPoint, components, cut
+from specan.models.parameter import Parameter, ParameterName
 from specan.models.quantity import Condition, Quantity
-from specan.models.user_code import call, place_of
+from specan.models.user_code import place_of, users_mistake
 from specan.units import convert
 
 BASE = "base"  # the name of the part of a quantity that is not an effect's
@@ -122,17 +120,17 @@ class Evaluator:
         parts: dict[str, dict[str, Any]] = {}
         needed = self._needed(tuple(wanted)) if wanted is not None else None
         touched = self._downstream(tuple(changed)) if after is not None else None
-        for loop in self._plan:
+        for loop, order, guessed in self._plan:
             if after is not None and touched is not None and not touched.intersection(loop):
                 known.update((name, after.values[name]) for name in loop if name in after.values)
                 parts.update((name, dict(after.parts[name])) for name in loop if name in after.parts)
                 continue
             if needed is not None and not needed.intersection(loop):
                 continue
-            if len(loop) == 1 and loop[0] not in self._reads[loop[0]]:
-                self._value(loop[0], known, parameters, parts)
+            if guessed:
+                self._settle(loop, order, guessed, known, parameters, parts)
             else:
-                self._settle(loop, known, parameters, parts)
+                self._value(loop[0], known, parameters, parts)
         return Evaluation(known, parts)
 
     # --- how it is done -----------------------------------------------------------------------
@@ -177,19 +175,18 @@ class Evaluator:
         }
 
     @cached_property
-    def _plan(self) -> list[list[str]]:
-        """Quantities in the order of evaluation; those of one loop together, in the base's order."""
+    def _plan(self) -> list[tuple[list[str], list[str], tuple[str, ...]]]:
+        """Quantities in the order of evaluation; of a loop also the order in which it is walked, and what is guessed.
+
+        Those of one loop are together, in the base's order.
+        """
         base_order = {
             name: i
             for i, part in enumerate(components({n: q.reads for n, q in self.model.quantities.items()}))
             for name in part
         }
-        return [sorted(part, key=base_order.__getitem__) for part in components(self._reads)]
-
-    @cached_property
-    def _walks(self) -> dict[tuple[str, ...], tuple[list[str], tuple[str, ...]]]:
-        """For each loop: the order in which it is walked, and what is guessed to begin with."""
-        return {tuple(loop): cut(loop, self._reads) for loop in self._plan}
+        parts = [sorted(part, key=base_order.__getitem__) for part in components(self._reads)]
+        return [(part, *cut(part, self._reads)) for part in parts]
 
     @cached_property
     def _needed_cache(self) -> dict[tuple[str, ...], set[str]]:
@@ -221,7 +218,7 @@ class Evaluator:
                     touched.add(owner)
                 else:
                     touched.update(self.model.effects[Use.parse(owner).name].changes)
-            for part in self._plan:  # what is read comes first, so one pass suffices
+            for part, _, _ in self._plan:  # what is read comes first, so one pass suffices
                 if any(not touched.isdisjoint(self._reads[name]) or name in touched for name in part):
                     touched.update(part)
             self._downstream_cache[changed] = touched
@@ -235,12 +232,15 @@ class Evaluator:
         parts: dict[str, dict[str, Any]],
     ) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
-        node = self.model.quantities[name]
-        base = self._base(node, known, parameters)
-        contributions: dict[str, Any] = {BASE: base}
+        contributions = {BASE: _given(self.model.quantities[name], name, known, parameters)}
         for use in self._acting[name]:
             effect = self.model.effects[use.name]
-            contributions[str(use)] = self._contribution(use, effect, name, known, parameters)
+            given = _given(effect, str(use), known, parameters)
+            if len(effect.changes) > 1:
+                given = given[name]
+            if effect.at:
+                given = (use.at, given) if name in effect.joins else self._spread(use, effect, name, given)
+            contributions[str(use)] = given
         try:
             known[name] = self._combined(name, contributions)
         except ValueError:
@@ -274,29 +274,6 @@ class Evaluator:
                 )
         return RequestError(f"what acts on {name!r} has other shapes than it", expected="one value a row")
 
-    def _base(self, node: Quantity, known: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
-        return call(
-            node.function,
-            node.name,
-            *(_read(known, r, node.name) for r in node.reads),
-            **{p: parameters[f"{node.name}.{p}"] for p in node.parameters},
-        )
-
-    def _contribution(
-        self, use: Use, effect: Effect, name: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
-    ) -> Any:
-        given = call(
-            effect.function,
-            effect.name,
-            *(_read(known, r, effect.name) for r in effect.reads),
-            **{p: parameters[f"{use}.{p}"] for p in effect.parameters},
-        )
-        if len(effect.changes) > 1:
-            given = given[name]
-        if effect.at and name not in effect.joins:
-            return self._spread(use, effect, name, given)
-        return given if name not in effect.joins or not effect.at else (use.at, given)
-
     def _spread(self, use: Use, effect: Effect, name: str, given: Any) -> Any:
         """Put one element's contribution into an array over the axis; neutral elsewhere."""
         import numpy as np
@@ -311,26 +288,26 @@ class Evaluator:
     def _settle(
         self,
         loop: list[str],
+        order: list[str],
+        guessed: tuple[str, ...],
         known: dict[str, Any],
         parameters: Mapping[str, Any],
         parts: dict[str, dict[str, Any]],
     ) -> None:
-        """Solve a loop from the values without effects; see `specan.models.fixed_point`."""
+        """Solve a loop from the values without effects; see `specan.models.loops`."""
         import numpy as np
 
         for name in loop:
-            known[name] = self._base(self.model.quantities[name], known, parameters)
-
-        def once_around(guess: Mapping[str, Any]) -> dict[str, Any]:
-            known.update(guess)
-            for name in order:
-                self._value(name, known, parameters, parts)
-            return {name: known[name] for name in guess}
-
-        order, guessed = self._walks[tuple(loop)]
+            known[name] = _given(self.model.quantities[name], name, known, parameters)
+        point = FixedPoint({name: known[name] for name in guessed})
         with np.errstate(all="ignore"):  # a loop that runs away is told below, once
-            if settle(once_around, {name: known[name] for name in guessed}):
-                return
+            while point.goes_on:
+                known.update(point.guess)
+                for name in order:
+                    self._value(name, known, parameters, parts)
+                point.take({name: known[name] for name in guessed})
+        if point.settled:
+            return
         raise ComputationError(
             f"the loop through {', '.join(loop)} does not settle",
             expected="a fixed point within 200 iterations",
@@ -377,10 +354,23 @@ class Evaluation:
         return self.parts[name]
 
 
-def _read(known: Mapping[str, Any], name: str, reader: str) -> Any:
+def _given(
+    owner: Quantity | Effect, called: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
+) -> Any:
+    """What the function of a quantity, or of an effect `called` by its use, gives; a user's mistake is told as such."""
     try:
-        return known[name]
-    except KeyError:
+        read = [known[name] for name in owner.reads]
+    except KeyError as missing:
+        name = missing.args[0]
         raise RequestError(
-            f"{reader!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
+            f"{owner.name!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
         ) from None
+    try:
+        return owner.function(*read, **{p: parameters[f"{called}.{p}"] for p in owner.parameters})
+    except SpecanError:
+        raise
+    except Exception as fault:
+        mistake = users_mistake(fault, owner.function, owner.name)
+        if mistake is None:
+            raise
+        raise mistake from fault

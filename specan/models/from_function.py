@@ -10,11 +10,9 @@ from typing import Any
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect
-from specan.models.frf import KIND, Frf
-from specan.models.observable import Observable
 from specan.models.parameter import Parameter
-from specan.models.quantity import Condition, Quantity, SettingError
-from specan.models.rig_statement import rig_statement
+from specan.models.quantity import KIND, Condition, Frf, Observable, Quantity, SettingError
+from specan.models.rig import rig_statement
 from specan.models.user_code import PREFIX, place_of
 from specan.units import base_unit, convert
 

@@ -9,16 +9,13 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
-from specan.models.frf import Frf
 from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
-from specan.models.graph import components
 from specan.models.groups import check_groups, with_groups
-from specan.models.observable import Observable
-from specan.models.order_lines import OrderLines
-from specan.models.quantity import Condition, Quantity
-from specan.models.receivers import Receivers
-from specan.models.rig_statement import RigStatement, rig_statement
-from specan.models.table_rules import TableRules
+from specan.models.loops import components
+from specan.models.measurement_kinds import OrderLines, Receivers, TableRules
+from specan.models.quantity import Condition, Frf, Observable, Quantity
+from specan.models.rig import RigStatement, rig_statement
+from specan.models.user_code import PREFIX
 
 
 @dataclass(frozen=True)
@@ -180,6 +177,13 @@ class Model:
         """Kinds of measurement that the model can be compared with: ``("table",)``."""
         return tuple(dict.fromkeys(o.kind for o in self.observables.values()))
 
+    @property
+    def is_own(self) -> bool:
+        """Whether it is a user's: made of functions, or of a file."""
+        return self.declared_units or any(
+            str(getattr(q.function, "__module__", "")).startswith(PREFIX) for q in self.quantities.values()
+        )
+
     def with_effect(self, *more: Effect) -> Model:
         """The same model with further effects in its catalogue (a user's own).
 
@@ -269,7 +273,7 @@ class Model:
         base_effects : sequence of str, optional
             Those that a new study begins with.
         uncertainty : mapping, optional
-            What ``[uncertainty]`` of a rig file may hold, see `specan.models.rig_statement.rig_statement`.
+            What ``[uncertainty]`` of a rig file may hold, see `specan.models.rig.rig_statement`.
         law : LawSpace, optional
             Where a law is looked for when something unknown is missing; by default what the first observable lacks,
             over all conditions that have limits above zero.

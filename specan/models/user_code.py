@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from specan.errors import RequestError, SpecanError
+from specan.errors import RequestError
 
 PREFIX = "specan_user_"  # of the module names under which users' files are loaded
 
@@ -20,38 +20,26 @@ def _wants_single_values(fault: BaseException) -> bool:
     return any(w in text for w in ("truth value of an array", "0-dimensional arrays", "length-1 arrays"))
 
 
-def call(function: Callable[..., Any], name: str, /, *given: Any, **parameters: Any) -> Any:
-    """Call a quantity or an effect; an exception that a user's file raises is told as the file's own.
+def users_mistake(fault: Exception, function: Callable[..., Any], name: str) -> RequestError | None:
+    """An exception of a quantity or an effect as a mistake in the user's file that it comes from; None if from none.
 
     Parameters
     ----------
+    fault : Exception
+        What it raised.
     function : callable
     name : str
         Identifier of the quantity or effect, for the message.
-    *given, **parameters
-        Its arguments.
-
-    Raises
-    ------
-    RequestError
-        The function comes from a user's file and raises; file and line are named.
     """
-    try:
-        return function(*given, **parameters)
-    except SpecanError:
-        raise
-    except Exception as fault:
-        code = getattr(function, "__code__", None)
-        if code is None or not str(getattr(function, "__module__", "")).startswith(PREFIX):
-            raise
-        lines = [
-            f.lineno for f in traceback.extract_tb(fault.__traceback__) if f.filename == code.co_filename
-        ]
-        raise RequestError(
-            f"{code.co_filename}, line {lines[-1] if lines else code.co_firstlineno}: {name!r} fails "
-            f"({type(fault).__name__}: {fault})",
-            remedy=_ARRAYS if _wants_single_values(fault) else "correct that line",
-        ) from fault
+    code = getattr(function, "__code__", None)
+    if code is None or not str(getattr(function, "__module__", "")).startswith(PREFIX):
+        return None
+    lines = [f.lineno for f in traceback.extract_tb(fault.__traceback__) if f.filename == code.co_filename]
+    return RequestError(
+        f"{code.co_filename}, line {lines[-1] if lines else code.co_firstlineno}: {name!r} fails "
+        f"({type(fault).__name__}: {fault})",
+        remedy=_ARRAYS if _wants_single_values(fault) else "correct that line",
+    )
 
 
 class Instead:

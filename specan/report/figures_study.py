@@ -14,8 +14,8 @@ from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
 from specan.report.study_words import state_of
+from specan.study.observation import variable_named
 from specan.study.observation.table import TableObservation
-from specan.study.observation.variable import variable_named
 from specan.units import convert, printed_unit
 
 if TYPE_CHECKING:
@@ -39,6 +39,19 @@ class _Panel:
     x: str
     line: str | None
     title: str
+
+
+def figure_comparison(study: Study, channel: str | None = None) -> Figure:
+    """What ``study compare --plot`` draws: where the model has receivers, their errors and the curves of one.
+
+    Otherwise see `figure_compare`.
+    """
+    from specan.report.figures_room import figure_errors
+
+    recorded = study.frf_errors()
+    if not recorded or study.model.receivers is None:
+        return figure_compare(study, channel)
+    return figure_errors(study, recorded[0], recorded[0].number(channel))
 
 
 @styled

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.dsp.extremes import low_and_high
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from specan.data.impulse_response import ImpulseResponses
 
 MOST_CHANNELS = 32
 _COLUMNS = 1500  # of the picture
@@ -72,6 +75,11 @@ def figure_waveforms(
     extremes = "Filled from the lowest to the highest sample of each column." if long else ""
     heading(figure, recording.label or "Waveforms", left_out + about + extremes)
     return figure
+
+
+def figure_impulse_responses(found: ImpulseResponses) -> Figure:
+    """Waveforms of impulse responses."""
+    return figure_waveforms(found.recording())
 
 
 def _common_reach(

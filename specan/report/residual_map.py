@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
+from specan.study.localisation.by_blocks import Block
 from specan.study.localisation.localise import localise
-from specan.study.localisation.result import Block
-from specan.study.observation.variable import Variable, variable_named
+from specan.study.observation import Variable, variable_named
 
 _LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
 _MOST_SHARE = 0.95  # of the cells that the scale tells apart where the model fails everywhere

@@ -3,6 +3,8 @@
 What is kept is believed only if nothing has changed: the study, its data, its own files, the last step, and the
 programs that computed it. A file that is damaged, or of another state, is as if it were not there. See
 docs/decisions/study_data.md.
+
+Diagnoses are kept beside the history as well, so that why each step was taken can be read later.
 """
 
 from __future__ import annotations
@@ -14,17 +16,24 @@ import json
 import os
 import sys
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import entry_points, version
 from pathlib import Path
-from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 import specan
+from specan import __version__
+from specan.errors import RequestError
 from specan.models.catalogue import ENTRY_POINTS, MODEL_ENTRY_POINTS
+from specan.result import finite
+from specan.study.history import changing
+
+if TYPE_CHECKING:
+    from specan.study.verdict import Diagnosis
 
 FOLDER = ".kept"
 MOST_FILES = 12  # the oldest go
@@ -34,6 +43,9 @@ _PACKAGES = {"site-packages", "dist-packages"}
 _ARRAY = "float64 array"
 
 Kept = TypeVar("Kept")
+
+NAME = "diagnoses.jsonl"
+STATE = ("study", "rig", "files", "effect_files")
 
 
 class KeptResults:
@@ -51,19 +63,20 @@ class KeptResults:
         self._folder = directory / FOLDER
         self._state = {"state": state, "programs": _programs(), "own": _own_modules()}
 
-    def get(self, name: str, kind: type[Kept], compute: Callable[[], Kept]) -> Kept:
-        """What is kept under a name, of the class `kind`; computed and kept where nothing is."""
-        key = hashlib.sha256(json.dumps([name, self._state], sort_keys=True).encode()).hexdigest()
-        path = self._folder / f"{name}-{key[:32]}.json"
-        found = _read(path, key)
-        if found is not None:
-            return _built(kind, found)
-        result = compute()
-        self._write(path, key, json.dumps(_plain(result)))
-        return result
+    def find(self, name: str, kind: type[Kept]) -> Kept | None:
+        """What is kept under a name, of the class `kind`; None where nothing is."""
+        path, key = self._place(name)
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            envelope = json.loads(path.read_text(encoding="utf-8"))
+            content = envelope["content"]
+            if envelope["key"] == key and envelope["sha256"] == _sha256(content):
+                return cast("Kept", _built(kind, json.loads(content)))
+        return None
 
-    def _write(self, path: Path, key: str, content: str) -> None:
-        """A directory that cannot be written to keeps nothing."""
+    def keep(self, name: str, result: Kept) -> Kept:
+        """Keep a result under a name; a directory that cannot be written to keeps nothing."""
+        path, key = self._place(name)
+        content = json.dumps(_plain(result))
         text = json.dumps({"key": key, "sha256": _sha256(content), "content": content})
         part = path.with_name(f"{path.name}.{os.getpid()}.part")
         with contextlib.suppress(OSError):
@@ -72,16 +85,12 @@ class KeptResults:
             part.replace(path)
             for old in sorted(self._folder.iterdir(), key=lambda p: p.stat().st_mtime)[:-MOST_FILES]:
                 old.unlink()
+        return result
 
-
-def _read(path: Path, key: str) -> Any:
-    """The content of a file that is whole and of this key; else None."""
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-        envelope = json.loads(path.read_text(encoding="utf-8"))
-        content = envelope["content"]
-        if envelope["key"] == key and envelope["sha256"] == _sha256(content):
-            return json.loads(content)
-    return None
+    def _place(self, name: str) -> tuple[Path, str]:
+        """File of a name, and the hash of all that its content depends on."""
+        key = _sha256(json.dumps([name, self._state], sort_keys=True))
+        return self._folder / f"{name}-{key[:32]}.json", key
 
 
 def _sha256(text: str) -> str:
@@ -159,3 +168,42 @@ def _built(hint: Any, value: Any) -> Any:
     if isinstance(hint, type) and issubclass(hint, str):
         return hint(value)
     return value
+
+
+def keep_diagnosis(directory: Path, hashes: Mapping[str, Any], found: Diagnosis) -> None:
+    """Append a diagnosis, with the state of the study that it is about, to `NAME` in the study's directory.
+
+    Nothing is kept in a directory that cannot be written to, or that another command is changing.
+    """
+    diagnosis = finite(found.to_json())
+    if diagnosis_of(directory, hashes) == diagnosis:
+        return
+    content = {"version": __version__, "hashes": hashes, "diagnosis": diagnosis}
+    line = json.dumps(content, ensure_ascii=False, sort_keys=True) + "\n"
+    with (
+        contextlib.suppress(OSError, RequestError),
+        changing(directory),
+        (directory / NAME).open("a", encoding="utf-8") as file,
+    ):
+        file.write(line)
+
+
+def diagnosis_of(directory: Path, hashes: Mapping[str, Any]) -> dict[str, Any] | None:
+    """What was last diagnosed of a state of the study, as ``study diagnose --json`` prints it; None if nothing was.
+
+    Parameters
+    ----------
+    hashes : mapping
+        The state: those of a step of the history, or of the study as it is.
+    """
+    path = directory / NAME
+    if not path.exists():
+        return None
+    wanted = {name: hashes[name] for name in STATE}
+    found = None
+    for line in path.read_text(encoding="utf-8").splitlines():
+        with contextlib.suppress(ValueError, KeyError, TypeError):  # a line that was cut off tells nothing
+            content = json.loads(line)
+            if {name: content["hashes"][name] for name in STATE} == wanted:
+                found = dict(content["diagnosis"])
+    return found

@@ -14,26 +14,27 @@ from specan.errors import RequestError
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model
 from specan.models.groups import with_groups
-from specan.models.rig_file import read_rig_file
+from specan.models.rig import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
-from specan.study.commit import changing, commit, recover
 from specan.study.data.sources import DataFile, MeasuredFiles, open_data
-from specan.study.estimation.continuation import continuation_fit
+from specan.study.estimation.base_problem import grouped_by
+from specan.study.estimation.continuation import continuation_fit, linearised
 from specan.study.estimation.fit import Fit, describe, fit
-from specan.study.estimation.linearised_covariance import linearised
 from specan.study.estimation.prediction_error import (
     HeldOut,
     ObservableError,
     held_out_error,
     observable_errors,
 )
-from specan.study.estimation.problem import Problem, grouped_by
-from specan.study.history import History, Step, line_of
-from specan.study.kept_results import KeptResults
+from specan.study.estimation.problem import Problem
+from specan.study.history import History, Step, changing, commit, line_of, recover
+from specan.study.kept_results import KeptResults, keep_diagnosis
+from specan.study.localisation.by_blocks import Localisation
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.study.localisation.localise import curve_errors, localise
-from specan.study.localisation.result import Localisation
+from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
+from specan.study.selection.refits import POOR_FIT
 from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study_file import (
     NAME,
@@ -275,7 +276,7 @@ class Study:
     @cached_property
     def best(self) -> Fit:
         """The fit of the model as it is."""
-        return self.kept.get("fit", Fit, lambda: fit(self.problem, starts=STARTS))
+        return self.kept.find("fit", Fit) or self.kept.keep("fit", fit(self.problem, starts=STARTS))
 
     @cached_property
     def shown(self) -> Fit:
@@ -286,11 +287,11 @@ class Study:
         """
         if not self.problem.strategy.continuation or not _far_from_calibration(self.problem, self.best):
             return self.best
-        return self.kept.get(
-            "shown",
-            Fit,
-            lambda: describe(self.problem, self.problem.start(continuation_fit(self._assembled))),
-        )
+        found = self.kept.find("shown", Fit)
+        if found is None:
+            theta = self.problem.start(continuation_fit(self._assembled))
+            found = self.kept.keep("shown", describe(self.problem, theta))
+        return found
 
     @cached_property
     def errors(self) -> tuple[ObservableError, ...]:
@@ -307,6 +308,15 @@ class Study:
         unseen = [o.about(self.problem.assembly, values, seen=False) for o in self.data.held_out]
         return held_out_error(self.problem, self.shown, unseen)
 
+    @cached_property
+    def mistaken_set_up(self) -> MistakenSetUp:
+        """What seems to be declared wrongly about the recordings; looked for where the model is far from them."""
+        far = self.data.known and self.problem.strategy.continuation and self.best.reduced_chi2 > POOR_FIT
+        if not far:
+            return MistakenSetUp()
+        found = self.kept.find("set_up", MistakenSetUp)
+        return found or self.kept.keep("set_up", mistaken_set_up(self.problem))
+
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
         where = localise(self.problem, self.shown) if self.data.known else None
@@ -319,7 +329,7 @@ class Study:
     def diagnose(
         self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
     ) -> Diagnosis:
-        """Find out which effect the model is missing; computed once for each state of the study.
+        """Find out which effect the model is missing; computed once for each state of the study, and kept with it.
 
         Raises
         ------
@@ -327,14 +337,28 @@ class Study:
             The uncertainty of the measurement is unknown.
         """
         self.require_uncertainty("diagnose")
-
-        def compute() -> Diagnosis:
+        name = "bootstrap" if bootstrap else "diagnosis"
+        found = self.kept.find(name, Diagnosis)
+        if found is None:
             from specan.study.diagnose import diagnose
 
             found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
-            return replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
+            found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
+            if self.problem.strategy.linearised_covariance:
+                found = self._as_shown(found)
+            self.kept.keep(name, found)
+        keep_diagnosis(self.directory, self.hashes, found)
+        return found
 
-        return self.kept.get("bootstrap" if bootstrap else "diagnosis", Diagnosis, compute)
+    def _as_shown(self, found: Diagnosis) -> Diagnosis:
+        """A diagnosis that says of the base what every verb says: a search has covariances about the field it found."""
+        lack, error = found.lack_of_fit, found.error
+        if lack is not None:
+            lack = replace(lack, reduced_chi2=self.shown.reduced_chi2, p_value=self.shown.p_value)
+        if error is not None:
+            after = self.errors[0] if error.after == error.before else error.after
+            error = replace(error, before=self.errors[0], after=after)
+        return replace(found, lack_of_fit=lack, error=error)
 
     def require_uncertainty(self, verb: str) -> None:
         """Refuse to conclude anything where the uncertainty is unknown."""

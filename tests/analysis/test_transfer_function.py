@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from specan.analysis.transfer_function import TransferFunction, quotient
-from specan.data.recording import ArraySource, Channel, PhaseCalibration, Recording
+from specan.data.channel import Channel, PhaseCalibration
+from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError, RequestError
 
 RATE, N = 8000.0, 40000
@@ -46,6 +47,18 @@ def test_a_delayed_response_has_a_falling_phase(late):
     assert np.polyfit(f[inside], found.unwrapped_phase_deg[0, inside], 1)[0] == pytest.approx(
         -360 * late / RATE, abs=2e-5
     )
+
+
+def test_a_section_that_the_look_took_in_is_averaged_once():
+    """Its own averages give every bit that those of the first look give."""
+    noisy = 3 * NOISE + RNG.standard_normal(N)
+    looked, own = (
+        TransferFunction(lines=3200, align=align)(recording([noisy], generator=NOISE))
+        for align in (True, False)
+    )
+    np.testing.assert_array_equal(looked.response, own.response)
+    np.testing.assert_array_equal(looked.u_magnitude_percent, own.u_magnitude_percent)
+    assert looked.n_effective == own.n_effective
 
 
 def test_lines_reach_to_rate_over_2_56_and_leave_out_zero():

@@ -5,6 +5,7 @@ import io
 import json
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -175,6 +176,56 @@ def test_results_are_short_on_the_screen_and_can_be_drawn():
             assert found.plot().axes
     with pytest.raises(RequestError, match="no figure of a ToneTable"):
         specan.tones(recording()).plot()
+
+
+@pytest.mark.parametrize(
+    ("verb", "options", "settings"),
+    [
+        ("octave", ["--averaging", "fast", "--percentile", "10"], {"averaging": "fast", "percentiles": 10.0}),
+        ("fft", ["--lines", "50", "--reference", "Mic 1"], {"lines": 50, "reference": "Mic 1"}),
+        ("frf", ["--lines", "50", "--reference", "Mic 1"], {"lines": 50, "reference": "Mic 1"}),
+        ("rms", [], {}),
+        ("decay", ["--fmax", "2000"], {"fmax": 2000}),
+        ("orders", ["--speed", "10"], {"speed_hz": 10}),
+    ],
+)
+def test_json_is_that_of_the_verb(verb, options, settings):
+    path = SAMPLES / "knock.tdms"
+    done = CliRunner().invoke(main, [verb, str(path), *options, "--json"])
+    assert json.loads(done.stdout) == getattr(specan, verb)(path, **settings).to_json()
+
+
+def test_json_of_a_recording_is_that_of_info():
+    path = SAMPLES / "knock.tdms"
+    done = CliRunner().invoke(main, ["info", str(path), "--json"])
+    said = json.loads(done.stdout)["files"][0]
+    assert {k: v for k, v in said.items() if k not in ("size_bytes", "excitation")} == specan.read(
+        path
+    ).to_json()
+
+
+def test_a_model_is_built_from_a_rig_file_its_content_or_the_example(tmp_path):
+    with (ROOT / "sample_data/worm_gear/rig.toml").open("rb") as file:
+        said = tomllib.load(file)
+    by_path = specan.load_model("worm-gear", str(ROOT / "sample_data/worm_gear/rig.toml"))
+    assert by_path.settings == specan.load_model("worm-gear", said).settings
+    assert specan.load_model("room").name == "room"
+
+
+@pytest.mark.parametrize("wrong", [3, ["a.tdms"], None])
+def test_what_is_no_recording_is_said(wrong):
+    with pytest.raises(RequestError, match="is no recording; expected a Recording, or the path"):
+        specan.rms(wrong)
+
+
+def test_views_are_those_of_the_options():
+    levels = specan.octave(recording(), averaging="fast")
+    assert [a.get_xlabel() for a in levels.plot(view="history").axes[:2]] == ["", "Time / s"]
+    assert specan.orders(recording(), speed_hz=20.0).plot(view="map").axes
+    responses = specan.impulse(SAMPLES / "noise" / "noise_4_microphones_float32.tdms")
+    assert len(responses.plot().axes) == len(responses.channels)
+    with pytest.raises(RequestError, match="no figure of a BandLevels map"):
+        levels.plot(view="map")
 
 
 def test_a_figure_is_saved_where_one_says(tmp_path):

@@ -30,6 +30,19 @@ def call(*arguments):
     return CliRunner().invoke(main, ["orders", *arguments], catch_exceptions=False)
 
 
+def test_its_own_table_is_replaced_and_nothing_else(run_up, tmp_path):
+    assert call(run_up, "-o", str(tmp_path / "orders.txt")).exit_code == 0
+    assert call(run_up, "-o", str(tmp_path / "orders.txt")).exit_code == 0
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(RequestError, match="does not say that specan wrote it"):
+        CliRunner().invoke(
+            main,
+            ["orders", run_up, "-o", str(tmp_path / "notes.txt")],
+            standalone_mode=False,
+            catch_exceptions=False,
+        )
+
+
 def test_json_holds_lines_and_map(run_up):
     found = call(run_up, "--order", "24", "--max-order", "40", "--map", "--json", "--kurtosis")
     content = json.loads(found.stdout)

@@ -19,14 +19,14 @@ from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp.extremes import low_and_high
 from specan.errors import InputError, RequestError
-from specan.inspect.envelope import DIRECT, STEP, Waveform, read_overviews
+from specan.inspect.envelope import DIRECT, LOOKS, STEP, Waveform, read_overviews
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.level_history import LevelCurves
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import plain
 from specan.inspect.server import start_server
 from specan.inspect.sheets import notice, sheet
-from specan.inspect.superseded import Superseded
+from specan.inspect.superseded import Heard, Superseded
 from specan.inspect.tabs.tab import text_of
 from specan.inspect.view import View
 
@@ -107,13 +107,29 @@ def test_an_hour_is_read_once_and_then_pans_without_reading_it_again():
     waveform = Waveform(one, one.channels[0])
     assert waveform.needs_overview(0.0, 3600.0)
     read_overviews([waveform], go_on)
-    assert source.read_samples == one.channels[0].n_samples
+    looked = LOOKS * STEP
+    assert source.read_samples == one.channels[0].n_samples + looked
     times, values = waveform.part(0.0, 3600.0, 1500)
-    assert source.read_samples == one.channels[0].n_samples
+    assert source.read_samples == one.channels[0].n_samples + looked
     assert times.size == 3000
     assert values.min() == pytest.approx(-1, abs=1e-5)
     waveform.part(1000.0, 1010.0, 1500)
-    assert source.read_samples - one.channels[0].n_samples <= 10 * RATE + 2
+    assert source.read_samples - one.channels[0].n_samples <= looked + 10 * RATE + 2
+
+
+def test_the_first_picture_of_an_hour_needs_a_fortieth_of_its_samples():
+    one, source = hour()
+    waveform = Waveform(one, one.channels[0])
+    read_overviews([waveform], lambda part: False)  # stopped after the first picture
+    assert source.read_samples <= one.channels[0].n_samples / 37
+    assert not waveform.overview.finished
+    times, values = waveform.part(0.0, 3600.0, 1500)
+    assert np.isfinite(values).all()
+    # What was looked at is drawn where it is: the largest sample that it shows there is in that part of the recording.
+    place = int(np.argmax(values))
+    first = max(int((times[place] - 5.0) * RATE), 0)
+    around = one.read([one.channels[0]], first, first + 10 * RATE)[0]
+    assert around.min() <= values[place] <= around.max()
 
 
 def test_what_is_not_read_yet_is_a_gap():
@@ -133,41 +149,41 @@ def test_what_is_not_read_yet_is_a_gap():
 def test_another_setting_gives_the_commands_text_and_reads_nothing(changed, monkeypatch):
     one = recording()
     kept = KeptBands()
-    kept.levels(one, one.channels, Octave(), go_on)
+    kept.levels(one, one.channels, Octave())
     settings = Octave(**changed)
     expected = text_of(write_text, settings(one))
     monkeypatch.setattr(ArraySource, "read", None)
-    assert text_of(write_text, kept.levels(one, one.channels, settings, go_on)) == expected
+    assert text_of(write_text, kept.levels(one, one.channels, settings)) == expected
 
 
 def test_one_more_channel_reads_that_channel_only(monkeypatch):
     one = recording()
     kept = KeptBands()
-    kept.levels(one, one.channels[:2], Octave(), go_on)
+    kept.levels(one, one.channels[:2], Octave())
     seen = set()
     read = ArraySource.read
     monkeypatch.setattr(ArraySource, "read", lambda s, i, a, b: seen.update(i) or read(s, i, a, b))
-    kept.levels(one, one.channels, Octave(), go_on)
+    kept.levels(one, one.channels, Octave())
     assert seen == {2}
 
 
 def test_work_that_nobody_waits_for_ends():
     one = recording(60.0, 1)
     with pytest.raises(Superseded):
-        KeptBands().levels(one, one.channels, Octave(), lambda part: False)
+        KeptBands().levels(Heard.of(one, lambda part: False), one.channels, Octave())
 
 
 def test_a_weighting_leaves_out_what_is_no_sound_pressure():
     one = recording(unit="m/s")
     with pytest.raises(RequestError, match="Pa"):
-        KeptBands().levels(one, one.channels, Octave(weighting="A"), go_on)
+        KeptBands().levels(one, one.channels, Octave(weighting="A"))
 
 
 def test_zeros_and_a_tenth_of_a_second():
     n = 800
     channel = Channel("Mic", "G", unit="Pa", sampling_rate=RATE, n_samples=n)
     one = Recording("z.tdms", (channel,), ArraySource([np.zeros(n)]))
-    found = KeptBands().levels(one, one.channels, Octave(), go_on)
+    found = KeptBands().levels(one, one.channels, Octave())
     assert found.flags == (("dead",),)
     assert np.isneginf(found.level_dB).all()
     assert low_and_high(np.zeros(n), 300)[0].max() == 0.0

@@ -11,13 +11,12 @@ from click.testing import CliRunner
 pytest.importorskip("bokeh")
 
 from specan.errors import InputError, RequestError
-from specan.inspect import kept_study
 from specan.inspect.kept_study import KeptStudy
 from specan.inspect.plots import Band
 from specan.inspect.study_views.failing import FailingMap
 from specan.inspect.study_views.ranking import Ranking, uses_of
 from specan.inspect.study_views.staircase import Staircase
-from specan.inspect.superseded import Superseded, heard
+from specan.inspect.superseded import Heard, Superseded
 from specan.inspect.trial import as_it_is, candidates_of, try_effects
 from specan.study.edit import add_effect
 from specan.study.history import Step
@@ -116,7 +115,7 @@ def test_a_diagnosis_is_made_once_and_ends_when_nobody_waits(directory, monkeypa
     said: list[str] = []
     assert KeptStudy(Study(directory)).diagnosis(go_on, said.append) == found
     assert said == []  # it was on the disk
-    monkeypatch.setattr(kept_study, "diagnose_and_keep", None)
+    monkeypatch.setattr(Study, "diagnose", None)
     assert kept.diagnosis(go_on, heard_of.append) is found
 
 
@@ -212,12 +211,12 @@ def test_reading_is_told_and_can_be_ended():
     channel = Channel("Mic", "G", unit="Pa", sampling_rate=1000.0, n_samples=1000)
     one = Recording("a.tdms", (channel,), ArraySource([np.arange(1000.0)]))
     parts = []
-    telling = heard(one, 1000, lambda part: parts.append(part) or True)
+    telling = Heard.of(one, lambda part: parts.append(part) or True)
     for _ in telling.blocks((channel,), 250):
         pass
     assert parts == [0.25, 0.5, 0.75, 1.0]
     with pytest.raises(Superseded):
-        heard(one, 1000, lambda part: False).read((channel,), 0, 10)
+        list(Heard.of(one, lambda part: False).blocks((channel,), 250))
 
 
 # --- recordings -----------------------------------------------------------------------------------

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from specan.models.fixed_point import settle
-from specan.models.graph import components, cut
+from specan.models.loops import FixedPoint, components, cut
+
+
+def settle(once_around, guess):
+    point = FixedPoint(guess)
+    while point.goes_on:
+        point.take(once_around(point.guess))
+    return point.settled
 
 
 def linear(gain, offset=1.0):

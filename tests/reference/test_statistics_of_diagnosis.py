@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from specan.study.estimation.projection import Projection, orthonormal
-from specan.study.selection.cross_validation import blocks, gain, score
-from specan.study.selection.f_test import (
+from specan.study.estimation.linear import Projection, orthonormal
+from specan.study.selection.acceptance import blocks, left_out_score
+from specan.study.selection.significance import (
+    MultipleTestingFamily,
     detectable_noncentrality,
     improvement_probability,
     lack_of_fit_probability,
     needed_reduction,
+    simulated_probability,
 )
-from specan.study.selection.multiple_testing import MultipleTestingFamily, simulated_probability
 
 
 def arc(length: float, count: int = 200) -> np.ndarray:
@@ -130,7 +131,7 @@ def test_left_out_blocks_equal_a_refit_without_them():
     residual_of = rng.standard_normal(24)
     fit = np.linalg.lstsq(jacobian, residual_of, rcond=None)[0]
     linear = Projection.of(residual_of - jacobian @ fit, jacobian)
-    left_out = blocks({"x": x}, 24)
+    left_out = blocks({"x": x})
     assert [list(b) for b in left_out][:2] == [[0, 1, 2, 3], [4, 5, 6, 7]]
     want = 0.0
     for rows in left_out:
@@ -141,7 +142,7 @@ def test_left_out_blocks_equal_a_refit_without_them():
             jacobian[rest].T @ jacobian[rest], jacobian[rows].T
         )
         want += error @ np.linalg.solve(spread, error) + np.linalg.slogdet(spread)[1]
-    assert score(linear, left_out) == pytest.approx(want)
+    assert left_out_score(linear, left_out) == pytest.approx(want)
 
 
 def test_cross_validation_takes_what_is_there_and_vetoes_what_is_not():
@@ -149,18 +150,18 @@ def test_cross_validation_takes_what_is_there_and_vetoes_what_is_not():
     x = np.repeat(np.linspace(-1, 1, 6), 5)
     base = np.column_stack([np.ones(30), x])
     more = np.column_stack([base, x**2])
-    left_out = blocks({"x": x}, 30)
+    left_out = blocks({"x": x})
 
     def gain_of(data):
         fits = [Projection.of(data - j @ np.linalg.lstsq(j, data, rcond=None)[0], j) for j in (base, more)]
-        return gain(*fits, left_out)
+        return left_out_score(fits[0], left_out) - left_out_score(fits[1], left_out)
 
     assert gain_of(6 * x**2 + rng.standard_normal(30)) > 0
     assert np.mean([gain_of(rng.standard_normal(30)) > 0 for _ in range(200)]) < 0.3
 
 
 def test_a_variable_with_two_levels_is_no_block():
-    assert blocks({"side": np.array([0, 1, 0, 1])}, 4) == []
-    many = blocks({"frequency": np.arange(1000.0)}, 1000)
+    assert blocks({"side": np.array([0, 1, 0, 1])}) == []
+    many = blocks({"frequency": np.arange(1000.0)})
     assert len(many) == 12
     assert np.array_equal(np.sort(np.concatenate(many)), np.arange(1000))

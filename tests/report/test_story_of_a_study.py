@@ -13,7 +13,7 @@ from specan.report.study_report import study_report
 from specan.report.verdict_words import headline
 from specan.study.create import begin
 from specan.study.edit import add_effect
-from specan.study.kept_diagnoses import NAME, diagnose_and_keep, diagnosis_of
+from specan.study.kept_results import NAME, diagnosis_of
 
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
 
@@ -24,7 +24,7 @@ def story(tmp_path_factory):
     study = begin(
         place, "worm-gear", BENCH / "rig.toml", [BENCH / "measurement.csv"], hold_out=["torque=50"]
     ).study
-    found = diagnose_and_keep(study)
+    found = study.diagnose()
     return study, found, add_effect(study, "windage")
 
 
@@ -58,7 +58,7 @@ def test_a_change_is_drawn_before_and_after(story, heading_text):
 def test_the_staircase_carries_every_error(story):
     *_, change = story
     steps = change.study.history.steps
-    heights = {patch.get_height() for patch in figure_history(steps).axes[0].patches}
+    heights = {patch.get_height() for patch in figure_history(change.study.history).axes[0].patches}
     assert {s.fit_error["value"] for s in steps} <= heights
     assert {s.held_out_error["value"] for s in steps} <= heights
 

@@ -134,12 +134,12 @@ def test_a_bootstrap_is_another_diagnosis(study, computed, monkeypatch):
 
 def test_the_oldest_go(tmp_path):
     for number in range(MOST_FILES + 5):
-        KeptResults(tmp_path, {"n": number}).get("number", float, lambda n=number: float(n))
+        KeptResults(tmp_path, {"n": number}).keep("number", float(number))
     assert len(list((tmp_path / FOLDER).iterdir())) == MOST_FILES
 
 
 def test_nothing_is_kept_where_nothing_can_be_written(tmp_path):
     (tmp_path / FOLDER).write_text("a file in the place of the directory")
     kept = KeptResults(tmp_path, {})
-    assert kept.get("number", float, lambda: 1.0) == 1.0
-    assert kept.get("number", float, lambda: 2.0) == 2.0
+    assert kept.keep("number", 1.0) == 1.0
+    assert kept.find("number", float) is None

@@ -7,9 +7,8 @@ import pytest
 
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import held_out_error, observable_errors
-from specan.study.localisation.by_blocks import LeftOut
+from specan.study.localisation.by_blocks import LeftOut, benjamini_yekutieli
 from specan.study.localisation.localise import curve_errors, localise
-from specan.study.localisation.result import benjamini_yekutieli
 from specan.study.observation.table import TableObservation
 
 

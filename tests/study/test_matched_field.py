@@ -9,15 +9,15 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
+from specan.study.estimation.base_problem import base_problem
+from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import describe
-from specan.study.estimation.linearised_covariance import linearised
-from specan.study.estimation.problem import base_problem
-from specan.study.observation.strategy import Strategy
+from specan.study.observation import Strategy
 from specan.study.selection.acceptance import complete
 from specan.study.selection.candidates import candidates
-from specan.study.selection.matched_field import EACH_WAY, FROM_EDGE, likely_places
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.search import Search
+from specan.study.selection.starting_values import EACH_WAY, FROM_EDGE, likely_places
 from tests.study.test_coarse import RIG, recorded
 
 DIMS = np.array(RIG["room"]["dims_m"])

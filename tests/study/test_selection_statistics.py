@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from specan.study.estimation.projection import Projection
-from specan.study.selection import cross_validation
-from specan.study.selection.f_test import improvement_probability
+from specan.study.estimation.linear import Projection
+from specan.study.selection.acceptance import left_out_score
+from specan.study.selection.significance import improvement_probability
 
 
 @pytest.mark.parametrize(("amplitudes", "noise_dof", "tolerated"), [(2, np.inf, 9.0), (3, 20.0, 12.0)])
@@ -38,4 +38,4 @@ def test_a_left_out_block_is_predicted_as_by_a_refit_without_it():
     missed = y[0] - x[0] @ rest
     want = missed**2 / variance + np.log(variance)
     fit = Projection.of(x @ solution - y, x)
-    assert cross_validation.score(fit, [block]) == pytest.approx(want, rel=1e-6)
+    assert left_out_score(fit, [block]) == pytest.approx(want, rel=1e-6)

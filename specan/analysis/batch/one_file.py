@@ -24,9 +24,10 @@ from specan.analysis.quality import QualityAccumulator
 from specan.analysis.tone import ToneAccumulator
 from specan.analysis.transfer_function import TransferFunctionAccumulator
 from specan.data.calibration import Calibration, apply
+from specan.data.channel import Channel
 from specan.data.excitation import Excitation
 from specan.data.levels import Quality
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.open import open_recording
 

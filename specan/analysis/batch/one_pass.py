@@ -9,8 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.analysis.transfer_function import READ_BLOCK
-from specan.data.recording import Channel, Recording
+from specan.analysis.accumulator import READ_BLOCK
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 
 
 class Accumulator(Protocol):

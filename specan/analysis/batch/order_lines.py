@@ -12,8 +12,9 @@ from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.order_settings import OrderSettings
 from specan.analysis.quality import QualityAccumulator
+from specan.data.channel import Channel
 from specan.data.orders import OrderSpectrum
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.errors import SpecanError
 from specan.io import results_text as text
 from specan.units import level_reference

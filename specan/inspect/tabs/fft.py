@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 
 from specan.analysis.spectrum import FourierSpectrum
-from specan.data.recording import Recording
-from specan.data.spectrum import SCALINGS, Spectrum
+from specan.data.spectrum import SCALINGS
 from specan.dsp.windows import WINDOWS
 from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import WRAPPED, Curve, Lines
-from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
+from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import micro, with_gaps
 from specan.report.figures_spectra import figure_spectrum
@@ -57,12 +56,7 @@ class FftTab(Tab):
 
     def compute(self, view: View, tell: Tell) -> Found:
         """Averaged spectra; without a reference an average has no phase."""
-
-        def analyse(chosen: Chosen, recording: Recording) -> Spectrum:
-            settings = _settings(view, chosen)
-            return run(settings.accumulator(recording), recording, tell)
-
-        return self.of_each(view, analyse)
+        return self.of_each(view, tell, lambda chosen, recording: _settings(view, chosen)(recording))
 
     def draw(self, found: Found, view: View) -> None:
         """Lines of the levels, and phases where the level is high enough to have one."""

@@ -14,7 +14,7 @@ from specan.errors import InputError
 from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import FEW, WRAPPED, Band, Curve, Lines, outer_of
-from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line, run
+from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import band_about, with_gaps
 from specan.report.figures_spectra import figure_frequency_response
@@ -71,9 +71,9 @@ class FrfTab(Tab):
                 },
                 "frf",
             )
-            return run(settings.accumulator(recording), recording, tell)
+            return settings(recording)
 
-        return self.of_each(view, analyse, "a response")
+        return self.of_each(view, tell, analyse, "a response")
 
     def draw(self, found: Found, view: View) -> None:
         """Three strips over one axis, with the bands of 95 % where they can be distinguished."""

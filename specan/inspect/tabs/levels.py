@@ -15,7 +15,7 @@ from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import Curve
 from specan.inspect.sheets import sheet
 from specan.inspect.superseded import Superseded
-from specan.inspect.tabs.tab import Change, Found, Tab, Tell, run
+from specan.inspect.tabs.tab import Change, Found, Tab, Tell
 from specan.inspect.view import View
 from specan.report.figure_style import level_label
 from specan.report.figures_levels import figure_levels
@@ -49,10 +49,10 @@ class LevelsTab(Tab):
                 "channels": chosen.patterns, "start_s": view.start, "stop_s": view.stop,
                 "averaging": view.level_averaging, "weighting": view.level_weighting,
             }  # fmt: skip
-            found = run(parse(Levels, content, "levels").accumulator(recording), recording, tell)
+            found = parse(Levels, content, "levels")(recording)
             return {"numbers": found, "curves": self._of(chosen, view)}
 
-        results = self.of_each(view, analyse)
+        results = self.of_each(view, tell, analyse)
         low = view.start if view.low is None else view.low
         high = self.opened.duration_s if view.high is None else view.high
         for _, result in results:

@@ -8,7 +8,6 @@ import numpy as np
 from bokeh.models import Div
 
 from specan.analysis.octave import Octave
-from specan.analysis.quality import Watched
 from specan.data.band_levels import BandLevels
 from specan.data.recording import Recording
 from specan.inspect.grouped_lines import GroupedLines
@@ -16,7 +15,7 @@ from specan.inspect.kept_bands import KeptBands
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import Curve
 from specan.inspect.sheets import sheet
-from specan.inspect.tabs.tab import Change, Found, Tab, Tell, run
+from specan.inspect.tabs.tab import Change, Found, Tab, Tell
 from specan.inspect.view import View
 from specan.report.figure_style import level_label, micro
 from specan.report.figures_bands import figure_band_levels
@@ -52,10 +51,10 @@ class OctaveTab(Tab):
         def analyse(chosen: Chosen, recording: Recording) -> BandLevels:
             settings = octave_settings(view, chosen)
             if settings.averaging == "linear":
-                return self._kept.levels(recording, chosen.channels, settings, tell)
-            return run(Watched(settings.accumulator(recording)), recording, tell)
+                return self._kept.levels(recording, chosen.channels, settings)
+            return settings(recording)
 
-        return self.of_each(view, analyse)
+        return self.of_each(view, tell, analyse)
 
     def draw(self, found: Found, view: View) -> None:
         """Steps from edge to edge of each band, and the table of overall levels."""

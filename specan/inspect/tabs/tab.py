@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from specan.data.recording import Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.superseded import Tell, run
+from specan.inspect.superseded import Heard, Tell
 from specan.inspect.view import View
 
 if TYPE_CHECKING:
@@ -119,13 +119,13 @@ class Tab:
             widget.value = value if isinstance(widget, NumericInput) else str(value)
 
     def of_each(
-        self, view: View, analyse: Callable[[Chosen, Recording], Any], least: str = "a channel"
+        self, view: View, tell: Tell, analyse: Callable[[Chosen, Recording], Any], least: str = "a channel"
     ) -> Found:
-        """The results of the channels on screen, by recording and rate."""
+        """The results of the channels on screen, by recording and rate; `tell` hears of the reading."""
         chosen = self.opened.chosen(view.channel)
         if not chosen:
             raise RequestError("no channel is chosen", remedy=f"choose {least} on the left")
-        return [(one.number, analyse(one, one.recording)) for one in chosen]
+        return [(one.number, analyse(one, Heard.of(one.recording, tell))) for one in chosen]
 
 
 def nearest_line(frequencies: NDArray[np.float64], wanted: float) -> int:
@@ -143,4 +143,4 @@ def text_of(write: Callable[[Any, Path], None], result: Any) -> bytes:
         return path.read_bytes()
 
 
-__all__ = ["Change", "Found", "Tab", "Tell", "nearest_line", "run", "text_of"]
+__all__ = ["Change", "Found", "Tab", "Tell", "nearest_line", "text_of"]

@@ -12,7 +12,6 @@ import numpy as np
 from specan.errors import RequestError
 from specan.models.catalogue import effects_in
 from specan.models.model import Model, Nuisance
-from specan.models.observable import Observable
 from specan.models.planetary_gear import excitation, load, response
 from specan.models.planetary_gear.geometry import check_assembly, mesh_phases, planet_angles, set_meshes
 from specan.models.planetary_gear.kinematics import (
@@ -25,7 +24,7 @@ from specan.models.planetary_gear.kinematics import (
 from specan.models.planetary_gear.lines import line_statement
 from specan.models.planetary_gear.rig import Gear, Rig, read_rig
 from specan.models.planetary_gear.simulated_recording import path_window
-from specan.models.quantity import Condition, Quantity, constant
+from specan.models.quantity import Condition, Observable, Quantity, constant
 
 HARMONICS = 3  # of the mesh: what a study compares
 MOST_SAMPLES = 400_000

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models.measurement_kinds import OrderLines, Stated, Tacho
 from specan.models.model import Model
-from specan.models.order_lines import OrderLines, Stated, Tacho
 from specan.models.planetary_gear.kinematics import carrier_speed_ratio, planet_order, repeat_turns, sun_order
 from specan.models.planetary_gear.rig import Gear, Rig
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,30 +14,8 @@ from specan.models.room.frequency_interpolation import FrequencyInterpolation
 
 Complex = NDArray[np.complex128]
 
+CARRIED = 0.1  # of the distance to the next mode
 HELD = 1e-8  # step by which a mode known from few lines may be off, part of its squared wave number and one
-CHECKED = 8  # every so manieth line is looked at, whether modes known at few lines are modes there
-
-
-class Axis(Protocol):
-    """Modes along one axis, however they are had."""
-
-    @property
-    def length(self) -> float:
-        """Length of the axis, m."""
-
-    @property
-    def w(self) -> Complex:
-        """Squared dimensionless wave numbers, array (lines, modes)."""
-
-    @property
-    def norm(self) -> Complex:
-        """Integral of the squared eigenfunctions, array (lines, modes), m."""
-
-    def at(self, x: NDArray[np.float64]) -> Complex:
-        """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
-
-    def slope_at(self, x: NDArray[np.float64]) -> Complex:
-        """Their derivatives, 1/m."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +30,8 @@ class AxisModes:
         Length of the axis, m.
     w : array (lines, modes)
         Squared dimensionless wave numbers ``(q L) ** 2``.
-    a0 : array (lines, 1)
-        ``j k beta0 L`` of the wall at the origin.
+    a0, a1 : array (lines, 1)
+        ``j k beta L`` of the wall at the origin, and of the other.
     norm : array (lines, modes)
         Integral of ``X ** 2`` over the axis, m.
     """
@@ -63,26 +40,34 @@ class AxisModes:
     w: Complex
     a0: Complex
     norm: Complex
+    a1: Complex
     _at: dict[bytes, Complex] = field(default_factory=dict, repr=False, compare=False)
-    _everywhere: dict[object, SeenEverywhere] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def q2(self) -> Complex:
         """Squared wave numbers, 1/m^2."""
         return self.w / self.length**2
 
-    def everywhere(self, few: FrequencyInterpolation, count: int) -> SeenEverywhere:
-        """The first `count` modes at all lines, of modes that are known at few."""
-        if (few, count) not in self._everywhere:
-            self._everywhere[few, count] = SeenEverywhere(self, few, count)
-        return self._everywhere[few, count]
+    @cached_property
+    def turns(self) -> tuple[Complex, Complex, NDArray[np.float64]]:
+        """Derivatives of the squared wave numbers by both walls, and the distance of each to the next."""
+        _, slope = characteristic(self.w, self.a0, self.a1)
+        by_a0, by_a1 = wall_slopes(self.w, self.a0, self.a1)
+        apart = np.abs(self.w[:, :, None] - self.w[:, None, :])
+        apart[:, np.arange(self.w.shape[1]), np.arange(self.w.shape[1])] = np.inf
+        return -by_a0 / slope, -by_a1 / slope, np.min(apart, axis=2)
+
+    def holds(self, few: FrequencyInterpolation, count: int, a0: Complex, a1: Complex) -> bool:
+        """Whether its first modes, known at few lines, are modes between walls with ``j k beta L`` of (lines,)."""
+        some = few.looked_at
+        w = few.matrix[some] @ self.w[:, :count]
+        value, slope = characteristic(w, a0[some, None], a1[some, None])
+        return bool(np.max(np.abs(value / slope) / (1 + np.abs(w))) < HELD)
 
     def slope_at(self, x: NDArray[np.float64]) -> Complex:
         """Derivatives of the eigenfunctions at positions `x`: array (lines, modes, positions), 1/m."""
         part = np.asarray(x, dtype=float) / self.length
-        cosine, sine = _cos_sinc(self.w[..., None] * part**2)
-        found: Complex = (self.a0[..., None] * cosine - self.w[..., None] * part * sine) / self.length
-        return found
+        return slopes(self.w[..., None], self.a0[..., None], part) / self.length
 
     def at(self, x: NDArray[np.float64]) -> Complex:
         """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
@@ -90,59 +75,25 @@ class AxisModes:
         if key not in self._at:
             if len(self._at) >= 4:
                 self._at.clear()
-            self._at[key] = self._waves(np.asarray(x, dtype=float) / self.length)
+            part = np.asarray(x, dtype=float) / self.length
+            self._at[key] = waves(self.w[..., None], self.a0[..., None], part)
         return self._at[key]
 
-    def _waves(self, part: NDArray[np.float64]) -> Complex:
-        u = np.where(np.abs(self.w) < 1e-12, 1e-6, np.sqrt(self.w))[..., None]
-        wave = np.exp(1j * u * part)  # one exponential is cheaper than a sine and a cosine
-        back = 1 / wave
-        found: Complex = 0.5 * (wave + back) - (0.5j * self.a0[..., None] / u) * (wave - back)
-        return found
+
+def waves(w: Complex, a0: Complex, part: NDArray[np.float64] | float) -> Complex:
+    """``cos(u s) + (a0 / u) sin(u s)`` with ``w = u ** 2``, at parts `s` of the axis; the arrays go together."""
+    u = np.where(np.abs(w) < 1e-12, 1e-6, np.sqrt(w))
+    wave = np.exp(1j * u * part)  # one exponential is cheaper than a sine and a cosine
+    back = 1 / wave
+    found: Complex = 0.5 * (wave + back) - (0.5j * a0 / u) * (wave - back)
+    return found
 
 
-@dataclass(frozen=True, eq=False)
-class SeenEverywhere:
-    """The first modes of an axis at all lines, from those at few."""
-
-    axis: AxisModes
-    few: FrequencyInterpolation
-    count: int
-    _at: dict[bytes, Complex] = field(default_factory=dict, repr=False)
-
-    @property
-    def length(self) -> float:
-        """Length of the axis, m."""
-        return self.axis.length
-
-    @cached_property
-    def w(self) -> Complex:
-        """Squared dimensionless wave numbers, array (lines, modes)."""
-        return self.few.everywhere(self.axis.w[:, : self.count])
-
-    @cached_property
-    def norm(self) -> Complex:
-        """Integral of the squared eigenfunctions, array (lines, modes), m."""
-        return self.few.everywhere(self.axis.norm[:, : self.count])
-
-    def at(self, x: NDArray[np.float64]) -> Complex:
-        """Eigenfunctions at positions `x` (m): array (lines, modes, positions)."""
-        key = np.asarray(x, dtype=float).tobytes()
-        if key not in self._at:
-            if len(self._at) >= 4:
-                self._at.clear()
-            self._at[key] = self.few.everywhere(self.axis.at(x)[:, : self.count])
-        return self._at[key]
-
-    def slope_at(self, x: NDArray[np.float64]) -> Complex:
-        """Their derivatives, 1/m."""
-        return self.few.everywhere(self.axis.slope_at(x)[:, : self.count])
-
-    def holds(self, a0: Complex, a1: Complex) -> bool:
-        """Whether these are modes between walls with ``j k beta L`` of (lines,), where it is looked at."""
-        w = self.w[CHECKED // 2 :: CHECKED]
-        value, slope = _characteristic(w, *(a[CHECKED // 2 :: CHECKED, None] for a in (a0, a1)))
-        return bool(np.max(np.abs(value / slope) / (1 + np.abs(w))) < HELD)
+def slopes(w: Complex, a0: Complex, part: NDArray[np.float64] | float) -> Complex:
+    """Their derivatives by the part of the axis."""
+    cosine, sine = _cos_sinc(w * np.square(part))
+    found: Complex = a0 * cosine - w * part * sine
+    return found
 
 
 # A fit changes one wall or one edge at a time; the other axes stay.
@@ -179,11 +130,39 @@ def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: i
     if key in _AXES:
         _AXES.move_to_end(key)
         return _AXES[key]
-    w = _zeros(length, a0, a1, count)
+    w = _carried(a0, a1, count)
+    solved = w is None
+    if w is None:
+        w = _zeros(length, a0, a1, count)
     while len(_AXES) >= _KEPT:
         _AXES.popitem(last=False)
-    _AXES[key] = AxisModes(length, w, a0, length * _norm(w, a0))
-    return _AXES[key]
+    found = _AXES[key] = AxisModes(length, w, a0, length * norms(w, a0), a1)
+    if solved:
+        _SOLVED.insert(0, found)
+        del _SOLVED[_KEPT:]
+    return found
+
+
+# Modes that were solved for from the beginning, the last ones first: what is not far from them starts there.
+_SOLVED: list[AxisModes] = []
+
+
+def _carried(a0: Complex, a1: Complex, count: int) -> Complex | None:
+    """Zeros from those between walls that are not much different; None where there are none.
+
+    Moved by a tenth of the distance to the next zero at most, a zero stays in the reach of Newton's method. Only modes
+    solved for from the beginning are taken to start from, so that a long way in small steps leads nowhere else.
+    """
+    for near in _SOLVED:
+        if near.w.shape != (len(a0), count):
+            continue
+        by_a0, by_a1, gap = near.turns
+        step = by_a0 * (a0 - near.a0) + by_a1 * (a1 - near.a1)
+        if np.all(np.abs(step) < CARRIED * gap):
+            w = near.w + step
+            settled = _refined(w, a0, a1)
+            return w if np.all(settled) else None
+    return None
 
 
 def _zeros(length: float, a0: Complex, a1: Complex, count: int) -> Complex:
@@ -213,16 +192,21 @@ def _newton(w: Complex, a0: Complex, a1: Complex) -> NDArray[np.intp]:
     order = np.arange(w.shape[1])
     apart = 0.45 * np.pi**2 * np.maximum(2 * order - 1, 1)  # discs around the rigid zeros do not touch
     rigid, start = (np.pi * order) ** 2, w.copy()
+    settled = _refined(w, a0, a1)
+    left = np.flatnonzero(~np.all(settled & (np.abs(w - rigid) < apart), axis=1))
+    w[left] = start[left]
+    return left
+
+
+def _refined(w: Complex, a0: Complex, a1: Complex) -> NDArray[np.bool_]:
+    """Newton's steps on `w` in place; which have settled."""
     for _ in range(6):
-        value, slope = _characteristic(w, a0, a1)
+        value, slope = characteristic(w, a0, a1)
         step = value / slope
         w -= step
         if np.max(np.abs(step) / (1.0 + np.abs(w))) < 1e-8:  # convergence is quadratic
             break
-    settled = np.abs(step) <= 1e-8 * (1.0 + np.abs(w))
-    left = np.flatnonzero(~np.all(settled & (np.abs(w - rigid) < apart), axis=1))
-    w[left] = start[left]
-    return left
+    return np.abs(step) <= 1e-8 * (1.0 + np.abs(w))
 
 
 def _iterate(w: Complex, a0: Complex, a1: Complex, lines: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -250,7 +234,7 @@ def _galerkin(a0: Complex, a1: Complex, count: int) -> Complex:
 
 
 def _aberth_step(w: Complex, a0: Complex, a1: Complex) -> Complex:
-    value, slope = _characteristic(w, a0, a1)
+    value, slope = characteristic(w, a0, a1)
     newton = value / slope
     gap = w[:, :, None] - w[:, None, :] + 1e-30  # two starting values may coincide
     gap[:, np.arange(w.shape[1]), np.arange(w.shape[1])] = np.inf
@@ -262,16 +246,22 @@ def _aberth_step(w: Complex, a0: Complex, a1: Complex) -> Complex:
     return step * np.minimum(1.0, 3 * longest / np.maximum(np.abs(step), 1e-300))
 
 
-def _characteristic(w: Complex, a0: Complex, a1: Complex) -> tuple[Complex, Complex]:
-    """F(w) and its derivative."""
+def characteristic(w: Complex, a0: Complex, a1: Complex) -> tuple[Complex, Complex]:
+    """``F(w) = w S - (a0 + a1) C - a0 a1 S`` and its derivative; see `axis_modes`."""
     cosine, sine = _cos_sinc(w)
     slope_sine = np.where(np.abs(w) < 1e-4, -1 / 6 + w / 60, (cosine - sine) / (2 * np.where(w == 0, 1, w)))
     value = w * sine - (a0 + a1) * cosine - a0 * a1 * sine
     return value, sine + (w - a0 * a1) * slope_sine + (a0 + a1) * sine / 2
 
 
-def _norm(w: Complex, a0: Complex) -> Complex:
-    """Integral of X^2 over the axis, divided by the length."""
+def wall_slopes(w: Complex, a0: Complex, a1: Complex) -> tuple[Complex, Complex]:
+    """Derivatives of the characteristic function by `a0` and `a1`."""
+    cosine, sine = _cos_sinc(w)
+    return -cosine - a1 * sine, -cosine - a0 * sine
+
+
+def norms(w: Complex, a0: Complex) -> Complex:
+    """Integral of the squared eigenfunction over the axis, divided by the length."""
     cosine, sine = _cos_sinc(w)
     w = np.where(w == 0, 1e-300, w)
     ratio = a0**2 / w

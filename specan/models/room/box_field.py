@@ -4,113 +4,32 @@ With ``exp(+j w t)`` and ``dp/dn = -j k beta p`` on the walls, the field of a so
 
     G(r, s) = sum_N Psi_N(r) Psi_N(s) / (Lambda_N (K_N^2 - k^2)),
 
-where ``Psi_N`` is a product of three axis modes. Modes that resonate in the band are summed at every line, those
-above it at few lines only (`specan.models.room.frequency_interpolation`); what lies above the truncation is added by
+where ``Psi_N`` is a product of three axis modes (`specan.models.room.modal_sum`). The sum is taken at few lines only
+(`specan.models.room.frequency_interpolation`), and carried to all others by the poles of the modes that resonate in
+the band (`specan.models.room.resonances`); what lies above the truncation is added by
 `specan.models.room.static_correction`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.room.axis_modes import Axis, AxisModes, axis_modes
-from specan.models.room.frequency_interpolation import FrequencyInterpolation, interpolations
+from specan.models.room.axis_modes import AxisModes, axis_modes
+from specan.models.room.frequency_interpolation import interpolations
+from specan.models.room.modal_sum import Modes
+from specan.models.room.port import Port, point
+from specan.models.room.resonances import Resonances, resonances
+from specan.models.room.soft_axis import resonances_across
 from specan.models.room.static_correction import StaticCorrection, join, static_correction
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 
-NEAR = 1.25  # times the largest wave number, up to which modes are summed at every line
-_TERMS_AT_ONCE = 30_000  # of the modal sum: an array (lines, nx, ny, nz) in the processor's cache
-_TERMS_KEPT = 300_000  # of which what all ports share stays in memory
-
-
-def point(values: Sequence[float] | Real) -> tuple[float, float, float]:
-    """Three numbers as a tuple that can be a key."""
-    x, y, z = (float(v) for v in values)
-    return x, y, z
-
-
-@dataclass(frozen=True)
-class Port:
-    """A place where sound enters, leaves or is picked up: a point, or a round patch of a wall.
-
-    Attributes
-    ----------
-    position : tuple of float
-        Point, or centre of the patch, m.
-    axis : int
-        Number of the axis normal to the patch; for a point the axis that is summed in closed form.
-    radius : float
-        Radius of the patch or ball, m; 0 for a point.
-    ball : bool
-        Averaged over a ball instead of a patch.
-    slope : int or None
-        Number of the axis along which the field's derivative is meant instead of the field.
-    drawn : tuple of float or None
-        Where a place in parts of a wall's edges lies in the room as drawn, whose static_correction serves it.
-    """
-
-    position: tuple[float, float, float]
-    axis: int
-    radius: float = 0.0
-    ball: bool = False
-    slope: int | None = None
-    drawn: tuple[float, float, float] | None = None
-
-
-@dataclass(frozen=True)
-class Modes:
-    """Modes of the box at some lines.
-
-    Attributes
-    ----------
-    axes : three axes
-        Eigenvalues and eigenfunctions along the edges.
-    k2 : array (lines,)
-        Squared wave number with the air's attenuation in it, 1/m^2.
-    but : tuple of int
-        How many of the first of each axis make modes that are summed elsewhere.
-    """
-
-    axes: tuple[Axis, Axis, Axis]
-    k2: Complex
-    but: tuple[int, int, int] = (0, 0, 0)
-    _lines: dict[int, _Lines] = field(default_factory=dict, repr=False, compare=False)
-
-    def _parts(self) -> Iterator[tuple[slice, _Lines]]:
-        """The modes, a few lines at once; kept for the next port where they take little room."""
-        modes = int(np.prod([axis.w.shape[1] for axis in self.axes]))
-        step = max(1, _TERMS_AT_ONCE // modes)
-        for first in range(0, len(self.k2), step):
-            part = slice(first, first + step)
-            here = self._lines.get(first) or _Lines.of(self.axes, self.k2, part)
-            if modes * len(self.k2) < _TERMS_KEPT:
-                self._lines[first] = here
-            yield part, here
-
-    def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
-        """Sum of the modes, averaged over both ports: array (lines, receivers)."""
-        points = np.array([port.position for port in receivers])
-        at = [axis.at(points[:, i]) for i, axis in enumerate(self.axes)]
-        out = np.empty((len(self.k2), len(receivers)), dtype=complex)
-        special = [i for i, port in enumerate(receivers) if port.radius > 0 or port.slope is not None]
-        from_source = _along(self.axes, source)
-        to_special = [_along(self.axes, receivers[i]) for i in special]
-        nx, ny, nz = self.but
-        for part, here in self._parts():
-            amplitudes = here.amplitudes([x[part] for x in from_source], source)
-            amplitudes[:, :nx, :ny, :nz] = 0
-            along_z = amplitudes @ at[2][part][:, None]
-            along_y = np.einsum("fxyr,fyr->fxr", along_z, at[1][part])
-            out[part] = np.einsum("fxr,fxr->fr", along_y, at[0][part])
-            for i, along in zip(special, to_special, strict=True):
-                out[part, i] = here.port_sum(amplitudes, [x[part] for x in along], receivers[i])
-        return out
+NEAR = 1.25  # times the largest wave number, up to which modes may resonate in the band
 
 
 @dataclass
@@ -121,8 +40,10 @@ class BoxField:
     ----------
     lengths : tuple of float
         Edges in m.
-    near : Modes
-        Those that may resonate in the band, at all lines.
+    modes : Modes
+        At the few lines of `resonances`; at all where there are none.
+    k2 : array (lines,)
+        Squared wave number with the air's attenuation in it, 1/m^2.
     soft : array (6, lines)
         ``j k beta`` of the walls x0, x1, y0 ... in 1/m.
     drawn : tuple of float
@@ -132,20 +53,18 @@ class BoxField:
         Largest squared wave number for which the static_correction is to hold.
     counts : tuple of int
         Modes along the edges at the truncation.
-    far : Modes, optional
-        The others up to the truncation, at few lines.
-    few : FrequencyInterpolation, optional
-        Which lines these are.
+    resonances : Resonances, optional
+        What carries the sum from few lines to all.
     """
 
     lengths: tuple[float, float, float]
-    near: Modes
+    modes: Modes
+    k2: Complex
     soft: Complex
     drawn: tuple[float, float, float]
     k2_max: float
     counts: tuple[int, ...]
-    far: Modes | None = None
-    few: FrequencyInterpolation | None = None
+    resonances: Resonances | None = None
     _done: dict[object, Complex] = field(default_factory=dict, repr=False)
 
     def prepare(self, ports: Sequence[Port]) -> None:
@@ -172,20 +91,21 @@ class BoxField:
                 self._done[source, port] = self._done[port, source]
         new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
         if new:
-            found = self.modal(source, new)
+            found = self.modes.coupling(source, new)
             # A ball averages away what lies above the truncation.
             plain = [i for i, port in enumerate(new) if not port.ball]
             if not source.ball and plain:
                 found[:, plain] += self._rest(source, [new[i] for i in plain])
+            found = self._everywhere(source, new, found)
             self._done |= {(source, port): column for port, column in zip(new, found.T, strict=True)}
         return np.stack([self._done[source, port] for port in receivers], axis=1)
 
     def modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """The modes up to the truncation alone, array (lines, receivers): all but the near field, and cheap."""
-        found = self.near.coupling(source, receivers)
-        if self.far is not None and self.few is not None:
-            found += self.few.everywhere(self.far.coupling(source, receivers))
-        return found
+        return self._everywhere(source, receivers, self.modes.coupling(source, receivers))
+
+    def _everywhere(self, source: Port, receivers: Sequence[Port], found: Complex) -> Complex:
+        return found if self.resonances is None else self.resonances.everywhere(source, receivers, found)
 
     def _rest(self, source: Port, receivers: Sequence[Port]) -> Complex:
         room = (
@@ -206,7 +126,10 @@ class BoxField:
             found = static_correction(*room, at[:, :3], at[:, 3])
             _REMAINDERS.update(zip(new, found.split(), strict=True))
         near = 0 if source.position[source.axis] < self.lengths[source.axis] / 2 else 1
-        return join([_REMAINDERS[p] for p in places]).at(self.near.k2, self.soft[2 * source.axis + near])
+        some = slice(None) if self.resonances is None else self.resonances.few.chosen
+        return join([_REMAINDERS[p] for p in places]).at(
+            self.modes.k2, self.soft[2 * source.axis + near, some]
+        )
 
 
 def box(
@@ -230,15 +153,22 @@ def box(
     """
     k2_max = max(k_max, float(np.sqrt(k2).real.max())) ** 2
     near = near_counts(drawn, k_max)
-    for few in interpolations(frequency):
+    choices = list(interpolations(frequency))
+    for few in choices:
         if few.meets(soft.T):
             axes = _axes(lengths, soft[:, few.chosen], counts)
-            everywhere = [axis.everywhere(few, count) for axis, count in zip(axes, near, strict=True)]
-            if all(axis.holds(*walls) for axis, walls in zip(everywhere, _dimensionless(lengths, soft))):
-                x, y, z = everywhere
-                far = Modes(axes, k2[few.chosen], but=near)
-                return BoxField(lengths, Modes((x, y, z), k2), soft, drawn, k2_max, counts, far, few)
-    return BoxField(lengths, Modes(_axes(lengths, soft, counts), k2), soft, drawn, k2_max, counts)
+            walls = _dimensionless(lengths, soft)
+            off = [i for i in range(3) if not axes[i].holds(few, near[i], *walls[i])]
+            highest, poles = NEAR * float(np.sqrt(k2_max)), None
+            if not off:
+                poles = resonances(axes, few, k2, near, highest)
+            elif (
+                len(off) == 1 and few is choices[-1]
+            ):  # poles far from the band are hard to find, and matter less then
+                poles = resonances_across(axes, few, k2, np.stack(walls[off[0]]), off[0], near, highest)
+            if poles is not None:
+                return BoxField(lengths, Modes(axes, k2[few.chosen]), k2, soft, drawn, k2_max, counts, poles)
+    return BoxField(lengths, Modes(_axes(lengths, soft, counts), k2), k2, soft, drawn, k2_max, counts)
 
 
 def near_counts(lengths: tuple[float, ...], k_max: float) -> tuple[int, int, int]:
@@ -266,105 +196,3 @@ def _axes(
 # The static_correction depends on geometry alone; fits ask for the same geometry hundreds of times.
 _REMAINDERS: dict[object, StaticCorrection] = {}
 _KEPT = 4000
-
-
-def disc_mean(kt2: NDArray, radius: float) -> NDArray:
-    """Mean over a disc of a field with in-plane wave number squared `kt2`, relative to its centre.
-
-    ``2 J1(z)/z`` with ``z = kt a``: the mean value property of solutions of the Helmholtz equation. As a
-    power series in ``x = -z^2 / 4``, which serves complex arguments and needs no branch; a term is
-    ``x / (n (n + 1))`` times the one before.
-    """
-    return _series(np.asarray(kt2) * (-(radius**2) / 4), lambda n: n * (n + 1))
-
-
-def ball_mean(big_k2: NDArray, radius: float) -> NDArray:
-    """Mean over a ball of a field with wave number squared `big_k2`, relative to its centre.
-
-    ``3 j1(z)/z`` with ``z = K a``; in powers of ``x = -z^2 / 4`` a term is ``x / (n (n + 3/2))`` times the one before.
-    """
-    return _series(np.asarray(big_k2) * (-(radius**2) / 4), lambda n: n * (n + 1.5))
-
-
-def _series(x: NDArray, divisor: Callable[[int], float]) -> NDArray:
-    """A power series of which each term is ``x / divisor(n)`` times the one before."""
-    largest, size, terms = float(np.max(np.abs(x), initial=0.0)), 1.0, 0
-    while size > 1e-14 and terms < 80:
-        terms += 1
-        size *= largest / divisor(terms)
-    total = np.ones_like(x)
-    for n in range(terms, 0, -1):
-        total *= x / divisor(n)
-        total += 1
-    return total
-
-
-_ALONG = (
-    (slice(None), slice(None), None, None),
-    (slice(None), None, slice(None), None),
-    (slice(None), None, None, slice(None)),
-)
-
-
-def _along(axes: Sequence[Axis], port: Port) -> list[Complex]:
-    """Axis functions, or the derivative along one axis, at a port; ready to be multiplied."""
-    return [
-        (axis.slope_at if port.slope == i else axis.at)(np.array([port.position[i]]))[..., 0]
-        for i, axis in enumerate(axes)
-    ]
-
-
-@dataclass
-class _Lines:
-    """The modes at some lines."""
-
-    q2: tuple[Complex, Complex, Complex]  # squared wave numbers of the axes, ready to be added
-    norm: tuple[Complex, Complex, Complex]
-    distance: Complex  # K_N^2 - k^2, array (lines, nx, ny, nz)
-    k2: Complex
-    _means: dict[tuple[int, float, bool], NDArray] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, axes: Sequence[Axis], k2: Complex, part: slice) -> _Lines:
-        q = [(axis.w[part] / axis.length**2)[where] for axis, where in zip(axes, _ALONG, strict=True)]
-        norm = [axis.norm[part][where] for axis, where in zip(axes, _ALONG, strict=True)]
-        own = k2[part][:, None, None, None]
-        return cls((q[0], q[1], q[2]), (norm[0], norm[1], norm[2]), (q[0] - own) + q[1] + q[2], own)
-
-    def amplitudes(self, along: Sequence[Complex], source: Port) -> Complex:
-        """Psi_N(source) / (Lambda_N (K_N^2 - k^2)), array (lines, nx, ny, nz)."""
-        at = [x[where] / norm for x, norm, where in zip(along, self.norm, _ALONG, strict=True)]
-        found: Complex = self._product(at, source) / self.distance
-        return found
-
-    def port_sum(self, amplitudes: Complex, along: Sequence[Complex], port: Port) -> Complex:
-        """Sum of the modes over a patch, a ball, or of a derivative, array (lines,)."""
-        found: Complex = np.einsum(
-            "fxyz,fxyz->f",
-            amplitudes,
-            np.broadcast_to(
-                self._product([x[w] for x, w in zip(along, _ALONG, strict=True)], port), amplitudes.shape
-            ),
-        )
-        return found
-
-    def _product(self, at: Sequence[Complex], port: Port) -> Complex:
-        """Mode shapes at a port; what has two axes is multiplied before the third joins."""
-        if port.radius == 0:
-            return (at[0] * at[1]) * at[2]
-        mean = self._mean(port)
-        if port.ball:
-            return (at[0] * at[1]) * at[2] * mean
-        i, j = (axis for axis in range(3) if axis != port.axis)
-        return (at[i] * at[j] * mean) * at[port.axis]
-
-    def _mean(self, port: Port) -> NDArray:
-        """Factor that averages the modes over a patch or ball."""
-        key = (port.axis, port.radius, port.ball)
-        if key not in self._means:
-            if port.ball:
-                self._means[key] = ball_mean(self.distance + self.k2, port.radius)
-            else:
-                i, j = (axis for axis in range(3) if axis != port.axis)
-                self._means[key] = disc_mean(self.q2[i] + self.q2[j], port.radius)
-        return self._means[key]

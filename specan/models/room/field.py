@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from specan.models.parameter import Parameter
 from specan.models.quantity import quantity
-from specan.models.room.box_field import BoxField, Port, box, point
+from specan.models.room.box_field import BoxField, box
+from specan.models.room.port import Port, point
 
 Complex = NDArray[np.complex128]
 COLD = 325.0  # m/s, at -11 degC
@@ -212,6 +213,9 @@ def _load_strengths(
         driven += strength[:, None] * modes.coupling(port, ports)
     between = np.stack([modes.coupling(port, ports) for port in ports], axis=2)  # (lines, at, from)
     admittance = np.stack([y * np.ones(lines) for _, y in loads], axis=1)
+    if count == 1:
+        (only,) = admittance.T
+        return [-only * factor * driven[:, 0] / (1 + factor * between[:, 0, 0] * only)]
     matrix = np.eye(count) + factor[:, None, None] * between * admittance[:, None, :]
     pressure = np.linalg.solve(matrix, (factor[:, None] * driven)[..., None])[..., 0]
     return list((-admittance * pressure).T)

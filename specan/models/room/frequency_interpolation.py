@@ -18,6 +18,7 @@ Real = NDArray[np.float64]
 
 COUNTS = (24, 48, 96)  # lines that are tried
 SAVING = 3  # times fewer than all: below that the detour does not pay
+CHECKED = 8  # every so manieth line is looked at
 EXACT = 1e-9  # part of the largest value to which a polynomial must meet those that it has not seen
 
 
@@ -31,10 +32,25 @@ class FrequencyInterpolation:
         Their numbers.
     matrix : array (lines, few)
         From values there to values at all lines.
+    series : array (few, few)
+        From values there to the coefficients of Chebyshev polynomials over the band.
+    middle, half : float
+        Middle of the band and half its width, Hz.
+    place : array (lines,)
+        All lines, from -1 at the lower end of the band to 1 at the upper one.
     """
 
     chosen: NDArray[np.intp]
     matrix: Real
+    series: Real
+    middle: float
+    half: float
+    place: Real
+
+    @property
+    def looked_at(self) -> slice:
+        """Lines at which it is looked whether what was taken from the few holds."""
+        return slice(CHECKED // 2, None, CHECKED)
 
     def everywhere(self, values: Complex) -> Complex:
         """Values (lines, ...) from those at the chosen lines (few, ...)."""
@@ -65,8 +81,10 @@ def _chosen(frequency: bytes, count: int) -> FrequencyInterpolation:
     from scipy.linalg import qr
 
     f = np.frombuffer(frequency)
-    middle, half = (f.max() + f.min()) / 2, np.ptp(f) / 2
-    basis = np.polynomial.chebyshev.chebvander((f - middle) / half, count - 1)
+    middle, half = float((f.max() + f.min()) / 2), float(np.ptp(f) / 2)
+    place = (f - middle) / half
+    basis = np.polynomial.chebyshev.chebvander(place, count - 1)
     _, pivots = qr(basis.T, mode="r", pivoting=True)
     chosen = np.sort(pivots[:count])
-    return FrequencyInterpolation(chosen, np.linalg.solve(basis[chosen].T, basis.T).T)
+    matrix = np.linalg.solve(basis[chosen].T, basis.T).T
+    return FrequencyInterpolation(chosen, matrix, np.linalg.inv(basis[chosen]), middle, half, place)

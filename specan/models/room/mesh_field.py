@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models.quantity import Quantity, constant, quantity
-from specan.models.room.box_field import Port, point
 from specan.models.room.mesh_file import RoomMesh
 from specan.models.room.mesh_lines import Lines
 from specan.models.room.mesh_modes import MeshModes, reduce
+from specan.models.room.port import Port, point
 
 Complex = NDArray[np.complex128]
 

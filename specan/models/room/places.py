@@ -9,11 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models.measurement_kinds import (
+    PlacedEffects,
+    Places,
+    ReceiverErrors,
+    Receivers,
+    SourcePlaces,
+    WaveNumberStep,
+)
 from specan.models.model import Model
 from specan.models.quantity import constant
-from specan.models.receivers import PlacedEffects, Places, ReceiverErrors, Receivers, WaveNumberStep
-from specan.models.room.box_field import Port, point
-from specan.models.room.rig import Rig
+from specan.models.room.mode_names import NAMED
+from specan.models.room.port import Port, point
+from specan.models.room.rig import WALLS, Rig
 
 Array = NDArray[np.float64]
 
@@ -62,6 +70,44 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
             extent_m=dims,
         ),
         placed=None if dims is None else PLACED,
+        modes=None if dims is None else NAMED,
+        source=None
+        if dims is None
+        else SourcePlaces(
+            faces=WALLS,
+            with_source=lambda model, wall, across, along: _with_source(rig, model, wall, across, along),
+            words=lambda wall, across, along: _source_words(rig, wall, across, along),
+        ),
+    )
+
+
+def _on_wall(rig: Rig, wall: str, across: float, along: float) -> Array:
+    """Centre of the diaphragm in parts of a wall's edges, the whole of it inside the wall, m."""
+    dims, axis = np.array(rig.room.dims_m), "xyz".index(wall[0])
+    centre = np.insert(np.array([across, along]), axis, float(wall[1])) * dims
+    inside = np.clip(centre, rig.piston.radius_m, dims - rig.piston.radius_m)
+    inside[axis] = centre[axis]
+    return np.asarray(inside)
+
+
+def _with_source(rig: Rig, model: Model, wall: str, across: float, along: float) -> Model:
+    there = {"source_position": _on_wall(rig, wall, across, along), "piston_wall": WALLS.index(wall)}
+    changed = {
+        name: constant(name, value, node.unit, node.doc, node.axes)
+        for name, value in there.items()
+        for node in (model.quantities[name],)
+    }
+    return replace(model, quantities={**model.quantities, **changed})
+
+
+def _source_words(rig: Rig, wall: str, across: float, along: float) -> str:
+    def said(place: Any) -> str:
+        return ", ".join(f"{c:.2f}" for c in place)
+
+    there, here = _on_wall(rig, wall, across, along), rig.piston.centre_m
+    return (
+        f"the loudspeaker seems to be in wall {wall} near [{said(there)}] m, "
+        f"not in wall {rig.piston.wall} at [{said(here)}] m"
     )
 
 

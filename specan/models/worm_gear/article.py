@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from specan.models.quantity import Quantity, quantity
-from specan.models.worm_gear.forces import AXES
+from specan.models.worm_gear.bearings import AXES
 from specan.models.worm_gear.rig import Rig
 
 SOURCE = "Bizon, Dziedziech, Macheta 2012"

@@ -1,11 +1,14 @@
-"""Friction moments of the four bearings by the SKF model: rolling, sliding, drag, seals.
+"""Loads and friction moments of the four bearings: rows 0 and 1 are the worm's, 2 and 3 the wheel's.
 
-The factors for inlet shear heating and for starvation are effects of their own (`inlet-shear-heating`,
-`starvation`): they scale the rolling moment.
+The moments are those of the SKF model: rolling, sliding, drag, seals. The factors for inlet shear heating and for
+starvation are effects of their own (`inlet-shear-heating`, `starvation`): they scale the rolling moment. Torque of the
+bearings themselves is left out of the statics: it is some thousandths of the output torque, and with it in, loads and
+moments would depend on each other in a circle.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,13 +16,92 @@ import numpy as np
 
 from specan.models.quantity import Quantity, constant, quantity
 from specan.models.worm_gear.bearing_table import K_Z
-from specan.models.worm_gear.forces import AXES, WORM
-from specan.models.worm_gear.rig import PlacedBearing
+from specan.models.worm_gear.rig import PlacedBearing, Rig
+
+WORM, WHEEL = slice(0, 2), slice(2, 4)
+AXES = ("bearing",)
 
 SKF = "SKF, The SKF model for calculating the frictional moment (catalogue 10000 EN 2013, 17000 EN 2018)"
 RPM = 30 / np.pi  # r/min in a rad/s
 MU_BOUNDARY = 0.12  # sliding friction of the bare contact in motion
 MU_FULL_FILM = 0.04  # full film, synthetic oils; 0.05 for mineral ones
+
+
+def force_quantities(rig: Rig, bearings: Sequence[PlacedBearing]) -> list[Quantity]:
+    """Forces between the flanks, and the radial and axial load of each bearing."""
+    loads = [_radial(rig), _axial(bearings)]
+    return [worm_axial_force, worm_tangential_force, radial_force, *loads]
+
+
+@quantity(unit="N", reference="statics of the flank")
+def worm_axial_force(output_torque, wheel_radius):
+    """Axial force on the worm; the same force turns the wheel."""
+    return output_torque / wheel_radius
+
+
+@quantity(unit="N", reference="statics of the flank")
+def worm_tangential_force(
+    output_torque, normal_force_per_torque, friction_coefficient, lead_angle, normal_pressure_angle
+):
+    """Tangential force on the worm; the same force pushes the wheel along its axis."""
+    share = math.cos(normal_pressure_angle) * math.sin(lead_angle) + friction_coefficient * math.cos(
+        lead_angle
+    )
+    return output_torque * normal_force_per_torque * share
+
+
+@quantity(unit="N", reference="statics of the flank")
+def radial_force(output_torque, normal_force_per_torque, normal_pressure_angle):
+    """Force that pushes worm and wheel apart."""
+    return output_torque * (normal_force_per_torque * math.sin(normal_pressure_angle))
+
+
+def _shares(positions: tuple[float, float]) -> tuple[float, float, float]:
+    """Shares of a force in the mesh plane on the two bearings, and one over their distance in m."""
+    low, high = positions
+    return high / (high - low), -low / (high - low), 1e3 / (high - low)
+
+
+def _radial(rig: Rig) -> Quantity:
+    """Radial loads: force in the mesh plane shared by the lever rule, moment of the axial force as a couple."""
+    gear = rig.gear
+    near, far, per_length = _shares(gear.worm_bearing_positions_mm)
+    worm_split = np.array([near, far])
+    worm_couple = np.array([1.0, -1.0]) * 5e-4 * gear.worm_pitch_diameter_mm * per_length
+    near, far, per_length = _shares(gear.wheel_bearing_positions_mm)
+    wheel_split = np.array([near, far])
+    wheel_couple = np.array([-1.0, 1.0]) * 5e-4 * gear.wheel_pitch_diameter_mm * per_length
+    dead_load = gear.bearing_dead_load_N**2
+    outer = np.multiply.outer
+
+    @quantity(unit="N", axes=AXES, reference="statics of the two shafts")
+    def bearing_radial_load(worm_axial_force, worm_tangential_force, radial_force):
+        """Radial load of each bearing, with the dead load that keeps an idle bearing rolling."""
+        apart = np.concatenate(
+            [
+                outer(worm_split, radial_force) + outer(worm_couple, worm_axial_force),
+                outer(wheel_split, radial_force) + outer(wheel_couple, worm_tangential_force),
+            ]
+        )
+        across = np.concatenate(
+            [outer(worm_split, worm_tangential_force), outer(wheel_split, worm_axial_force)]
+        )
+        return np.sqrt(apart * apart + across * across + dead_load)
+
+    return bearing_radial_load
+
+
+def _axial(bearings: Sequence[PlacedBearing]) -> Quantity:
+    worm = np.array([float(b.locating) for b in bearings[WORM]])
+    wheel = np.array([float(b.locating) for b in bearings[WHEEL]])
+
+    @quantity(unit="N", axes=AXES, reference="the locating bearing of a shaft takes its axial force")
+    def bearing_axial_load(worm_axial_force, worm_tangential_force):
+        """Axial load of each bearing."""
+        outer = np.multiply.outer
+        return np.abs(np.concatenate([outer(worm, worm_axial_force), outer(wheel, worm_tangential_force)]))
+
+    return bearing_axial_load
 
 
 def bearing_quantities(bearings: Sequence[PlacedBearing], ratio: float) -> list[Quantity]:
@@ -33,7 +115,7 @@ def bearing_quantities(bearings: Sequence[PlacedBearing], ratio: float) -> list[
         _sliding(bearings),
         _drag(bearings),
         _seals(bearings),
-        _palmgren(bearings),
+        *_palmgren(bearings),
         bearing_moment,
         worm_bearing_torque,
         wheel_bearing_torque,
@@ -158,21 +240,25 @@ PALMGREN = "Palmgren; Harris, Rolling Bearing Analysis; SKF General Catalogue 19
 SLOW = 2000.0  # nu n in mm^2/s r/min below which the moment without load no longer falls
 
 
-def _palmgren(bearings: Sequence[PlacedBearing]) -> Quantity:
+def _palmgren(bearings: Sequence[PlacedBearing]) -> list[Quantity]:
     diameters = [b.bearing.mean_diameter for b in bearings]
     ratings = [b.bearing.static_rating for b in bearings]
 
-    @quantity(unit="N*m", axes=AXES, reference=PALMGREN)
-    def bearing_palmgren_moment(bearing_radial_load, bearing_axial_load, bearing_speed, kinematic_viscosity):
-        """Moment of each bearing by Palmgren: 1e-7 f0 (nu n)^(2/3) d_m^3 and z (P0/C0)^0.55 P1 d_m."""
+    @quantity(unit="N*m", axes=AXES, reference=f"{PALMGREN}; ISO/TR 14179-1")
+    def bearing_load_moment(bearing_radial_load, bearing_axial_load):
+        """Moment of each bearing that its load makes, by Palmgren: z (P0/C0)^0.55 P1 d_m."""
         diameter, rating = _column(diameters, bearing_radial_load), _column(ratings, bearing_radial_load)
-        flow = np.maximum(1e6 * RPM * kinematic_viscosity * np.abs(bearing_speed), SLOW)
-        still = 2.0 * 1e-7 * flow ** (2 / 3) * diameter**3
         static = np.maximum(0.6 * bearing_radial_load + 0.5 * bearing_axial_load, bearing_radial_load)
         load = np.maximum(3.0 * bearing_axial_load - 0.1 * bearing_radial_load, bearing_radial_load)
-        return 1e-3 * (still + 0.0009 * (static / rating) ** 0.55 * load * diameter)
+        return 1e-3 * 0.0009 * (static / rating) ** 0.55 * load * diameter
 
-    return bearing_palmgren_moment
+    @quantity(unit="N*m", axes=AXES, reference=PALMGREN)
+    def bearing_oil_moment(bearing_speed, kinematic_viscosity):
+        """Moment of each bearing that its oil makes, by Palmgren: 1e-7 f0 (nu n)^(2/3) d_m^3."""
+        flow = np.maximum(1e6 * RPM * kinematic_viscosity * np.abs(bearing_speed), SLOW)
+        return 1e-3 * 2.0 * 1e-7 * flow ** (2 / 3) * _column(diameters, bearing_speed) ** 3
+
+    return [bearing_load_moment, bearing_oil_moment]
 
 
 @quantity(unit="N*m", axes=AXES, reference=SKF)

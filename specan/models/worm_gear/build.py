@@ -8,14 +8,11 @@ from typing import Any
 
 from specan.models.catalogue import effects_in
 from specan.models.model import LawSpace, Model, Nuisance, Words
-from specan.models.observable import Observable
-from specan.models.quantity import Condition, SettingError
-from specan.models.rig_statement import RigStatement
-from specan.models.worm_gear import kinematics, mesh, power
+from specan.models.quantity import Condition, Observable, SettingError
+from specan.models.rig import RigStatement
+from specan.models.worm_gear import mesh, power
 from specan.models.worm_gear.article import article_quantities
-from specan.models.worm_gear.bearings import bearing_quantities
-from specan.models.worm_gear.forces import force_quantities
-from specan.models.worm_gear.instrument_ranges import scaled_to_torque
+from specan.models.worm_gear.bearings import bearing_quantities, force_quantities
 from specan.models.worm_gear.oil import viscosity_quantities
 from specan.models.worm_gear.rig import (
     Operation,
@@ -24,13 +21,17 @@ from specan.models.worm_gear.rig import (
     defaults_used,
     placed_bearings,
     read_rig,
+    scaled_to_torque,
 )
 from specan.models.worm_gear.table_rules import table_rules
 from specan.units import convert
 
 RPM = math.pi / 30
 BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
-OTHER_FORMS = {"bearing-friction": ("palmgren-bearings",), "churning": ("exponential-churning",)}
+OTHER_FORMS = {
+    "bearing-friction": ("palmgren-bearings", "iso-bearings"),
+    "churning": ("exponential-churning",),
+}
 
 # key of [uncertainty]: effect and parameter that it holds, factor from the key's unit to the parameter's
 CERTIFICATES = {
@@ -58,8 +59,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     settings = read_rig(rig)
     bearings = placed_bearings(settings)
     quantities = [
-        *kinematics.geometry(settings.gear),
-        *kinematics.QUANTITIES,
+        *mesh.geometry(settings.gear),
         *viscosity_quantities(settings.oil, settings.model),
         *mesh.QUANTITIES,
         *force_quantities(settings, bearings),

@@ -1,12 +1,43 @@
-"""Tooth engagement: normal force between the flanks and the power that their sliding takes."""
+"""Tooth engagement: speeds of shafts and flanks, normal force between the flanks, the power that sliding takes."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from specan.models.quantity import quantity
+from specan.models.quantity import Quantity, constant, quantity
+from specan.models.worm_gear.rig import Gear
+
+
+def geometry(gear: Gear) -> list[Quantity]:
+    """Constants of the gear, SI."""
+    return [
+        constant("gear_ratio", gear.z_wheel / gear.z_worm, "1", "Speed of the worm over that of the wheel."),
+        constant("worm_radius", 5e-4 * gear.worm_pitch_diameter_mm, "m", "Pitch radius of the worm."),
+        constant("wheel_radius", 5e-4 * gear.wheel_pitch_diameter_mm, "m", "Pitch radius of the wheel."),
+        constant("lead_angle", math.radians(gear.lead_angle_deg), "rad", "Lead angle of the worm."),
+        constant(
+            "normal_pressure_angle",
+            math.radians(gear.normal_pressure_angle_deg),
+            "rad",
+            "Pressure angle in the section normal to the flank.",
+        ),
+        constant("wheel_width", 1e-3 * gear.wheel_width_mm, "m", "Face width of the wheel."),
+    ]
+
+
+@quantity(unit="rad/s")
+def wheel_speed(worm_speed, gear_ratio):
+    """Speed of the wheel shaft."""
+    return worm_speed / gear_ratio
+
+
+@quantity(unit="m/s", reference="ISO/TS 14521:2020, sliding velocity at the mean diameter")
+def sliding_speed(worm_speed, worm_radius, lead_angle):
+    """Speed at which the worm's flank slides along the wheel's."""
+    return worm_speed * (worm_radius / math.cos(lead_angle))
 
 
 @quantity(unit="1")
@@ -21,6 +52,7 @@ def output_torque(indicated_output_torque, brake_coupled):
     return indicated_output_torque * brake_coupled
 
 
+SMALL = 1e-9  # exponents below it are the logarithm to many digits
 IDLE = 0.05  # share of the largest output torque below which a run is one without load
 
 
@@ -71,7 +103,28 @@ def mesh_loss(friction_coefficient, normal_force_per_torque, wheel_torque, slidi
     return friction_coefficient * normal_force_per_torque * np.abs(wheel_torque) * sliding_speed
 
 
+def power_step(ratio: ArrayLike, exponent: ArrayLike) -> NDArray[np.float64]:
+    """``(x^a - 1) / (2^a - 1)``: 0 at x = 1, 1 at x = 2, and the binary logarithm for a = 0.
+
+    Adding a multiple c of it to a coefficient mu_0 gives the power law mu_0 x^a where c = mu_0 (2^a - 1); unlike
+    a factor x^a it stays visible where mu_0 vanishes, and c enters linearly.
+
+    Examples
+    --------
+    >>> power_step([1.0, 2.0, 4.0], 0.0)
+    array([0., 1., 2.])
+    >>> power_step([1.0, 2.0, 4.0], 1.0)
+    array([0., 1., 3.])
+    """
+    a = np.asarray(exponent, dtype=float)
+    a = np.where(np.abs(a) < SMALL, SMALL, a)
+    step: NDArray[np.float64] = np.expm1(a * np.log(ratio)) / np.expm1(a * np.log(2.0))
+    return step
+
+
 QUANTITIES = [
+    wheel_speed,
+    sliding_speed,
     output_torque,
     wheel_torque,
     tooth_load,

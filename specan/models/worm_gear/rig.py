@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
 from specan.errors import RequestError
+from specan.models.effect import Effect
 from specan.models.worm_gear.bearing_table import BallBearing, find, has_contact_seal
 from specan.schema import Settings, parse
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Range = tuple[float, float]
+
+REFERENCE_TORQUE = 100.0  # N*m at the output, for which the ranges of these effects are declared
+SCALED = ("torque-zero-error", "zero-drift")
 
 
 class Gear(Settings):
@@ -242,3 +246,34 @@ def defaults_used(settings: BaseModel, prefix: str = "") -> dict[str, Any]:
         elif name not in settings.model_fields_set and value is not None:
             found[prefix + name] = value
     return found
+
+
+def scaled_to_torque(effects: Mapping[str, Effect], largest_torque: float | None) -> dict[str, Effect]:
+    """Effects with the zero errors of both sensors on the scale of the bench.
+
+    A sensor's zero is specified in percent of its full scale (VDI/VDE 2646), and the sensor chosen for the largest
+    torque. `largest_torque` is the upper limit of the output torque, N*m; None leaves the declared ranges.
+
+    Examples
+    --------
+    >>> from specan.models.catalogue import effects_in
+    >>> found = scaled_to_torque(effects_in("specan.models.worm_gear.effects"), 300.0)
+    >>> found["torque-zero-error"].parameters["output"].max
+    6.0
+    """
+    if not largest_torque:
+        return dict(effects)
+    factor = largest_torque / REFERENCE_TORQUE
+    return {**effects, **{name: _scaled(effects[name], factor) for name in SCALED if name in effects}}
+
+
+def _scaled(effect: Effect, factor: float) -> Effect:
+    parameters = {
+        name: replace(
+            p, default=p.default * factor, min=p.min * factor, max=p.max * factor,
+            lower=None if p.lower is None else p.lower * factor,
+            upper=None if p.upper is None else p.upper * factor,
+        )
+        for name, p in effect.parameters.items()
+    }  # fmt: skip
+    return replace(effect, parameters=parameters)

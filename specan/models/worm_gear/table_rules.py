@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.table_rules import Completed, TableFault, TableRules
+from specan.models.measurement_kinds import Completed, TableFault, TableRules
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 
 from specan.analysis.orders import Orders
 from specan.analysis.shaft import Shaft, tracked_shaft
+from specan.data.channel import Channel
 from specan.data.orders import OrderLines as FoundLines
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, nearest
 from specan.io.open import open_recording
 from specan.models import Model
-from specan.models.order_lines import OrderLines, Stated
+from specan.models.measurement_kinds import OrderLines, Stated
 from specan.study.data.open_recordings import reads  # noqa: F401  a recording is one by its content
 from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
+from specan.study.observation import Variable
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
-from specan.study.observation.variable import Variable
 from specan.units import convert
 
 TITLE = "a recording"

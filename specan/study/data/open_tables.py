@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from specan.errors import RequestError, nearest
 from specan.models import Model, SettingError
 from specan.models.groups import grouped
-from specan.models.trial import is_own, try_model
+from specan.models.trial import try_model
 from specan.study.data.operating_table import Rows, check_varied, grouping_of, join
 from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.data.table_covariance import uncertainty
@@ -50,7 +50,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
     fitted = [_read(f, model) for f in wanted.measurements]
     checked = [_read(f, model) for f in wanted.validations]
     rows = join([*fitted, *checked], model)
-    if is_own(model):
+    if model.is_own:
         try_model(model, rows.conditions)
     aside = rows.recording >= len(fitted)
     for file, where in wanted.hold_out:

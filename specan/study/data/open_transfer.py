@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, SpecanError, nearest
 from specan.io.open import open_recording
 from specan.models import Model, Observable
-from specan.models.trial import is_own, try_model
+from specan.models.trial import try_model
 from specan.study.data.estimate_frf import LEAST_BLOCKS, noise_of_lines
 from specan.study.data.open_recordings import put_aside
 from specan.study.data.open_recordings import reads as is_recording
@@ -85,7 +86,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
             held_out += [whole.take(aside)] if np.any(aside) else []
     if not fitted:
         raise RequestError("all channels are held out", expected="some to fit", remedy="hold out fewer")
-    if is_own(model):
+    if model.is_own:
         try_model(model, fitted[0].conditions_at_nodes)
     if not known:
         names = ", ".join(o.name for o in model.observables.values() if o.kind == KIND)

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Model
-from specan.study.data.baseline import Reference, crude, reference
 from specan.study.data.operating_table import ENOUGH, TIME, Rows
-from specan.study.data.replicate_variance import VarianceFunction, pooled
+from specan.study.data.replicate_variance import Reference, VarianceFunction, crude, pooled, reference
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.units import printed_unit

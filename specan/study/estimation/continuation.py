@@ -3,14 +3,20 @@
 A resonance that is half a bandwidth off pulls a sharp fit anywhere: into instruments beyond their priors,
 into another minimum. Seen with an uncertainty of a third of the sound field's level, peaks only have to lie near
 each other, and priors weigh more than lines; where that fit ends, one with less begins.
+
+Covariances that depend on where the model is are taken about such a fit. A receiver that stands two millimetres off
+reads the gradient of the field there: how much that is, only a fitted model tells. The covariance is linearised about
+one fit, and then stays the same for every model that is compared, so that chi-squares can be.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from specan.errors import ComputationError
+from specan.models import Assembly
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, best_screened, descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
@@ -18,6 +24,8 @@ from specan.study.observation import Array
 STAGES = (20.0, 5.0)  # per cent of the RMS over channels
 CONTINUED = 2  # of several starts
 ENOUGH = 8  # Jacobians a stage: what a fit still gains then, such uncertainties do not tell from nothing
+
+JACOBIANS = 3  # of all lines, about whose end the covariance is taken
 
 
 def down_weighted(
@@ -96,3 +104,33 @@ def _chi2(problem: Problem, theta: Array) -> float:
     except ComputationError:
         return float("inf")
     return float(residual @ residual)
+
+
+def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> Problem:
+    """The problem with covariances about a fit of its own, and a start there; itself where they depend on none.
+
+    A continuation fit is not near enough, because it does not see the windows: a receiver's gain, say, would act on
+    another field than its calibration's uncertainty does, and seem to be known better than the calibration.
+    From there all lines are fitted by a few steps, and the covariances taken about that.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : sequence of mapping
+        SI values from which the continuation fit sets out; those that lack stand as the problem has them.
+    """
+    if not problem.strategy.linearised_covariance:
+        return problem
+    values: Mapping[str, Any] = continuation_fit(problem, starts)
+    near = about(problem, problem.assembly, values)
+    theta = descend_steps(near, near.start(values), JACOBIANS)
+    values = problem.values_at(theta)
+    return replace(
+        about(problem, problem.assembly, values),
+        values={**problem.values, **{name: values[name] for name in problem.free}},
+    )
+
+
+def about(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Problem:
+    """The problem with covariances about a model at given values."""
+    return problem.over([o.about(assembly, problem.seen_by(o, values)) for o in problem.observations])

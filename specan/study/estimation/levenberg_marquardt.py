@@ -1,22 +1,27 @@
-"""A frugal least-squares descent for the many refits of a search: few Jacobians, most steps by secants.
+"""Descents of least squares: a frugal one for the many refits of a search, and the last steps to the minimum itself.
 
-Levenberg-Marquardt steps (Marquardt 1963) with the parameters held inside their bounds; between exact
-Jacobians the secant update of Broyden (1965) keeps the last one current at the price of one residual. A
-minimum is accepted only on an exact Jacobian.
+Levenberg-Marquardt steps (Marquardt 1963) with the parameters held inside their bounds. The frugal descent takes few
+Jacobians: between exact ones the secant update of Broyden (1965) keeps the last one current at the price of one
+residual, and a minimum is accepted only on an exact one.
+
+The refinement is damped in units of the Jacobian's columns (Moré 1978), with the second-order correction of geodesic
+acceleration (Transtrum & Sethna 2012, arXiv:1201.5885), which follows a valley that bends. Derivatives are of fourth
+order, with steps that change the predictions by a fixed share whatever the size of a parameter. Steps end where the
+residual is orthogonal to everything that the parameters can do (the relative offset of Bates & Watts 1981), which is
+no matter of how uncertain the data are said to be.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.study.estimation.problem import Problem
-
-Array = NDArray[np.float64]
+from specan.study.observation import Array
 
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
@@ -31,6 +36,18 @@ MOST_DOUBLINGS = 8  # of a step that keeps paying
 # every step; where an evaluation is expensive a step that fails costs more than that.
 FAR_START, LEAST_START = 1e-4, 1e-8
 LEAST_DAMPING = 1e-6  # damping with which a minimum is confirmed: a large one must not pass for it
+
+SHARE = 1e-4  # of all predictions, by which a step of a derivative changes them: rounding then errs by 1e-12
+MOST_OF_ITSELF = 1e-3  # of a parameter's size, which a step does not exceed
+ORTHOGONAL = 1e-16  # share of chi-square that another step may still promise
+ROUNDED = 1e-10  # share of chi-square below which rounding hides whether a step lowers it
+ROUNDING = 1e-14  # of chi-square, that a sum over some hundred rows may be off by
+UNDETERMINED = 1e-11  # of the largest singular value: directions that no step goes in
+FAR = 1e-3  # share of chi-square promised, above which derivatives of second order do
+MOST_REFINING = 200  # of one refinement
+MOST_DAMPED = 25  # tries of one step
+REACH = 0.1  # of a step, at which its acceleration is measured
+MOST_BEND = 0.75  # acceleration over velocity, both of a step that is trusted
 
 
 @dataclass(frozen=True)
@@ -61,7 +78,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
         Not finite at the start, or not settled after 25 Jacobians. A model that is far from many data and slides
         along a valley is taken where it is: nothing is concluded from its exact minimum.
     """
-    descent = _Descent(problem, np.asarray(start, dtype=float))
+    descent = _Descent(problem, start)
     history: list[float] = []
     for count in range(MOST_JACOBIANS):
         history.append(descent.chi2)
@@ -78,7 +95,7 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
 
 def descend_steps(problem: Problem, start: Array, jacobians: int) -> Array:
     """Where some exact Jacobians lead: near a minimum, if there is one near."""
-    descent = _Descent(problem, np.asarray(start, dtype=float))
+    descent = _Descent(problem, start)
     for _ in range(jacobians):
         if descent.follow(problem.jacobian(descent.theta), guessed=False) is not None:
             break
@@ -115,22 +132,37 @@ def unit(problem: Problem, chi2: float) -> float:
     return max(chi2 / (problem.n_data + problem.n_priors), 1.0) * problem.strategy.tolerance
 
 
-class _Descent:
-    """Where a descent stands: theta, the residual there, and the damping of the next step."""
+class _Place:
+    """Where the steps of a descent stand: theta, inside its bounds, and the residual there."""
 
     def __init__(self, problem: Problem, start: Array) -> None:
         self.problem, self.size = problem, problem.scale
         self.low, self.high = problem.bounds()
-        self.theta = np.clip(start, self.low, self.high)
-        residual = finite_residual(problem, self.theta)
+        self.theta, residual = self.at(np.asarray(start, dtype=float))
         if residual is None:
             raise ComputationError("the model gives values that are not finite at the start of a fit")
         self.residual = residual
-        self.damping = LEAST_START if problem.strategy.exact_minimum else FAR_START
 
     @property
     def chi2(self) -> float:
         return float(self.residual @ self.residual)
+
+    def at(self, theta: Array) -> tuple[Array, Array | None]:
+        """A place inside the bounds, and the residual there; None where the model has no finite value."""
+        inside = np.clip(theta, self.low, self.high)
+        try:
+            residual = self.problem.residual(inside)
+        except ComputationError:  # a loop of the model that does not settle there: the step was too long
+            return inside, None
+        return inside, residual if np.all(np.isfinite(residual)) else None
+
+
+class _Descent(_Place):
+    """A descent by secants, and the damping of its next step."""
+
+    @cached_property
+    def damping(self) -> float:
+        return LEAST_START if self.problem.strategy.exact_minimum else FAR_START
 
     @property
     def unit(self) -> float:
@@ -160,7 +192,9 @@ class _Descent:
                 if secant > 0:
                     return None
             before, residual = self.theta, self.residual
-            trial, there = self._try(slope, step, bend=secant == 0)
+            trial, there = self.at(before + step * self.size)
+            if secant == 0 and there is not None and there @ there > self.chi2:
+                trial, there = self._bent(slope, step, trial, there)
             moved = (trial - before) / self.size
             if there is not None and moved @ moved > 0:
                 slope = slope + np.outer(there - residual - slope @ moved, moved) / (moved @ moved)
@@ -172,7 +206,7 @@ class _Descent:
                 slope = jacobian * self.size  # the exact one is better than a secant over a step that failed
                 continue
             if gained > 0.5 * promised and self.damping > 1e-7:
-                trial, there = _further(self.problem, before, trial, there)
+                trial, there = self._further(before, trial, there)
             self.theta, self.residual = trial, there
             if gained > 0.3 * promised:
                 self.damping = max(self.damping / 10, 1e-12)
@@ -184,31 +218,21 @@ class _Descent:
         low, high = (self.low - self.theta) / self.size, (self.high - self.theta) / self.size
         return _step(slope, self.residual, low, high, damping)
 
-    def _try(self, slope: Array, step: Array, bend: bool) -> tuple[Array, Array | None]:
-        """Residual after a step; if chi-square rises and it is asked for, after the step bent with the valley."""
-        trial, there = _try(self.problem, self.theta, step * self.size)
-        if not bend or there is None or there @ there <= self.chi2:
-            return trial, there
+    def _bent(self, slope: Array, step: Array, trial: Array, there: Array) -> tuple[Array, Array]:
+        """Where a step that has failed leads if it is bent with the valley; where it led, if that is better."""
         turn = _bend(slope, step, there - self.residual - slope @ step, self.damping)
-        other, beside = _try(self.problem, self.theta, (step + turn) * self.size)
+        other, beside = self.at(self.theta + (step + turn) * self.size)
         return (trial, there) if beside is None or beside @ beside > there @ there else (other, beside)
 
-
-def _try(problem: Problem, theta: Array, step: Array) -> tuple[Array, Array | None]:
-    low, high = problem.bounds()
-    trial = np.clip(theta + step, low, high)
-    return trial, finite_residual(problem, trial)
-
-
-def _further(problem: Problem, theta: Array, trial: Array, there: Array) -> tuple[Array, Array]:
-    """Go on in the direction of a good damped step while it pays: a valley costs residuals, no Jacobians."""
-    reach = 2.0
-    for _ in range(MOST_DOUBLINGS):
-        beyond, residual = _try(problem, theta, reach * (trial - theta))
-        if residual is None or residual @ residual >= there @ there:
-            break
-        theta, trial, there = trial, beyond, residual
-    return trial, there
+    def _further(self, theta: Array, trial: Array, there: Array) -> tuple[Array, Array]:
+        """Go on in the direction of a good damped step while it pays: a valley costs residuals, no Jacobians."""
+        reach = 2.0
+        for _ in range(MOST_DOUBLINGS):
+            beyond, residual = self.at(theta + reach * (trial - theta))
+            if residual is None or residual @ residual >= there @ there:
+                break
+            theta, trial, there = trial, beyond, residual
+        return trial, there
 
 
 def _bend(slope: Array, step: Array, off: Array, damping: float) -> Array:
@@ -222,15 +246,6 @@ def _bend(slope: Array, step: Array, off: Array, damping: float) -> Array:
     bend = -_solve(normal + np.diag(weight), slope.T @ off)
     length, most = float(np.linalg.norm(bend)), float(np.linalg.norm(step))
     return bend * min(1.0, most / length) if length > 0 else bend
-
-
-def finite_residual(problem: Problem, theta: Array) -> Array | None:
-    """Residual at theta; None where the model has no value or one that is not finite."""
-    try:
-        residual = problem.residual(theta)
-    except ComputationError:  # a loop of the model that does not settle there: the step was too long
-        return None
-    return residual if np.all(np.isfinite(residual)) else None
 
 
 def _step(slope: Array, residual: Array, low: Array, high: Array, damping: float) -> tuple[Array, float]:
@@ -256,3 +271,114 @@ def _solve(matrix: Array, right: Array) -> Array:
         return np.linalg.solve(scaled + 1e-14 * np.eye(root.size), right / root) / root
     except np.linalg.LinAlgError:
         return np.linalg.lstsq(scaled, right / root, rcond=1e-12)[0] / root
+
+
+def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
+    """Minimise the sum of squares of a problem's residual from a place near the minimum.
+
+    Returns
+    -------
+    minimum : Minimum
+        With a Jacobian of fourth order.
+    settled : bool
+        Whether another step promises less chi-square than a fit is taken to show.
+
+    Raises
+    ------
+    ComputationError
+        Not finite at the start.
+    """
+    descent = _Refinement(problem, start)
+    descent.look_around()
+    before, promised, order = np.inf, descent.derive(2), 2
+    for _ in range(MOST_REFINING):
+        if order == 2 and promised < FAR * descent.chi2:
+            order, promised = 4, descent.derive(4)
+        chi2 = descent.chi2
+        moved = promised > ORTHOGONAL * chi2 and descent.step()
+        gained = moved and descent.chi2 < chi2 * (1 - ROUNDING)
+        if order == 4 and not (gained or (moved and promised <= ROUNDED * chi2 and promised <= before / 2)):
+            break  # rounding, or the accuracy of the model, is reached
+        order = order if gained else 4
+        before, promised = promised, descent.derive(order)
+    return descent.minimum(), promised < STEP_TOLERANCE * unit(problem, descent.chi2)
+
+
+class _Refinement(_Place):
+    """Where the last steps stand, with the Jacobian there, and the damping of the next one."""
+
+    damping = 0.0
+
+    def look_around(self) -> None:
+        """Take a first Jacobian, and the size of what is predicted."""
+        self.jacobian = _finite(self.problem.jacobian(self.theta))
+        predicted = np.concatenate(self.problem.predictions(self.theta))
+        self.predicted = float(np.linalg.norm(self.problem.whiten(predicted)))
+
+    def minimum(self) -> Minimum:
+        return Minimum(self.theta, self.residual, self.jacobian, self.chi2)
+
+    def derive(self, order: int) -> float:
+        """Derive at theta; the fall in chi-square that an undamped step promises."""
+        self.jacobian = _finite(self.problem.jacobian(self.theta, self._steps(), order))
+        uphill = self.jacobian.T @ self.residual
+        held = ((self.theta <= self.low) & (uphill > 0)) | ((self.theta >= self.high) & (uphill < 0))
+        self.moving = np.flatnonzero(~held & np.any(self.jacobian != 0, axis=0))
+        slopes = self.jacobian[:, self.moving]
+        self.norms = np.linalg.norm(slopes, axis=0)
+        left, values, right = np.linalg.svd(slopes / self.norms, full_matrices=False)
+        determined = values > UNDETERMINED * values.max(initial=0.0)
+        self.left, self.values, self.right = left[:, determined], values[determined], right[determined]
+        return float(np.sum((self.left.T @ self.residual) ** 2))
+
+    def _steps(self) -> Array:
+        """Steps of derivatives: such that each changes the predictions by the same share."""
+        columns = np.linalg.norm(self.jacobian[: self.problem.n_data], axis=0)
+        most = MOST_OF_ITSELF * np.maximum(self.size, np.abs(self.theta))
+        share = SHARE * self.predicted / np.maximum(columns, 1e-300)
+        return np.where(share > 0, np.minimum(share, most), most)
+
+    def step(self) -> bool:
+        """Take a step that does not raise chi-square, if there is one."""
+        for _ in range(MOST_DAMPED):
+            velocity = self._solve(self.residual)
+            after = self.residual + self.jacobian @ velocity
+            promised = self.chi2 - float(after @ after)
+            near_the_end = promised < ROUNDED * self.chi2
+            moved = velocity if near_the_end else self._bent(velocity)
+            if moved is not None:
+                theta, residual = self.at(self.theta + moved)
+                allowed = self.chi2 * (1 + 1e-3 * ROUNDED if near_the_end else 1.0)
+                if residual is not None and residual @ residual <= allowed:
+                    self.theta, self.residual = theta, residual
+                    self.damping = self.damping / 10 if self.damping > 1e-12 else 0.0
+                    return True
+            if near_the_end:
+                return False
+            self.damping = max(4 * self.damping, 1e-6)
+        return False
+
+    def _solve(self, right: Array) -> Array:
+        """Damped solution of J step = -right, zero for what is held."""
+        step = np.zeros(self.theta.size)
+        damped = self.values * (self.left.T @ right) / (self.values**2 + self.damping)
+        step[self.moving] = -(self.right.T @ damped) / self.norms
+        return step
+
+    def _bent(self, velocity: Array) -> Array | None:
+        """The step with half its acceleration, from the second difference along it; None where that is too large."""
+        _, near = self.at(self.theta + REACH * velocity)
+        if near is None:
+            return None
+        turn = 2 / REACH * ((near - self.residual) / REACH - self.jacobian @ velocity)
+        acceleration = self._solve(turn)
+        length = np.linalg.norm(self.norms * velocity[self.moving])
+        if np.linalg.norm(self.norms * acceleration[self.moving]) > MOST_BEND * length:
+            return None
+        return velocity + acceleration / 2
+
+
+def _finite(array: Array) -> Array:
+    if not np.all(np.isfinite(array)):
+        raise ComputationError("the model gives derivatives that are not finite")
+    return array

@@ -16,8 +16,14 @@ from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import LeftOut
-from specan.study.localisation.result import LEVEL, Block, Localisation, Trend, benjamini_yekutieli
+from specan.study.localisation.by_blocks import (
+    LEVEL,
+    Block,
+    LeftOut,
+    Localisation,
+    Trend,
+    benjamini_yekutieli,
+)
 from specan.study.observation import Array
 from specan.study.observation.order_lines import OrderLinesObservation
 

@@ -14,10 +14,9 @@ from specan.study.data.sources import KINDS, kind_named
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_band_and_channel import by_band_and_channel
-from specan.study.localisation.by_blocks import by_blocks
+from specan.study.localisation.by_blocks import Localisation, by_blocks
 from specan.study.localisation.by_order_family import by_order_family
 from specan.study.localisation.frf_errors import FrfErrors, frf_errors
-from specan.study.localisation.result import Localisation
 
 # By kind of measurement: how its residual is looked at (by blocks if there is no own way), and what is said of curves.
 WAYS: Mapping[str, Callable[[Problem, Fit], Localisation]] = {

@@ -25,8 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.study.observation.strategy import TABLE, Strategy, frugal
-from specan.study.observation.variable import Variable
+from specan.study.observation import TABLE, Strategy, Variable, frugal
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -48,7 +47,7 @@ class OrderLinesObservation:
     channels : tuple of str
         Names of the sensors, in the model's order.
     order, harmonic, family : arrays (lines,)
-        See `specan.models.order_lines.OrderLines`.
+        See `specan.models.measurement_kinds.OrderLines`.
     amplitude : complex array (sensors, lines)
     noise : array (sensors, lines)
         Standard uncertainty of the real and of the imaginary part that lines do not share.

@@ -1,7 +1,13 @@
-"""A table of operating points: one row a reading, conditions and one observable each."""
+"""A table of operating points: one row a reading, conditions and one observable each.
+
+What may be evaluated in one pass over many rows is found out once for each effect and parameter. Most effects treat
+every operating point by itself, and take a parameter that differs from row to row. Some do not: a lag looks at the
+readings before, an effect may ask ``if parameter > 0``. Nothing declares this, so it is tried.
+"""
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,12 +16,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import InputError
-from specan.models import Assembly
-from specan.study.observation import Array
-from specan.study.observation.row_coupling import knowledge, rows_are_coupled
-from specan.study.observation.strategy import TABLE, Strategy
-from specan.study.observation.variable import Variable
+from specan.errors import ComputationError, InputError
+from specan.models import Assembly, Use
+from specan.study.observation import TABLE, Array, Strategy, Variable
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,9 +177,20 @@ class TableObservation:
     def _rows(self) -> dict[str, NDArray[np.bool_]]:
         return {name: self.observable == name for name in sorted(set(self.observable.tolist()))}
 
-    def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """What the model expects in every row."""
-        return self.predict_many(assembly, [values])[:, 0]
+    def predict(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
+        """What the model expects in every row; the table repeated `times` times, with values for each of its rows."""
+        if rows_are_coupled(assembly, self.conditions):
+            return self._in_order(assembly, values)
+        quantities = self._quantities(assembly)
+        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+        values = self.by_row(assembly, values, times)
+        with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
+            found = assembly.evaluate(conditions, values, list(quantities.values()))
+        predicted = np.empty(self.n * times)
+        for name, rows in self._rows.items():
+            rows = np.tile(rows, times)
+            predicted[rows] = np.broadcast_to(np.asarray(found[quantities[name]], float), rows.shape)[rows]
+        return predicted
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values, all in one pass where the model's parts allow it.
@@ -184,45 +198,44 @@ class TableObservation:
         The conditions are repeated once for each set and every parameter becomes one value a row. What
         is not available so is found out on first use, and evaluated set by set from then on.
         """
-        if rows_are_coupled(assembly, self.conditions):
-            return np.stack([self._in_order(assembly, values) for values in many], axis=1)
-        if len(many) == 1:
-            return self._evaluate(assembly, many[0])[:, None]
         varying = _varying(many)
         vector = knowledge(assembly).vector
         vector.update({n: False for n in varying if assembly.parameters[n].per not in ("", "recording")})
-        if not all(vector.get(name, True) for name in varying):
-            return np.stack([self._evaluate(assembly, v) for v in many], axis=1)
-        try:
-            together = self._evaluate(assembly, self._spread(many, varying), len(many))
-        except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
-            vector.update(dict.fromkeys(varying, False))
-            return np.stack([self._evaluate(assembly, v) for v in many], axis=1)
-        table = together.reshape(len(many), self.n).T
-        if all(name in vector for name in varying):
+        table = None
+        together = len(many) > 1 and all(vector.get(name, True) for name in varying)
+        if together and not rows_are_coupled(assembly, self.conditions):
+            try:
+                table = self.predict(assembly, self._spread(many, varying), len(many))
+                table = table.reshape(len(many), self.n).T
+            except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
+                vector.update(dict.fromkeys(varying, False))
+        if table is not None and all(name in vector for name in varying):
             return table
-        single = np.stack([self._evaluate(assembly, v) for v in many], axis=1)
-        same = np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)
-        vector.update(dict.fromkeys(varying, same))
+        single = np.stack([self.predict(assembly, values) for values in many], axis=1)
+        if table is not None:
+            same = np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)
+            vector.update(dict.fromkeys(varying, same))
         return single
 
     def _in_order(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Predictions of an effect that looks at earlier rows: whole recordings, one after the other."""
         conditions, recording = self._series
+        quantities = self._quantities(assembly)
         predicted = np.empty(self.n)
         for number in np.unique(self._recording):
             inside = np.flatnonzero(recording == number)
             mine = self._recording == number
             rows = np.searchsorted(inside, self._position[mine])
-            own = {n: v[number] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
-            found = self._quantities(
-                assembly, {n: c[inside] for n, c in conditions.items()}, own, inside.size
-            )
-            predicted[mine] = [found[name][k] for name, k in zip(self.observable[mine], rows, strict=True)]
+            own = {
+                n: v[number] if np.ndim(v) == 1 and assembly.parameters[n].per == "recording" else v
+                for n, v in values.items()
+            }
+            here = {n: c[inside] for n, c in conditions.items()}
+            with np.errstate(all="ignore"):
+                found = assembly.evaluate(here, own, list(quantities.values()))
+            whole = {n: np.broadcast_to(np.asarray(found[q]), inside.shape) for n, q in quantities.items()}
+            predicted[mine] = [whole[name][k] for name, k in zip(self.observable[mine], rows, strict=True)]
         return predicted
-
-    def _is_vector(self, assembly: Assembly, name: str, value: Any) -> bool:
-        return np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
 
     def _spread(self, many: Sequence[Mapping[str, Any]], varying: frozenset[str]) -> dict[str, Any]:
         """One set of values whose varying members hold one value a row of the repeated table."""
@@ -245,27 +258,9 @@ class TableObservation:
                 prepared[name] = np.tile(np.asarray(value, dtype=float)[self._recording], times)
         return prepared
 
-    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
-        """Predictions for the conditions repeated `times` times."""
-        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
-        found = self._quantities(assembly, conditions, self.by_row(assembly, values, times), self.n * times)
-        predicted = np.empty(self.n * times)
-        for name, rows in self._rows.items():
-            rows = np.tile(rows, times)
-            predicted[rows] = found[name][rows]
-        return predicted
-
-    def _quantities(
-        self, assembly: Assembly, conditions: Mapping[str, Array], values: Mapping[str, Any], size: int
-    ) -> dict[str, Array]:
-        """Every observable of this table at `size` operating points."""
-        observables = {name: assembly.model.observables[name].quantity for name in self._rows}
-        with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
-            found = assembly.evaluate(conditions, values, list(observables.values()))
-        return {
-            name: np.broadcast_to(np.asarray(found[quantity], dtype=float), (size,))
-            for name, quantity in observables.items()
-        }
+    def _quantities(self, assembly: Assembly) -> dict[str, str]:
+        """The model's quantity of every observable of this table."""
+        return {name: assembly.model.observables[name].quantity for name in self._rows}
 
 
 def _varying(many: Sequence[Mapping[str, Any]]) -> frozenset[str]:
@@ -276,3 +271,50 @@ def _varying(many: Sequence[Mapping[str, Any]]) -> frozenset[str]:
         for name, value in values.items()
         if value is not first[name] and not np.array_equal(value, first[name])
     )
+
+
+@dataclass
+class Knowledge:
+    """What was found out about the effects and parameters of one model."""
+
+    coupled: dict[Use, bool] = field(default_factory=dict)
+    vector: dict[str, bool] = field(default_factory=dict)
+
+
+# model id -> (the model, what is known); forgotten together with the model
+_KNOWN: dict[int, tuple[weakref.ref[Any], Knowledge]] = {}
+
+
+def knowledge(assembly: Assembly) -> Knowledge:
+    """What is known about the model of an assembly."""
+    key = id(assembly.model)
+    if key not in _KNOWN:
+        _KNOWN[key] = (weakref.ref(assembly.model, lambda _: _KNOWN.pop(key, None)), Knowledge())
+    return _KNOWN[key][1]
+
+
+def rows_are_coupled(assembly: Assembly, conditions: Mapping[str, Array]) -> bool:
+    """Whether an effect of the assembly looks from one row at another.
+
+    Tried at the default values: every second row alone must give what it gives among the others.
+    """
+    known, model = knowledge(assembly).coupled, assembly.model
+    for use in assembly.uses:
+        if use in known:
+            continue
+        half = {name: column[::2] for name, column in conditions.items()}
+        alone, changed = model.assemble([*model.base_effects, use]), model.effects[use.name].changes
+        try:
+            with np.errstate(all="ignore"):
+                whole, part = alone.evaluate(conditions, None, changed), alone.evaluate(half, None, changed)
+        except ComputationError:  # nothing is known where the defaults have no solution
+            known[use] = True
+            continue
+        pairs = [(np.asarray(whole[name]), np.asarray(part[name])) for name in changed
+                 if not model.quantities[name].collection]  # fmt: skip
+        known[use] = len(pairs) < len(changed) or not all(
+            np.allclose(one[..., ::2], two, rtol=1e-9, atol=0, equal_nan=True)
+            for one, two in pairs
+            if one.ndim
+        )
+    return any(known[use] for use in assembly.uses)

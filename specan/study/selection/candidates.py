@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from specan.models import Effect, Model, Parameter, Use
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.study.estimation.problem import Problem
 
 

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Effect, Parameter, effect
-from specan.study.estimation.projection import Projection
+from specan.study.estimation.linear import Projection
 from specan.study.observation.table import TableObservation
-from specan.study.selection import cross_validation
-from specan.study.selection.acceptance import left_out_blocks
+from specan.study.selection.acceptance import left_out_blocks, left_out_score
 from specan.study.selection.law_grammar import Formula, Spread, formulas
 from specan.study.selection.refits import Refit
 
@@ -337,9 +336,8 @@ def _refined(
         rest + size * c,
         np.column_stack([start.linear.basis, c, *slopes] if slopes else [start.linear.basis, c]),
     )
-    gain = cross_validation.gain(
-        Projection(rest, start.linear.basis), extended, left_out_blocks(start.problem), dispersion
-    )
+    rows, before = left_out_blocks(start.problem), Projection(rest, start.linear.basis)
+    gain = left_out_score(before, rows, dispersion) - left_out_score(extended, rows, dispersion)
     unit = "1" if formula.scales else target.unit
     return Law(
         formula,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.study.estimation.continuation import ENOUGH, continuation_fit
 from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.levenberg_marquardt import (
@@ -23,11 +23,11 @@ from specan.study.estimation.levenberg_marquardt import (
     descend_steps,
     unit,
 )
+from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
-from specan.study.estimation.projection import Projection
-from specan.study.selection.f_test import lack_of_fit_probability
 from specan.study.selection.score_test import Scored, row_weights
 from specan.study.selection.signatures import with_rows_of
+from specan.study.selection.significance import lack_of_fit_probability
 
 Array = NDArray[np.float64]
 
@@ -134,6 +134,10 @@ class Refit:
     def bic(self, dispersion: float) -> float:
         """Chi-square in units of `dispersion` plus the price of the added parameters."""
         return self.chi2 / dispersion + self.count * float(np.log(self.problem.n_effective))
+
+    def promised(self, item: Scored) -> float:
+        """Change of BIC that a signature promises."""
+        return -item.chi2_reduction / self.dispersion + item.count * float(np.log(self.problem.n_effective))
 
     def residual_like(self, other: Refit) -> Array:
         """Weighted residual with the rows of another set: pseudo-measurements that this one lacks count as met."""

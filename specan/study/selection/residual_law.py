@@ -23,9 +23,9 @@ from specan.study.estimation.fit import NORMAL_95
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import noise_dof
-from specan.study.selection.f_test import improvement_probability
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import residuals
+from specan.study.selection.significance import improvement_probability
 
 Array = NDArray[np.float64]
 

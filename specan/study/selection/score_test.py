@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Use
+from specan.study.estimation.linear import Projection, orthonormal
 from specan.study.estimation.problem import Problem
-from specan.study.estimation.projection import Projection, orthonormal
-from specan.study.selection.multiple_testing import MultipleTestingFamily
 from specan.study.selection.signatures import Signature
+from specan.study.selection.significance import MultipleTestingFamily
 
 Array = NDArray[np.float64]
 
@@ -61,6 +61,11 @@ class Scored:
     def amplitudes(self) -> int:
         """Number of columns."""
         return self.projected.shape[1]
+
+    @property
+    def count(self) -> int:
+        """Number of parameters that it stands for: its amplitudes and shapes."""
+        return self.amplitudes + len(self.signature.shapes)
 
 
 def score(fit: Projection, found: Sequence[Signature], weights: Array) -> list[Scored]:

@@ -1,9 +1,10 @@
-"""What each candidate does to the whitened residual, for sizes and shapes over its plausible range."""
+"""What each candidate does to the whitened residual: its signatures, at as many sizes and shapes as they turn over."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -12,15 +13,27 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.models.parameter_name import ParameterName
+from specan.models.parameter import ParameterName
 from specan.study.estimation.fit import Fit
+from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
-from specan.study.selection.candidates import Candidate
+from specan.study.selection.candidates import Candidate, grid
 
 Array = NDArray[np.float64]
 
 SAME_LINE = 0.99  # cosine between signatures to both sides of nothing, above which they are one straight line
 MOST_VALUES = 4_000_000  # predicted values held at a time
+
+
+SAME_DIRECTION = 0.985  # cosine above which two sizes of an effect leave one direction
+REFINE_BELOW = 0.8  # cosine below which a shape is tried between two others
+ROUNDS = 4  # of refinement of one shape
+MOST_PLACES = 60  # places of its shapes that one candidate is tried at
+# Evaluations for all candidates together: for a small table, and where there are very many rows.
+MOST_EVALUATIONS, LEAST_EVALUATIONS = 4000, 400
+ROWS = 175  # of a small table
+FEW = 10  # places below which sizes are not distinguished
+COLLINEAR = 1e-6  # share of a signature, in chi-square, that is no more than rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,28 +87,22 @@ def signatures(
     `known` holds changes that were worked out at the same fit already.
     """
     known = {} if known is None else known
-    return [
-        signature
-        for candidate in found
-        if candidate.use in points
-        for signature in _of(problem, fit, candidate, points[candidate.use], known)
-    ]
-
-
-def _of(
-    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known
-) -> Iterator[Signature]:
-    if candidate.without_prior:
-        yield _certificate(problem, fit, candidate)
-        yield from _beside_certificate(problem, fit, candidate)
-    elif len(candidate.amplitudes) > 1:
-        yield from _several_amplitudes(problem, fit, candidate, points)
-    else:
-        amplitude = candidate.amplitudes[0]
-        for point, column in zip(points, changes(problem, fit, candidate, points, known)):
-            if column is not None:
-                shapes = {name: value for name, value in point.items() if name != amplitude}
-                yield _signature(candidate, amplitude, point[amplitude], shapes, column)
+    made: list[Signature] = []
+    for candidate in found:
+        if candidate.use not in points:
+            continue
+        if candidate.without_prior:
+            made.append(_certificate(problem, fit, candidate))
+            made += _beside_certificate(problem, fit, candidate)
+        elif len(candidate.amplitudes) > 1:
+            made += _several_amplitudes(problem, fit, candidate, points[candidate.use])
+        else:
+            name, tried = candidate.amplitudes[0], points[candidate.use]
+            for point, column in zip(tried, changes(problem, fit, candidate, tried, known)):
+                if column is not None:
+                    shapes = {n: value for n, value in point.items() if n != name}
+                    made.append(_signature(candidate, name, point[name], shapes, column))
+    return made
 
 
 def carried(seen: Sequence[Signature], old: Problem, new: Problem, uses: Collection[Use]) -> list[Signature]:
@@ -283,3 +290,115 @@ def residuals(problem: Problem, many: Sequence[Mapping[str, Any]]) -> Array:
         seen = [problem.seen_by(o, values) for values in many]
         parts.append(o.whiten(o.predict_many(problem.assembly, seen) - o.measured[:, None]))
     return np.concatenate(parts)
+
+
+def shape_grid(
+    problem: Problem, fit: Fit, found: Sequence[Candidate], known: Known
+) -> dict[Use, list[Point]]:
+    """Points at which each candidate is to be tried, from how its signature turns at a fit of the problem.
+
+    Amplitudes are moved by sizes from the plausible range, not by infinitesimal steps, so that an
+    effect that saturates, or has a kink at zero, is seen as it is. Directions are compared after the
+    parameters of the base have taken out what they can. What is worked out for it is kept in `known`.
+    """
+    base = Projection.of(fit.residual, fit.jacobian)
+    allowed = max(LEAST_EVALUATIONS, min(MOST_EVALUATIONS, MOST_EVALUATIONS * ROWS // problem.n_data))
+    most = max(1, min(MOST_PLACES, allowed // max(len(found), 1)))
+    grids: dict[Use, list[Point]] = {}
+    for candidate in found:
+        own = _ShapeGrid(problem, fit, base, candidate, most, known)
+        if candidate.without_prior:
+            points = [own.defaults]
+        elif len(candidate.amplitudes) > 1:
+            points = own.places(default_value(candidate, candidate.amplitudes[0]))
+        else:
+            sizes, name = own.sizes(), candidate.amplitudes[0]
+            places = own.places(sizes[0]) if sizes else []
+            points = [{**place, name: size} for place in places for size in sizes]
+        if points:
+            grids[candidate.use] = points
+    return grids
+
+
+@dataclass(frozen=True, eq=False)
+class _ShapeGrid:
+    """Own elements of one candidate and their values, one mapping a point."""
+
+    problem: Problem
+    fit: Fit
+    base: Projection
+    candidate: Candidate
+    most: int
+    known: Known
+
+    @cached_property
+    def defaults(self) -> Point:
+        return {n: default_value(self.candidate, n) for n in self.candidate.shapes}
+
+    def _directions(self, points: Sequence[Point]) -> list[Array | None]:
+        """Unit vectors that are left of the signatures; None where nothing is, or no finite value."""
+        out: list[Array | None] = []
+        for column in changes(self.problem, self.fit, self.candidate, points, self.known):
+            projected = None if column is None else self.base.project_out(column)
+            if (
+                projected is None
+                or column is None
+                or not projected @ projected > COLLINEAR * (column @ column)
+            ):
+                out.append(None)
+            else:
+                out.append(projected / np.linalg.norm(projected))
+        return out
+
+    def sizes(self) -> list[float]:
+        """Values of the amplitude whose signatures differ in direction; the default first."""
+        candidate, amplitude = self.candidate, self.candidate.amplitudes[0]
+        neutral = candidate.neutral(amplitude)
+        low, high = candidate.plausible(amplitude)
+        reach = max(abs(low), abs(high))
+        kept: list[tuple[float, Array]] = []
+        ends = [default_value(candidate, amplitude), high, low][: None if self.most >= FEW else 1]
+        for values in (ends, [neutral + 0.1 * (v - neutral) for v in (high, low)]):
+            if values is not ends and len(kept) <= 1:
+                break  # the same direction at both ends: it is the same in between
+            apart = [v for v in dict.fromkeys(values) if abs(v - neutral) > 1e-9 * reach]
+            for value, unit in zip(apart, self._directions([{**self.defaults, amplitude: v} for v in apart])):
+                if unit is not None and all(abs(unit @ other) < SAME_DIRECTION for _, other in kept):
+                    kept.append((value, unit))
+        return [value for value, _ in kept]
+
+    def places(self, size: float) -> list[Point]:
+        """Places of the shapes: each over its plausible range, closer where the signature turns quickly.
+
+        Several shapes are moved one at a time from their defaults, and together on a coarse grid where
+        there is space for it.
+        """
+        candidate, defaults = self.candidate, self.defaults
+        if not defaults:
+            return [{}]
+        each = max((self.most - 1) // len(defaults), 1)
+        rest: dict[str, float] = {str(n): candidate.neutral(n) for n in candidate.amplitudes} | {
+            candidate.amplitudes[0]: size
+        }
+        places = [defaults]
+        for name in candidate.shapes:
+            values = list(grid(*candidate.plausible(name), min(5, each))) if each > 1 else []
+            for _ in range(ROUNDS):
+                units = self._directions([{**defaults, **rest, name: v} for v in values])
+                wide = [k for k in range(len(values) - 1) if _turns(units[k], units[k + 1])]
+                if not wide or len(values) + len(wide) > each:
+                    break
+                values = sorted({*values, *(_middle(values[k], values[k + 1]) for k in wide)})
+            places += [{**defaults, name: v} for v in values]
+        if len(defaults) > 1 and len(places) + 3 ** len(defaults) <= self.most:
+            coarse = [grid(*candidate.plausible(name), 3) for name in candidate.shapes]
+            places += [dict(zip(candidate.shapes, place)) for place in product(*coarse)]
+        return list({tuple(p.items()): p for p in places}.values())
+
+
+def _middle(low: float, high: float) -> float:
+    return float(np.sqrt(low * high)) if low > 0 else (low + high) / 2
+
+
+def _turns(first: Array | None, second: Array | None) -> bool:
+    return first is not None and second is not None and bool(abs(first @ second) < REFINE_BELOW)

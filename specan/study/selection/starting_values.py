@@ -2,30 +2,37 @@
 
 A resonator declared at 150 Hz does not find its own resonance at 230 Hz by going downhill. What is new is
 therefore tried over the range of its shapes first, as a candidate of a diagnosis is.
+
+Where an effect that acts at one place may sit is known before anything else of it: whatever acts at a place changes
+every receiver's line by the response to a source there, times one factor a line that all receivers share. With that
+factor free at every line, what a place can explain of a residual follows in closed form.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.models.parameter_name import ParameterName
-from specan.study.estimation.continuation import continuation_fit, down_weighted
+from specan.models.measurement_kinds import PlacedEffects
+from specan.models.parameter import ParameterName
+from specan.study.estimation.base_problem import without
+from specan.study.estimation.continuation import JACOBIANS, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
-from specan.study.estimation.linearised_covariance import JACOBIANS, about
 from specan.study.estimation.problem import Problem
+from specan.study.observation.frf import FrfObservation
 from specan.study.selection.candidates import Candidate, candidates, grid
-from specan.study.selection.matched_field import Found, likely_places
 from specan.study.selection.refits import Refit, start_from
 from specan.study.selection.score_test import Scored, best_of_each, different, score
-from specan.study.selection.shape_grid import shape_grid
-from specan.study.selection.signatures import Known, Point, default_value, signatures
+from specan.study.selection.signatures import Known, Point, default_value, shape_grid, signatures
 
 STARTS = 3  # signatures of a candidate that lie apart
 EVERYWHERE = 2  # effects that are looked for at every place
@@ -33,6 +40,17 @@ PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts 
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
 RESONANCES = 45  # 5 % apart over a decade
 WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
+
+Array = NDArray[np.float64]
+
+EACH_WAY = 11  # places along an edge, corners among them: a sixth of a wavelength where an edge holds two
+FROM_EDGE = 0.04  # of an edge
+MOST_SEATS = 2  # places of one element
+LEAST_SHARE = 0.7  # share of what the best place explains, below which another is no place to begin
+
+
+# A search asks for some of the candidates at a time.
+_SHARES: WeakKeyDictionary[Refit, dict[str, Array]] = WeakKeyDictionary()
 
 
 def starting_values(
@@ -44,7 +62,7 @@ def starting_values(
         return starts
     lean = problem
     for use in new:
-        lean = lean.without(use)
+        lean = without(lean, use)
     try:
         values = continuation_fit(lean, [known])
     except ComputationError:  # without what is new nothing fits: the declared values must do
@@ -75,23 +93,17 @@ def scan_promising(
 
     Few shapes may be what holds an effect back; and a low mode is much the same at the opposite end.
     """
-    order = sorted(scored, key=lambda use: promised(refit, scored[use][0]))
+    order = sorted(scored, key=lambda use: refit.promised(scored[use][0]))
     names: dict[str, Use] = {}
     for use in order:
         names.setdefault(use.name, use)
     found = scan_shapes(refit, [*order[:count], *names.values()])
     if not found:
         return found
-    best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: promised(refit, found[use][0])))
+    best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: refit.promised(found[use][0])))
     return found | scan_shapes(
         refit, [use for use in order if use.name in [*best][:EVERYWHERE] and use not in found]
     )
-
-
-def promised(refit: Refit, item: Scored) -> float:
-    """Change of BIC that a signature promises."""
-    count = item.amplitudes + len(item.signature.shapes)
-    return -item.chi2_reduction / refit.dispersion + count * float(np.log(refit.problem.n_effective))
 
 
 def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
@@ -253,3 +265,100 @@ def kept_values(problem: Problem, table: Mapping[str, Mapping[str, Any]]) -> dic
         if all(name in own for name in names):
             found[whole] = np.array([own[n] for n in names]) if whole in problem.elements else own[whole]
     return found
+
+
+@dataclass(frozen=True)
+class Found:
+    """A place and the part of the residual's chi-square that a source there could explain.
+
+    Attributes
+    ----------
+    shapes : mapping
+        Values of the two parameters that are the place.
+    """
+
+    shapes: dict[str, float]
+    share: float
+
+
+def likely_places(refit: Refit, found: Sequence[Candidate]) -> dict[Use, list[Found]]:
+    """Places of the candidates that act at one, best first; empty for a model that cannot tell.
+
+    Places that explain less than `LEAST_SHARE` of what the best of all does are left out, but the best of each
+    element.
+    """
+    receivers = refit.problem.assembly.model.receivers
+    placed = None if receivers is None else receivers.placed
+    if placed is None:
+        return {}
+    mine = [c for c in found if c.use.name in placed.shapes and c.use.at]
+    shares = _SHARES.setdefault(refit, {})
+    shares |= _shares(refit, placed, sorted({str(c.use.at) for c in mine} - {*shares}))
+    if not shares:
+        return {}
+    best = max(float(share.max()) for share in shares.values())
+    grid, out = _grid(), {}
+    for candidate in mine:
+        names = [f"{candidate.use}.{name}" for name in placed.shapes[candidate.use.name]]
+        share = shares[str(candidate.use.at)]
+        peaks = [p for k, p in enumerate(_peaks(share)) if k == 0 or share[p] >= LEAST_SHARE * best]
+        out[candidate.use] = [
+            Found(
+                dict(zip(names, (float(grid[i]), float(grid[j])), strict=True)),
+                float(share[i, j]),
+            )
+            for i, j in peaks[:MOST_SEATS]
+        ]
+    return out
+
+
+def _grid() -> Array:
+    return np.linspace(FROM_EDGE, 1 - FROM_EDGE, EACH_WAY)
+
+
+def _peaks(share: Array) -> list[tuple[int, int]]:
+    """Places than which no neighbour explains more, best first."""
+    wide = np.pad(share, 1, constant_values=-np.inf)
+    around = [np.roll(wide, (a, b), (0, 1))[1:-1, 1:-1] for a in (-1, 0, 1) for b in (-1, 0, 1)]
+    top = np.argwhere(share >= np.max(around, axis=0))
+    return sorted(((int(i), int(j)) for i, j in top), key=lambda p: -share[p])
+
+
+def _shares(refit: Refit, placed: PlacedEffects, elements: Sequence[str]) -> dict[str, Array]:
+    """Share of the residual's chi-square that a source at each place of the grid could explain, by element."""
+    if not elements:
+        return {}
+    problem = refit.problem
+    seen = [o for o in problem.observations if isinstance(o, FrfObservation)]
+    across, along = (axis.ravel() for axis in np.meshgrid(_grid(), _grid(), indexing="ij"))
+    places = np.column_stack([across, along])
+    total = 0.0
+    explained = {element: np.zeros(len(places)) for element in elements}
+    for observation in seen:
+        own = problem.seen_by(observation, problem.values_at(refit.fit.theta))
+        quantities = problem.assembly.evaluate(
+            observation.conditions_at_nodes, own, wanted=list(placed.reads)
+        )
+        gap = observation.response - observation.responses(problem.assembly, [own])[0]
+        weight = observation.kept / observation.noise
+        total += float(np.sum(np.abs(gap * weight) ** 2))
+        for element in elements:
+            explained[element] += _explained(gap * weight, placed, quantities, element, places, observation)
+    return {e: x.reshape(EACH_WAY, EACH_WAY) / total for e, x in explained.items()} if total else {}
+
+
+def _explained(
+    white: NDArray[np.complex128],
+    placed: PlacedEffects,
+    quantities: Any,
+    element: str,
+    places: Array,
+    observation: FrfObservation,
+) -> Array:
+    """Chi-square that a source at each place explains, its strength free at every line."""
+    weight = observation.kept / observation.noise
+    pattern = np.stack([observation.folding(p) for p in placed.patterns(quantities, element, places)])
+    pattern = pattern * weight
+    along = np.abs(np.sum(pattern.conj() * white, axis=1)) ** 2
+    size = np.sum(np.abs(pattern) ** 2, axis=1)
+    return np.asarray(np.sum(along / np.maximum(size, 1e-300), axis=1))

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.special import j1, spherical_jn
 
-from specan.models.room import box_field
-from specan.models.room.axis_modes import axis_modes
-from specan.models.room.box_field import Port, ball_mean, box, disc_mean
+from specan.models.room import box_field, soft_axis
+from specan.models.room.axis_modes import _carried, _zeros, axis_modes
+from specan.models.room.box_field import box
+from specan.models.room.port import Port, ball_mean, disc_mean
 from specan.models.room.static_correction import _closed_form
 
 LENGTHS = (0.9, 0.6, 0.7)
@@ -118,10 +119,12 @@ def test_a_place_of_a_wall_moves_with_it_and_keeps_the_remainder_of_the_drawn_ro
 
 
 WIDE, NARROW = (0.1 * d / (d + 1j * (FINE / 11.0 - 11.0 / FINE)) for d in (1.0, 0.01))
+LINED = 0.95 / (1 + 0.95j * (0.3 * FINE / 5.4 - 3.0 / FINE))  # resistance, mass and stiffness
 WALLS = [
     pytest.param(np.full((6, 1), 0.01), 24, id="hard"),
     pytest.param(np.array([0.3, 0.02, 0.1 + 0.2j, 0.0, -0.3j, 0.05])[:, None], 24, id="soft"),
     pytest.param(np.array([0.01, WIDE, 0, 0, 0.1, 0], dtype=object)[:, None], 48, id="resonant"),
+    pytest.param(np.array([0.01, LINED, 0, 0, 0.02, 0], dtype=object)[:, None], 96, id="modes change places"),
     pytest.param(np.array([0.01, NARROW, 0, 0, 0.1, 0], dtype=object)[:, None], None, id="narrow"),
 ]
 
@@ -139,12 +142,20 @@ def test_few_lines_tell_the_others_or_are_not_used(beta, few, monkeypatch):
         Port((0.7, 0.5, 0.1), 0),
     ]
     sparse = box(*arguments)
-    assert (len(sparse.few.chosen) if sparse.few else None) == few
+    assert (len(sparse.resonances.few.chosen) if sparse.resonances else None) == few
     got = sparse.coupling(source, receivers)
     monkeypatch.setattr(box_field, "interpolations", lambda frequency: ())
     expected = box(*arguments).coupling(source, receivers)
     size = np.sqrt(np.mean(np.abs(expected) ** 2, axis=0))
     assert np.max(np.abs(got - expected) / size) < 1e-8
+
+
+def test_poles_are_kept_only_where_what_they_leave_is_smooth(monkeypatch):
+    beta = np.array([np.broadcast_to(b, FINE.shape) for b in (0.01, LINED, 0, 0, 0.02, 0)], dtype=complex)
+    arguments = (FINE, LENGTHS, (FINE - 0.01j) ** 2, 1j * FINE * beta, LENGTHS, FINE.max(), (14, 10, 12))
+    once = soft_axis._once
+    monkeypatch.setattr(soft_axis, "_once", lambda *found: tuple(part[1:] for part in once(*found)))
+    assert box(*arguments).resonances is None
 
 
 def test_coupling_is_reciprocal():
@@ -167,3 +178,16 @@ def test_means_over_disc_and_ball_are_the_averages_they_claim():
     assert ball_mean(np.array(4.0), 1.0).real == pytest.approx(
         np.cos(ball @ [1.2, 1.6, 0.0]).mean(), abs=3e-3
     )
+
+
+@pytest.mark.parametrize("beta", [(0.01, 0.3), (0.5 + 0.8j, 0.05)])
+def test_modes_carried_from_near_walls_are_those_solved_for(beta):
+    k, count = np.array([1.0, 14.0, 27.0]), 12
+    walls = [0.9j * k * b for b in beta]
+    axis_modes(0.9, *walls, count)
+    near = [1.002 * walls[0], 0.998 * walls[1]]
+    carried = _carried(*(a[:, None] for a in near), count)
+    assert carried is not None
+    solved = _zeros(0.9, *(a[:, None] for a in near), count)
+    np.testing.assert_allclose(np.sort_complex(carried), np.sort_complex(solved), rtol=1e-11)
+    assert _carried(*(3 * a[:, None] for a in near), count) is None  # too far to be sure of the same modes

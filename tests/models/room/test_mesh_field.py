@@ -9,7 +9,7 @@ from scipy.sparse.linalg import splu
 from specan.errors import RequestError
 from specan.models import check_effect
 from specan.models.catalogue import load_model
-from specan.models.room.box_field import Port
+from specan.models.room.port import Port
 
 LENGTHS = np.array([0.9, 0.6, 0.7])
 AWAY = np.array([1.2, -0.3, 0.4])  # a mesh need not start at the origin

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from specan.errors import RequestError
-from specan.study import commit as commit_module
-from specan.study.commit import LOCK, PENDING, changing, commit, recover
+from specan.study import history
 from specan.study.create import begin
 from specan.study.edit import add_effect, drop_effect, drop_effect_file
-from specan.study.history import History
+from specan.study.history import LOCK, PENDING, History, changing, commit, recover
 from specan.study.observation.window_leakage import fold
 from specan.study.study import Study
 from specan.study.study_file import read_study_file
@@ -115,7 +114,7 @@ def test_finishing_twice_appends_once(study):
 
 HOLDER = """
 import pathlib, sys, time
-from specan.study.commit import changing
+from specan.study.history import changing
 with changing(pathlib.Path(sys.argv[1])):
     print("ready", flush=True)
     time.sleep(600)
@@ -149,8 +148,8 @@ def test_two_that_opened_the_same_state_both_keep_their_effect(study):
 def test_a_failed_change_is_forgotten_by_the_study_that_was_open(study, monkeypatch):
     opened = add_effect(study, "seal-drag").study
     with monkeypatch.context() as patch:
-        patch.setattr(commit_module, "_finish", lambda directory: (_ for _ in ()).throw(Crash))
-        patch.setattr(commit_module, "_write_whole", lambda *given: (_ for _ in ()).throw(Crash))
+        patch.setattr(history, "_finish", lambda directory: (_ for _ in ()).throw(Crash))
+        patch.setattr(history, "_write_whole", lambda *given: (_ for _ in ()).throw(Crash))
         with pytest.raises(Crash):
             add_effect(opened, "windage")
     assert "windage" not in drop_effect(opened, "seal-drag").study.model_effects

@@ -3,8 +3,8 @@
 import numpy as np
 
 from specan.models import Parameter, effect
-from specan.models.room.box_field import Port, point
 from specan.models.room.field import LocalLoad
+from specan.models.room.port import Port, point
 
 
 @effect(

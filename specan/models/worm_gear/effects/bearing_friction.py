@@ -1,7 +1,7 @@
 """Friction of the rolling bearings."""
 
 from specan.models import Parameter, effect
-from specan.models.worm_gear.forces import WHEEL, WORM
+from specan.models.worm_gear.bearings import WHEEL, WORM
 
 
 @effect(

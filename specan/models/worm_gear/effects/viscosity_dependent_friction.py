@@ -2,7 +2,7 @@
 
 from specan.models import Parameter, effect
 from specan.models.worm_gear.effects.churning import REFERENCE_VISCOSITY
-from specan.models.worm_gear.power_step import power_step
+from specan.models.worm_gear.mesh import power_step
 
 
 @effect(

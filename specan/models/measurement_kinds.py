@@ -1,0 +1,337 @@
+"""What a model brings for each kind of measurement that it can be held against.
+
+Of tables the rules that their rows obey: columns that follow from others, values that cannot be. Of order lines which
+there are, and what a recording tells about them. Of transfer functions the receivers: their places and their errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+
+class TableFault(Exception):
+    """What is wrong with a table; whoever reads the file says which file and lines.
+
+    Parameters
+    ----------
+    found : str
+        What was found.
+    rows : array of bool, optional
+        The rows that it is true of; the whole table by default.
+    expected, remedy : str
+        See `specan.errors.SpecanError`.
+    """
+
+    def __init__(
+        self, found: str, rows: NDArray[np.bool_] | None = None, expected: str = "", remedy: str = ""
+    ) -> None:
+        super().__init__(found)
+        self.found, self.rows, self.expected, self.remedy = found, rows, expected, remedy
+
+
+@dataclass(frozen=True)
+class Completed:
+    """Columns that replace those of the table, the step in which each row's value was printed, and notes.
+
+    Attributes
+    ----------
+    columns, steps : mapping
+        ``{header: array (rows,)}``; NaN where a value is unknown or of no use.
+    notes : tuple of str
+        What was worked out or left out, for a person.
+    """
+
+    columns: Columns
+    steps: Columns
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class TableRules:
+    """What a model does with the columns of a table before they are compared with it.
+
+    Attributes
+    ----------
+    complete : callable
+        ``complete(columns, steps) -> Completed`` from the columns that a table has (in the units of their
+        headers) and the steps in which they are printed. Raises `TableFault`.
+    derivable : mapping
+        ``{header: headers that it follows from}`` of conditions that a table need not hold.
+    """
+
+    complete: Callable[[Columns, Mapping[str, float]], Completed]
+    derivable: Mapping[str, frozenset[str]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Stated:
+    """Where a recording tells an operating condition that holds for the whole of it.
+
+    Attributes
+    ----------
+    prefix : str
+        Property of a group or of the recording, ``NAME_UNIT``, in the condition's `column_unit`.
+    channel : str
+        Channel whose mean it is, where no property tells.
+    default : float
+        Nominal value, SI.
+    """
+
+    prefix: str
+    channel: str = ""
+    default: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Tacho:
+    """A channel with pulses of a shaft that makes `ratio` turns a turn of the reference shaft."""
+
+    channel: str
+    ratio: float
+
+
+@dataclass(frozen=True, eq=False)
+class OrderLines:
+    """Order lines of vibration sensors, counted per turn of a reference shaft.
+
+    Attributes
+    ----------
+    axis : str
+        The model's axis that names the sensors; their channels have these names.
+    order : array (lines,)
+        Orders that the machine can show.
+    harmonic : array of int (lines,)
+        Number of the harmonic that each belongs to: what lies between machine and sensor gives the lines of one
+        harmonic one unknown gain.
+    offset : array (lines,)
+        Order less that of its harmonic.
+    family : tuple of str
+        What each line is called together with those of the other harmonics: ``66h+-1``.
+    order_condition, rate_condition : str
+        Conditions of the model that hold a line's order and a shaft's speed.
+    rate_ratio : float
+        That speed over the speed of the reference shaft.
+    stated : mapping
+        Where a recording tells the other conditions.
+    tachos : tuple of Tacho
+        Channels that tell the angle, the finest first.
+    index : str
+        Channel with one pulse a turn of the reference shaft: phases are those at its pulses.
+    period : int
+        Turns of the reference shaft after which the machine repeats itself. Which of them a recording begins with,
+        nobody knows.
+    discrepancy : float
+        Relative standard uncertainty of the model, common to lines within a few orders.
+    path : float
+        Relative standard uncertainty of lines beside a harmonic that is common to all harmonics: how strongly they
+        are heard there depends on the path to the sensor.
+    response : float
+        Relative standard uncertainty of lines that the ideal machine does not have, against those that it has; common
+        to the lines of a harmonic.
+    """
+
+    axis: str
+    order: Array
+    harmonic: NDArray[np.intp]
+    offset: Array
+    family: tuple[str, ...]
+    order_condition: str
+    rate_condition: str
+    rate_ratio: float
+    tachos: tuple[Tacho, ...]
+    index: str
+    period: int = 1
+    stated: Mapping[str, Stated] = field(default_factory=dict)
+    discrepancy: float = 0.1
+    path: float = 0.3
+    response: float = 0.5
+
+
+@dataclass(frozen=True)
+class ReceiverErrors:
+    """Declared standard uncertainties of the receivers and of the model.
+
+    Attributes
+    ----------
+    position_m : float
+        Of each coordinate of a receiver.
+    calibration_dB, calibration_phase_deg : float
+        Of a receiver's calibration.
+    discrepancy : float
+        Of the model: part of the response, and half of that part of the third octave's RMS response over all
+        receivers (where modes cancel, their errors do not).
+    detuning : float
+        Part of the model's natural frequencies and bandwidths.
+    """
+
+    position_m: float
+    calibration_dB: float
+    calibration_phase_deg: float
+    discrepancy: float
+    detuning: float
+
+
+@dataclass(frozen=True)
+class WaveNumberStep:
+    """How the derivative of a response by the logarithm of the wave number follows from an effect's parameter.
+
+    dH/d ln k = `slope` dH/dp + `own` H, with p the parameter.
+
+    Attributes
+    ----------
+    effect, parameter : str
+        Effect and its parameter p, neutral at its neutral value.
+    step : float
+        By which p is moved for a difference quotient, SI.
+    slope, own : float
+    """
+
+    effect: str
+    parameter: str
+    step: float
+    slope: float
+    own: float
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where further receivers can stand.
+
+    Attributes
+    ----------
+    free : callable
+        ``free() -> array (n, 3)``: places in m that can be taken, where none stands yet.
+    with_receivers : callable
+        ``with_receivers(model, places) -> (model, names)``: the model with further receivers behind its own.
+    depth : callable
+        ``depth(group, places) -> array (n,)``: distance of places from what a group lies near, m.
+    extent_m : tuple of float
+        Edges of the box that holds all of them, for a plan.
+    """
+
+    free: Callable[[], Array]
+    with_receivers: Callable[[Any, Array], tuple[Any, tuple[str, ...]]]
+    depth: Callable[[str, Array], Array]
+    extent_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedEffects:
+    """Effects that act at one place, and how the receivers hear what is emitted there.
+
+    Whatever such an effect is, it changes the response by one factor a line times the response to a source at
+    its place: a place can be looked for before anything else of the effect is known (matched-field processing:
+    Baggeroer, Kuperman & Mikhalevsky 1993, IEEE J. Oceanic Eng. 18:401).
+
+    Attributes
+    ----------
+    shapes : mapping
+        Effect to the names of the two parameters that are its place, in parts of an element's edges.
+    reads : tuple of str
+        Quantities of the model that `patterns` needs.
+    patterns : callable
+        ``patterns(quantities, element, places) -> complex array (places, receivers, lines)``: response to a source
+        at each of `places` (n, 2), to any scale.
+    """
+
+    shapes: Mapping[str, tuple[str, str]]
+    reads: tuple[str, ...]
+    patterns: Callable[[Mapping[str, Any], str, Array], NDArray[np.complex128]]
+
+
+@dataclass(frozen=True, eq=False)
+class SourcePlaces:
+    """Where the source of a field may be if it is not where it is declared.
+
+    Attributes
+    ----------
+    faces : tuple of str
+        Elements on which it may lie.
+    with_source : callable
+        ``with_source(model, face, across, along) -> model``: the model with its source there, in parts of the face's
+        edges.
+    words : callable
+        ``words(face, across, along) -> str``: a sentence that says so.
+    """
+
+    faces: tuple[str, ...]
+    with_source: Callable[[Any, str, float, float], Any]
+    words: Callable[[str, float, float], str]
+
+
+@dataclass(frozen=True, eq=False)
+class NamedModes:
+    """Modes of a field by name, so that a failure near one can be told by it.
+
+    Attributes
+    ----------
+    reads : tuple of str
+        Quantities of the model that `names` needs.
+    names : callable
+        ``names(quantities, f_max_hz) -> [(natural frequency, name), ...]``, the lowest first.
+    """
+
+    reads: tuple[str, ...]
+    names: Callable[[Mapping[str, Any], float], list[tuple[float, str]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """Channels at places in a field, compared with a reference channel.
+
+    Attributes
+    ----------
+    axis : str
+        The model's axis that names them.
+    noun, plural : str
+        What they are called in sentences.
+    role, reference_role, helper_role : str
+        Roles of their channels, of the reference channel and of the drive signal in a recording.
+    band_hz : tuple of float
+        Lowest and highest frequency that is looked at.
+    positions_m : array (receivers, 3)
+    moved_by : str
+        Effect that acts at one receiver and moves it by the parameters `along`, m.
+    errors : ReceiverErrors
+    wave_number : WaveNumberStep
+    groups : callable
+        ``groups(channels) -> {name: numbers of some channels}`` at which a failure is looked for together.
+    group_label, group_words : str
+        Key of a group in results, and the words that stand before its name.
+    places : Places, optional
+        Where further receivers can stand, if the model can tell.
+    placed : PlacedEffects, optional
+        Effects at one place, if the model can tell how a place is heard.
+    source : SourcePlaces, optional
+        Where the source may be, if the model can move it.
+    modes : NamedModes, optional
+        Names of the field's modes, if the model knows any.
+    """
+
+    axis: str
+    noun: str
+    plural: str
+    role: str
+    reference_role: str
+    helper_role: str
+    band_hz: tuple[float, float]
+    positions_m: Array
+    moved_by: str
+    along: tuple[str, str, str]
+    errors: ReceiverErrors
+    wave_number: WaveNumberStep
+    groups: Callable[[Sequence[str]], Mapping[str, list[int]]]
+    group_label: str = "group"
+    group_words: str = "receivers near"
+    places: Places | None = None
+    placed: PlacedEffects | None = None
+    source: SourcePlaces | None = None
+    modes: NamedModes | None = None

@@ -1,0 +1,144 @@
+"""A model made linear: derivatives of what it predicts, and what is left of a residual that its parameters absorb.
+
+A stencil is points around a place, and the weights that make derivatives of what a model predicts there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
+
+# Offsets in steps, their weights, and the weight of the centre. Taylor's theorem; Abramowitz & Stegun, table 25.2.
+_Rule = tuple[tuple[int, ...], tuple[float, ...], float]
+_FORWARD: _Rule = ((1,), (1.0,), -1.0)
+_CENTRAL: _Rule = ((-1, 1), (-0.5, 0.5), 0.0)
+_AT_AN_END: _Rule = ((1, 2), (2.0, -0.5), -1.5)
+_FOURTH: _Rule = ((-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12), 0.0)
+_FOURTH_AT_AN_END: _Rule = ((1, 2, 3, 4), (4.0, -3.0, 4 / 3, -1 / 4), -25 / 12)
+
+Array = NDArray[np.float64]
+
+
+def usual_stencil(
+    theta: Array, scale: Array, low: Array, high: Array, exact: bool
+) -> tuple[list[Array], Array]:
+    """Points around theta (itself first, where it counts) and the weights that make derivatives of their predictions.
+
+    Central differences; one-sided ones of second order where a bound is near. Plain one-sided ones where they
+    need not be `exact`: what they err by, the step's share of the parameter's width, no step
+    of a fit and no interval shows.
+    """
+    steps = STEP * np.maximum(scale, np.abs(theta))
+    steps = (theta + steps) - theta
+    rules = []
+    for k, step in enumerate(steps):
+        if not exact:
+            rules.append(_mirrored(_FORWARD) if theta[k] + step > high[k] else _FORWARD)
+        elif theta[k] - step < low[k]:
+            rules.append(_AT_AN_END)
+        elif theta[k] + step > high[k]:
+            rules.append(_mirrored(_AT_AN_END))
+        else:
+            rules.append(_CENTRAL)
+    return _stencil(theta, steps, rules)
+
+
+def chosen_stencil(
+    theta: Array, steps: Array, low: Array, high: Array, order: int
+) -> tuple[list[Array], Array]:
+    """The same of second or fourth order, with a step for each element of theta; one-sided where a bound is near.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> none = np.array([np.inf])
+    >>> points, weights = chosen_stencil(np.array([1.0]), np.array([1e-3]), -none, none, 4)
+    >>> derivative = np.exp(np.array(points)[:, 0]) @ weights
+    >>> bool(abs(derivative[0] - np.e) < 1e-12)
+    True
+    """
+    inside, at_an_end = (_FOURTH, _FOURTH_AT_AN_END) if order == 4 else (_CENTRAL, _AT_AN_END)
+    steps = np.minimum(steps, (high - low) / 8)  # four of them fit between one end and the middle
+    steps = (theta + steps) - theta
+    rules = []
+    for k, step in enumerate(steps):
+        reach = order // 2 * step
+        if low[k] <= theta[k] - reach and theta[k] + reach <= high[k]:
+            rules.append(inside)
+        else:
+            rules.append(at_an_end if theta[k] + 2 * reach <= high[k] else _mirrored(at_an_end))
+    return _stencil(theta, steps, rules)
+
+
+def _mirrored(rule: _Rule) -> _Rule:
+    offsets, weights, centre = rule
+    return tuple(-o for o in offsets), tuple(-w for w in weights), -centre
+
+
+def _stencil(theta: Array, steps: Array, rules: list[_Rule]) -> tuple[list[Array], Array]:
+    points = [theta]
+    weights = np.zeros((1 + sum(len(rule[0]) for rule in rules), theta.size))
+    for k, (step, (offsets, outside, centre)) in enumerate(zip(steps, rules, strict=True)):
+        weights[0, k] = centre / step
+        for offset, weight in zip(offsets, outside, strict=True):
+            weights[len(points), k] = weight / step
+            points.append(theta.copy())
+            points[-1][k] += offset * step
+    return (points, weights) if np.any(weights[0]) else (points[1:], weights[1:])
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A fit, linearised: whitened residual and an orthonormal basis of what its parameters can do.
+
+    Attributes
+    ----------
+    residual : array, (n_rows,)
+        Whitened residual, pseudo-data of the priors included.
+    basis : array, (n_rows, rank)
+        Orthonormal basis of the whitened Jacobian's columns.
+    """
+
+    residual: Array
+    basis: Array
+
+    @classmethod
+    def of(cls, residual: Array, jacobian: Array) -> Projection:
+        """Linearise; columns that add nothing to the others are left out of the basis."""
+        return cls(residual, orthonormal(jacobian))
+
+    @property
+    def rank(self) -> int:
+        """Number of parameter combinations that the data determine."""
+        return int(self.basis.shape[1])
+
+    def project_out(self, columns: Array) -> Array:
+        """Part of a vector, or of each column, that no change of the parameters can produce.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> line = np.column_stack([np.ones(3), [-1.0, 0.0, 1.0]])
+        >>> Projection.of(np.zeros(3), line).project_out(np.array([0.0, 1.0, 2.0])).round(12) + 0.0
+        array([0., 0., 0.])
+        """
+        return columns - self.basis @ (self.basis.T @ columns)
+
+    def free_chi2(self, shift: Array) -> float:
+        """Chi-square that is left of `shift` after a linear refit."""
+        rest = self.project_out(shift)
+        return float(rest @ rest)
+
+
+def orthonormal(columns: Array, tolerance: float = 1e-9) -> Array:
+    """Orthonormal basis of the span of the columns, each counted at its own scale."""
+    norms = np.linalg.norm(columns, axis=0)
+    columns = columns[:, norms > 0] / norms[norms > 0]
+    if not columns.size:
+        return np.zeros((columns.shape[0], 0))
+    left, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(left[:, values > tolerance * values[0]])

@@ -1,0 +1,262 @@
+"""What looks wrong with a table, in sentences: a mistake in it, or a drift over its rows, looks like physics."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.study.data.plausible_rows import IDLE
+from specan.study.estimation.fit import fit
+from specan.study.observation import Array
+from specan.study.observation.table import TableObservation
+from specan.study.selection.refits import Refit
+from specan.study.selection.significance import LACK_OF_FIT, lack_of_fit_probability
+from specan.units import printed_unit
+
+# Family-wise probability below which rows stand out, as of a lack of fit; and that above which the rest is whole.
+STANDS_OUT, WHOLE = 1e-3, 0.05
+MOST_LINES = 6  # of a table that a sentence names
+LEAST_ROWS = 3  # of each kind, below which kinds are not compared
+LEAST_REPEATED = 20  # rows whose repeats tell what is usual
+ODD = 6.0  # usual deviations beyond which a repeat is shown
+COPIED = 0.1  # share of the rows above which equal rows are shown
+# A reading in steps of a third of its standard deviation u agrees with a repeat by chance with probability
+# step / (2 sqrt(pi) u) = 0.09, that of a difference of two normal deviates within one step.
+FINE = 1 / 3
+KINDS = "coupled"  # condition that tells runs with the brake from those without it
+
+TIME = "elapsed_time"
+LEAST_DOF = 8.0  # of the differences between repeats, below which no drift is told
+
+
+def suspect_rows(refit: Refit) -> str:
+    """A sentence on the one condition, or the one reading, without which the model meets the data.
+
+    The chi-square that rows b take with them is S_b = r_b' (I - H_bb)^-1 r_b, the fall of the minimum when they are
+    left out, by linear algebra. Empty where the model meets the data, where nothing stands out, and where rows are few.
+    """
+    problem = refit.problem
+    observation = problem.observations[0]
+    if (
+        len(problem.observations) > 1
+        or not isinstance(observation, TableObservation)
+        or observation.replicate_group is None
+    ):
+        return ""
+    if not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT or observation.lines is None:
+        return ""
+    readings = [np.array([k]) for k in range(observation.n)]
+    conditions = [
+        np.flatnonzero(observation.replicate_group == cell) for cell in np.unique(observation.replicate_group)
+    ]
+    for kind, blocks in (("reading", readings), ("condition", conditions)):
+        falls = np.array([_fall(refit, block) for block in blocks])
+        worst = int(np.argmax(falls))
+        block = blocks[worst]
+        chance = len(blocks) * lack_of_fit_probability(falls[worst], block.size, problem.noise_dof)
+        if chance < STANDS_OUT and _without(refit, observation, block) > WHOLE:
+            where = _where(observation, block)
+            return f"one {kind} carries the misfit ({where}): without it the model fits; check it before anything else"
+    return ""
+
+
+def odd_repeat(refit: Refit) -> str:
+    """A sentence on a reading that lies far from the repeats of its condition; the scatter takes it in otherwise.
+
+    Deviations from the mean of a replicate group, in units of 1.4826 times the median of their sizes (a scale that
+    a few outliers do not move); what the model predicts for the conditions that were read is taken off before.
+    """
+    problem, observation = refit.problem, refit.problem.observations[0]
+    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
+        return ""
+    if observation.lines is None or observation.replicate_group is None:
+        return ""
+    _, index, counts = np.unique(observation.replicate_group, return_inverse=True, return_counts=True)
+    repeated = counts[index] > 1
+    if repeated.sum() < LEAST_REPEATED:
+        return ""
+    left = (observation.measured - problem.predictions(refit.fit.theta)[0]) / observation.sigma
+    off = np.abs(left - (np.bincount(index, left) / counts)[index]) / np.sqrt(
+        1 - 1 / np.maximum(counts[index], 2)
+    )
+    usual = 1.4826 * float(np.median(off[repeated]))
+    worst = int(np.argmax(np.where(repeated, off, 0.0)))
+    if not off[worst] > ODD * usual:
+        return ""
+    group = np.flatnonzero(index == index[worst])
+    lines = group if group.size == 2 else np.array([worst])
+    what = "two repeats differ" if group.size == 2 else "a repeat lies off"
+    times = f"{off[worst] / usual:.0f} times the usual scatter"
+    return f"{_where(observation, lines)}: {what} by {times}; check it, the stated scatter is larger for it"
+
+
+def copied_rows(refit: Refit) -> str:
+    """A sentence on rows that equal an earlier one in every number, by their lines; empty where chance explains them.
+
+    Chance does not where repeats seldom have the same conditions (these are readings then), and where the observable is
+    printed in steps that are small beside its scatter.
+    """
+    observation = refit.problem.observations[0]
+    if len(refit.problem.observations) > 1 or not isinstance(observation, TableObservation):
+        return ""
+    if observation.lines is None or observation.replicate_group is None or not observation.conditions:
+        return ""
+    conditions = np.stack([*observation.conditions.values()], axis=1)
+    table = np.column_stack([conditions, observation.measured])
+    _, first, index = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    original = first[np.ravel(index)]
+    copies = np.flatnonzero(original != np.arange(observation.n))
+    if copies.size < max(COPIED * observation.n, 1):
+        return ""
+    apart = _seldom_alike(conditions[first], observation.replicate_group[first])
+    if not apart and not _finely_printed(observation):
+        return ""
+    pairs = [
+        f"{_line(observation, k)} and {_line(observation, original[k])}" for k in copies[: MOST_LINES // 2]
+    ]
+    more = f", and {copies.size - len(pairs)} more pairs" if copies.size > len(pairs) else ""
+    said = f"{', '.join(pairs)}{more}: equal to the last digit"
+    return f"lines {said}; a copied row is no repeat, and makes the data look surer than they are; keep one of each"
+
+
+def _seldom_alike(conditions: Array, replicate_group: NDArray[np.intp]) -> bool:
+    """Whether rows that were meant to be alike hardly ever have equal conditions."""
+    alike = pairs = 0
+    for cell in np.unique(replicate_group):
+        members = conditions[replicate_group == cell]
+        _, counts = np.unique(members, axis=0, return_counts=True)
+        alike += int((counts * (counts - 1)).sum())
+        pairs += members.shape[0] * (members.shape[0] - 1)
+    return pairs > 0 and alike <= COPIED * pairs
+
+
+def _finely_printed(observation: TableObservation) -> bool:
+    """Whether the smallest difference of two readings, their printed step at most, is small beside their scatter."""
+    if "reading" not in observation.parts:
+        return False
+    for name in np.unique(observation.observable):
+        mine = observation.observable == name
+        steps = np.diff(np.unique(observation.measured[mine]))
+        if not steps.size or steps.min() > FINE * np.median(observation.parts["reading"][mine]):
+            return False
+    return True
+
+
+def _line(observation: TableObservation, row: int) -> str:
+    """Line of a row, with its file where there are several."""
+    assert observation.lines is not None
+    line = str(observation.lines[row])
+    if observation.recording is None or len(observation.recordings) < 2:
+        return line
+    return f"{line} of {observation.recordings[observation.recording[row]]}"
+
+
+def rows_of_two_kinds(refit: Refit) -> str:
+    """A sentence on idle rows that contradict the loaded ones: the model fails on all, and meets the loaded ones.
+
+    The model is refitted without the rows near zero of a condition that `idles`. Empty where the model meets the data,
+    where one kind is missing, and where the table tells the kinds apart already (a column ``coupled`` that varies).
+    """
+    problem, observation = refit.problem, refit.problem.observations[0]
+    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
+        return ""
+    if not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT:
+        return ""
+    conditions = problem.assembly.model.conditions
+    told = KINDS in conditions and np.ptp(observation.conditions.get(KINDS, np.ones(1))) > 0
+    for name, condition in conditions.items():
+        if not condition.idles or name not in observation.conditions or told:
+            continue
+        size = np.abs(observation.conditions[name])
+        loaded = size > IDLE * size.max()
+        if loaded.sum() < LEAST_ROWS or (~loaded).sum() < LEAST_ROWS:
+            continue
+        part = problem.over([observation.take(loaded)])
+        rest = Refit(frozenset(), part, fit(part, start=refit.fit.theta))
+        if rest.dof > 0 and rest.lack_of_fit > WHOLE:
+            ask = (
+                "; if they were run with the brake uncoupled, say so in a column 'coupled' (0 there, else 1)"
+                if KINDS in conditions
+                else ""
+            )
+            where = _where(observation, np.flatnonzero(~loaded))
+            return f"rows without load contradict the others: without them ({where}) the model fits{ask}"
+    return ""
+
+
+def _without(refit: Refit, observation: TableObservation, rows: NDArray[np.intp]) -> float:
+    """Lack of fit of the other rows, refitted: a large error bends the fit out of the reach of linear algebra.
+
+    What repeats of the other rows hold is no longer known by number, and counts as fit.
+    """
+    kept = np.ones(observation.n, dtype=bool)
+    kept[rows] = False
+    part = refit.problem.over([observation.take(kept)])
+    rest = Refit(frozenset(), part, fit(part, start=refit.fit.theta, starts=2))
+    return rest.lack_of_fit
+
+
+def _fall(refit: Refit, rows: NDArray[np.intp]) -> float:
+    basis, residual = refit.linear.basis[rows], refit.linear.residual[rows]
+    left = np.eye(rows.size) - basis @ basis.T
+    return float(residual @ np.linalg.lstsq(left, residual, rcond=1e-9)[0])
+
+
+def _where(observation: TableObservation, rows: NDArray[np.intp]) -> str:
+    """Conditions and lines."""
+    assert observation.lines is not None
+    place = ", ".join(
+        f"{name} {values[rows[0]]:g}"
+        for name, values in observation.labels.items()
+        if np.issubdtype(np.asarray(values).dtype, np.number) and rows.size <= MOST_LINES
+    )
+    lines = [str(line) for line in observation.lines[rows]]
+    more = " and more" if len(lines) > MOST_LINES else ""
+    word = "line" if len(lines) == 1 else "lines"
+    return (
+        f"{place}; {word} {', '.join(lines[:MOST_LINES])}{more}"
+        if place
+        else f"{word} {', '.join(lines[:MOST_LINES])}{more}"
+    )
+
+
+def drift_over_rows(base: Refit) -> str:
+    """A sentence where repeats of the same conditions differ the more the further they lie apart in the table.
+
+    Only differences between repeats are looked at, so that the order of the conditions plays no part: the slope of
+    what the model leaves over the number of the row, both about the means of their replicate groups, in Student's
+    test. Empty where the table holds the time (then a drift is an effect like any other), where nothing is repeated
+    and where nothing drifts.
+    """
+    problem, observation = base.problem, base.problem.observations[0]
+    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
+        return ""
+    if observation.lines is None or observation.replicate_group is None or TIME in observation.available:
+        return ""
+    from scipy.special import stdtr
+
+    _, index, counts = np.unique(observation.replicate_group, return_inverse=True, return_counts=True)
+    rows = observation.lines - observation.lines.min()
+    span = float(np.ptp(rows))
+    weight = 1.0 / observation.sigma
+    mass = np.bincount(index, weight**2)
+
+    def centred(column: np.ndarray) -> np.ndarray:
+        return np.asarray(column - (np.bincount(index, weight**2 * column) / mass)[index]) * weight
+
+    left = centred(observation.measured - problem.predictions(base.fit.theta)[0])
+    order = centred(rows / max(span, 1.0))
+    dof, size = float(np.sum(counts - 1)) - 1, float(order @ order)
+    if dof < LEAST_DOF or size <= 0:
+        return ""
+    slope = float(order @ left) / size
+    error = float(np.sqrt(max(float(np.sum((left - slope * order) ** 2)), 1e-300) / dof / size))
+    chance = 2 * float(stdtr(dof, -abs(slope) / error))
+    if chance >= LACK_OF_FIT:
+        return ""
+    measured = problem.assembly.model.observables[str(observation.observable[0])]
+    unit = f" {printed_unit(measured.unit)}".rstrip()
+    return (
+        f"repeats of the same conditions move by {slope:+.2g}{unit} from the first row to the last (p = {chance:.1g}): "
+        "a zero that drifts, or a machine that changes; give elapsed_time_s for each row, and both are tested"
+    )

@@ -1,0 +1,107 @@
+"""Positions of other channels, reversed signs, the loudspeaker elsewhere: on rooms of the independent simulator."""
+
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from specan.models.catalogue import load_model
+from specan.study.data.open_recordings import open_data
+from specan.study.data.sources import DataFile, MeasuredFiles
+from specan.study.diagnose import diagnose
+from specan.study.estimation.base_problem import base_problem
+from specan.study.localisation.mistaken_set_up import mistaken_set_up
+from truth.room import simulate, write
+
+SEED = 41
+
+
+@pytest.fixture(scope="module")
+def lined(tmp_path_factory):
+    """A recording of a room with a lining that the model lacks."""
+    folder = tmp_path_factory.mktemp("lined")
+    made = simulate(SEED, {"wall-impedance": 0.1}, n_mics=7, cache=folder)
+    made.rig["band"]["f_max_hz"] = 300.0
+    path, _ = write(made, folder)
+    return path, made.rig
+
+
+def described(lined, change=lambda rig: None, hold_out=()):
+    path, rig = lined
+    rig = deepcopy(rig)
+    change(rig)
+    aside = [(None, where) for where in hold_out]
+    data = open_data(load_model("room", rig), MeasuredFiles([DataFile("take", path)], hold_out=aside))
+    return base_problem(load_model("room", rig), data.fitted)
+
+
+def with_signs(problem, signs):
+    seen = problem.observations[0]
+    return problem.over([replace(seen, response=np.array(signs)[:, None] * seen.response)])
+
+
+def exchange(rig):
+    places = rig["mics"]["position_m"]
+    places[1], places[4] = places[4], places[1]
+
+
+def test_a_lining_is_no_mistake(lined):
+    assert not mistaken_set_up(described(lined)).text
+
+
+def test_exchanged_positions_are_named_beside_a_lining(lined):
+    found = mistaken_set_up(described(lined, exchange))
+    assert found.text == "positions of the rig file belong to other channels (Mic 2 and Mic 5 are exchanged)"
+    assert found.after_percent < 0.7 * found.before_percent
+
+
+def test_a_place_of_a_channel_that_is_held_out_is_found(lined):
+    found = mistaken_set_up(described(lined, exchange, ["channel=Mic 5"]))
+    assert "Mic 2 and Mic 5 are exchanged" in found.text
+
+
+def test_channels_in_a_circle_are_named_one_by_one(lined):
+    def turn(rig):
+        places = rig["mics"]["position_m"]
+        places[0], places[2], places[3] = places[2], places[3], places[0]
+
+    text = mistaken_set_up(described(lined, turn)).text
+    for channel, place in ((1, 4), (3, 1), (4, 3)):
+        assert f"Mic {channel} stands at the place of Mic {place}" in text
+
+
+def test_a_vibrometer_of_reversed_sign_is_named(lined):
+    assert (
+        mistaken_set_up(with_signs(described(lined), -np.ones(7))).text == "the vibrometer has reversed sign"
+    )
+
+
+def test_a_microphone_of_reversed_sign_is_named(lined):
+    signs = np.ones(7)
+    signs[5] = -1
+    text = mistaken_set_up(with_signs(described(lined), signs)).text
+    assert text == "Mic 6 has reversed sign against the vibrometer"
+
+
+def test_a_loudspeaker_in_another_wall_is_found_near_its_place(lined):
+    _, rig = lined
+    true = rig["piston"]
+
+    def elsewhere(rig):
+        far = {"0": "1", "1": "0"}[true["wall"][1]]
+        axis = "xyz".index(true["wall"][0])
+        rig["piston"]["wall"] = true["wall"][0] + far
+        rig["piston"]["centre_m"][axis] = rig["room"]["dims_m"][axis] if far == "1" else 0.0
+
+    text = mistaken_set_up(described(lined, elsewhere)).text
+    assert f"in wall {true['wall']} near [" in text
+    there = [float(c) for c in text.split("[")[1].split("]")[0].split(",")]
+    assert np.linalg.norm(np.array(there) - true["centre_m"]) < 0.29  # m, a quarter of a wavelength
+
+
+def test_a_diagnosis_says_so_and_blames_no_effect(lined):
+    found = diagnose(described(lined, exchange))
+    assert found.verdict == "cannot-tell"
+    assert not found.alternatives
+    assert "Mic 2 and Mic 5 are exchanged" in found.reason
