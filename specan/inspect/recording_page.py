@@ -362,12 +362,12 @@ def _notes(found: Found) -> tuple[str, str]:
 
 
 def _now_and_then(tell: Tell, told: Callable[[float], bool]) -> Tell:
-    """Every few pieces the picture as far as it is known, else the progress alone."""
+    """At first and every few pieces the picture as far as it is known, else the progress alone."""
     count = 0
 
     def both(part: float) -> bool:
         nonlocal count
         count += 1
-        return told(part) if count % _PICTURE_EVERY == 0 else tell(part)
+        return told(part) if count % _PICTURE_EVERY == 1 else tell(part)
 
     return both
