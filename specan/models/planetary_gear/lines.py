@@ -40,10 +40,10 @@ def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDAr
     found = set()
     for h in range(1, harmonics + 1):
         middle = h * gear.z_ring
-        found |= {float(middle + k) for k in range(-sidebands, sidebands + 1)}
-        found |= {round(middle + sign * family, 9) for family in families for sign in (-1, 1)}
+        further = {round(middle + sign * family, 9) for family in families for sign in (-1, 1)}
+        further = {o for o in further if abs(o - middle) < sidebands or not _any_path_shows(gear, o)}
+        found |= {float(middle + k) for k in range(-sidebands, sidebands + 1)} | further
         found.add(middle - gear.z_ring / 2)
-        found -= {o for o in found if abs(o - middle) > sidebands and _any_path_shows(gear, o)}
     return np.array(sorted(found))
 
 
