@@ -12,6 +12,7 @@ import click
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
 from specan_cli.output_file import Verb
+from specan_cli.results import draw
 from specan_cli.study_output import open_study, probability, study_options
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 SHOWN = 10  # rows of the table of candidates
 DETAILED = 3  # of them with their parameters
+PLACES = 4  # where the model fails
 
 
 @click.command("diagnose", cls=Verb)
@@ -40,11 +42,7 @@ def command(
         emit_json(found.to_json())
     else:
         _print(found, directory)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_diagnosis import figure_diagnosis
-
-        save_figure(figure_diagnosis(found), plot)
+    draw(found, plot)
 
 
 def _print(found: Diagnosis, directory: Path) -> None:
@@ -65,6 +63,7 @@ def _print(found: Diagnosis, directory: Path) -> None:
         for use in _uses(found.ranking[0]):
             shown = f'"{use}"' if " " in use else use
             click.echo(f"\nTry it: specan study add {directory} {shown}")
+    _print_where(found)
     _print_statistics(found)
     _print_power(found)
     for effect, why in found.not_testable.items():
@@ -85,6 +84,15 @@ def _print_pulls(found: Diagnosis) -> None:
                 for p in found.pulls
             ],
         )  # fmt: skip
+
+
+def _print_where(found: Diagnosis) -> None:
+    """Where transfer functions are off: level or phase, and the mode that is near."""
+    places = [place for place in found.fails_at if place.get("most_at")][:PLACES]
+    if places:
+        click.echo("\nWhere the model as it is fails, the clearest first:")
+    for place in places:
+        click.echo(f"  {place['place']}: {place['text']}, {place['most_at']}")
 
 
 def _print_next(found: Diagnosis) -> None:
@@ -115,11 +123,21 @@ def _print_next(found: Diagnosis) -> None:
 
 def _print_statistics(found: Diagnosis) -> None:
     if found.ranking:
+        now = None if found.error is None else found.error.before.level_dB
+        levels = now is not None and all(r.level_after_dB is not None for r in found.ranking[:SHOWN])
         click.echo("")
         table(
             "What was tried, the likeliest first",
-            ["effects", "error after", "evidence", "chance", "left out", ""],
-            [_row(r) for r in found.ranking[:SHOWN]],
+            [
+                "effects",
+                "error after",
+                *(["levels, dB"] if levels else []),
+                "evidence",
+                "chance",
+                "left out",
+                "",
+            ],
+            [_row(r, now, levels) for r in found.ranking[:SHOWN]],
         )
         click.echo(
             "(error after: RMS once it is added. evidence: fall in BIC, above 6 is decisive. chance: probability of "
@@ -145,12 +163,13 @@ def _uses(ranked: Ranked) -> list[str]:
     return [*placed, *(name for name in ranked.effects if name not in ranked.at)]
 
 
-def _row(ranked: Ranked) -> list[Any]:
+def _row(ranked: Ranked, now_dB: float | None, levels: bool) -> list[Any]:
     remark = "" if ranked.plausible else "outside"
     if ranked.at_bound:
         remark = f"{remark}, at bound".lstrip(", ")
+    fall = [f"{now_dB:.2g} to {ranked.level_after_dB:.2g}"] if levels else []
     return [
-        " + ".join(ranked.effects), f"{ranked.error_after:.3g}", f"{ranked.delta_bic:.1f}",
+        " + ".join(ranked.effects), f"{ranked.error_after:.3g}", *fall, f"{ranked.delta_bic:.1f}",
         f"{ranked.p_value:.1g}", f"{ranked.held_out_gain:.1f}", remark,
     ]  # fmt: skip
 

@@ -133,6 +133,9 @@ class OrderLines:
     path : float
         Relative standard uncertainty of lines beside a harmonic that is common to all harmonics: how strongly they
         are heard there depends on the path to the sensor.
+    response : float
+        Relative standard uncertainty of lines that the ideal machine does not have, against those that it has; common
+        to the lines of a harmonic.
     """
 
     axis: str
@@ -149,6 +152,7 @@ class OrderLines:
     stated: Mapping[str, Stated] = field(default_factory=dict)
     discrepancy: float = 0.1
     path: float = 0.3
+    response: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -264,6 +268,22 @@ class SourcePlaces:
 
 
 @dataclass(frozen=True, eq=False)
+class NamedModes:
+    """Modes of a field by name, so that a failure near one can be told by it.
+
+    Attributes
+    ----------
+    reads : tuple of str
+        Quantities of the model that `names` needs.
+    names : callable
+        ``names(quantities, f_max_hz) -> [(natural frequency, name), ...]``, the lowest first.
+    """
+
+    reads: tuple[str, ...]
+    names: Callable[[Mapping[str, Any], float], list[tuple[float, str]]]
+
+
+@dataclass(frozen=True, eq=False)
 class Receivers:
     """Channels at places in a field, compared with a reference channel.
 
@@ -292,6 +312,8 @@ class Receivers:
         Effects at one place, if the model can tell how a place is heard.
     source : SourcePlaces, optional
         Where the source may be, if the model can move it.
+    modes : NamedModes, optional
+        Names of the field's modes, if the model knows any.
     """
 
     axis: str
@@ -312,3 +334,4 @@ class Receivers:
     places: Places | None = None
     placed: PlacedEffects | None = None
     source: SourcePlaces | None = None
+    modes: NamedModes | None = None

@@ -18,6 +18,7 @@ from specan.models.rig import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.data.sources import DataFile, MeasuredFiles, open_data
+from specan.study.estimation.base_problem import grouped_by
 from specan.study.estimation.continuation import continuation_fit, linearised
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.prediction_error import (
@@ -26,7 +27,7 @@ from specan.study.estimation.prediction_error import (
     held_out_error,
     observable_errors,
 )
-from specan.study.estimation.problem import Problem, grouped_by
+from specan.study.estimation.problem import Problem
 from specan.study.history import History, Step, changing, commit, line_of, recover
 from specan.study.kept_results import KeptResults, keep_diagnosis
 from specan.study.localisation.by_blocks import Localisation
@@ -295,7 +296,7 @@ class Study:
     @cached_property
     def errors(self) -> tuple[ObservableError, ...]:
         """Errors on the fitted data."""
-        predictions = self.problem.predictions(self.shown.theta)
+        predictions = self.problem.plain(self.shown.theta)
         return tuple(observable_errors(self.problem, self.problem.observations, predictions))
 
     @cached_property
@@ -313,7 +314,8 @@ class Study:
         far = self.data.known and self.problem.strategy.continuation and self.best.reduced_chi2 > POOR_FIT
         if not far:
             return MistakenSetUp()
-        return self.kept.get("set_up", MistakenSetUp, lambda: mistaken_set_up(self.problem))
+        found = self.kept.find("set_up", MistakenSetUp)
+        return found or self.kept.keep("set_up", mistaken_set_up(self.problem))
 
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
@@ -342,9 +344,21 @@ class Study:
 
             found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
             found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
+            if self.problem.strategy.linearised_covariance:
+                found = self._as_shown(found)
             self.kept.keep(name, found)
         keep_diagnosis(self.directory, self.hashes, found)
         return found
+
+    def _as_shown(self, found: Diagnosis) -> Diagnosis:
+        """A diagnosis that says of the base what every verb says: a search has covariances about the field it found."""
+        lack, error = found.lack_of_fit, found.error
+        if lack is not None:
+            lack = replace(lack, reduced_chi2=self.shown.reduced_chi2, p_value=self.shown.p_value)
+        if error is not None:
+            after = self.errors[0] if error.after == error.before else error.after
+            error = replace(error, before=self.errors[0], after=after)
+        return replace(found, lack_of_fit=lack, error=error)
 
     def require_uncertainty(self, verb: str) -> None:
         """Refuse to conclude anything where the uncertainty is unknown."""

@@ -9,10 +9,11 @@ from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.measurement_kinds import ReceiverErrors
 from specan.models.room import EXAMPLE_RIG
+from specan.models.room.mode_names import mode_names
 from specan.study.design.operating_points import explore, propose
 from specan.study.design.receiver_places import _separations, _views, best_places
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import base_problem
 from specan.study.localisation.by_band_and_channel import Cells
 from specan.study.localisation.by_blocks import LeftOut
 from specan.study.localisation.frf_errors import assurance, frf_errors
@@ -207,3 +208,29 @@ def test_something_unknown_is_looked_for_where_the_model_fails(model):
     for proposal in found:
         assert proposal.conditions["y_m"] > 0.5  # near y1
         assert "near wall y1" in proposal.text
+
+
+def test_errors_of_both_signs_say_where_they_are_largest(model):
+    def tilted(h):
+        return h * np.where(np.arange(8) % 2, 10 ** (1.5 / 20), 10 ** (-1.5 / 20))[:, None]
+
+    problem, best = located(model, recorded(model, tilted))
+    assert not any("no one direction" in b.text for b in localise(problem, best).blocks)
+    seen = problem.observations[0]
+    low, high = (
+        frf_errors(seen, seen.predict(problem.assembly, best.values)).extremes(range(8), [3]).split(" to ")
+    )
+    assert low.startswith("-1.")
+    assert high.startswith("+1.")
+    assert int(low[-1]) % 2 == 0  # microphones 2, 4, 6, 8 read high, so the model seems low there
+    assert int(high[-1]) % 2 == 1
+
+
+def test_a_failure_at_one_mode_is_said_with_its_name(model):
+    modes = mode_names([0.9, 0.6, 0.7], 343.2, 330.0)
+    own = next(f for f, name in modes if name == "1st axial mode along z")
+    inside = np.abs(FREQUENCY - own) < 6
+
+    problem, best = located(model, recorded(model, lambda h: h * np.where(inside, 1.6, 1.0)))
+    worst = next(b for b in localise(problem, best).fails_at if set(b.where) == {"third_octave_hz"})
+    assert "1st axial mode along z" in worst.most_at

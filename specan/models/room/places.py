@@ -19,6 +19,7 @@ from specan.models.measurement_kinds import (
 )
 from specan.models.model import Model
 from specan.models.quantity import constant
+from specan.models.room.mode_names import NAMED
 from specan.models.room.port import Port, point
 from specan.models.room.rig import WALLS, Rig
 
@@ -69,6 +70,7 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
             extent_m=dims,
         ),
         placed=None if dims is None else PLACED,
+        modes=None if dims is None else NAMED,
         source=None
         if dims is None
         else SourcePlaces(

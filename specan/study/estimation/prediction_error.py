@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
+from specan.study.observation.frf import FrfObservation
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,8 @@ class ObservableError:
         Root mean square and mean of predicted less measured, in `unit`.
     relative_rms, relative_max : float
         Root mean square and largest magnitude of the same over the measured value, percent.
+    level_dB : float or None
+        Of transfer functions: RMS over channels and third octaves of the error of their levels.
     """
 
     observable: str
@@ -33,6 +36,7 @@ class ObservableError:
     bias: float
     relative_rms: float
     relative_max: float
+    level_dB: float | None = None
 
     def as_error(self) -> dict[str, Any]:
         """The form in which a history keeps it."""
@@ -40,11 +44,12 @@ class ObservableError:
 
     def as_dict(self) -> dict[str, Any]:
         """Everything, for JSON."""
-        return {
+        found = {
             "observable": self.observable, "n": self.n, "rms": self.rms, "bias": self.bias,
             "unit": self.unit, "relative_rms_percent": self.relative_rms,
             "relative_max_percent": self.relative_max,
         }  # fmt: skip
+        return found if self.level_dB is None else found | {"level_dB": self.level_dB}
 
 
 def observable_errors(
@@ -52,12 +57,37 @@ def observable_errors(
 ) -> list[ObservableError]:
     """Errors of every observable, the one with most values first."""
     names = [np.broadcast_to(getattr(o, "observable", o.name), o.measured.shape) for o in observations]
-    return errors_of(
+    found = errors_of(
         problem,
         np.concatenate(names),
         np.concatenate(list(predictions)),
         np.concatenate([o.measured for o in observations]),
     )
+    of_curves = [
+        (o, p) for o, p in zip(observations, predictions, strict=True) if isinstance(o, FrfObservation)
+    ]
+    if not of_curves or len(found) > 1:
+        return found
+    levels = np.concatenate([_levels_dB(o, p) for o, p in of_curves])
+    return [replace(found[0], level_dB=float(np.sqrt(np.mean(levels**2))))]
+
+
+def _levels_dB(observation: FrfObservation, predicted: Array) -> Array:
+    """Level of the prediction over what was measured, of every channel and third octave."""
+    _, cell = np.unique(
+        np.stack(
+            [
+                observation.labels["third_octave_hz"],
+                np.unique(observation.labels["channel"], return_inverse=True)[1],
+            ]
+        ),
+        axis=1,
+        return_inverse=True,
+    )
+    power = [np.bincount(cell.ravel(), weights=values**2) for values in (predicted, observation.measured)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = 10 * np.log10(power[0] / power[1])
+    return np.asarray(found[np.isfinite(found)])
 
 
 def errors_of(
@@ -132,8 +162,9 @@ def held_out_error(problem: Problem, best: Fit, observations: Sequence[Observati
         np.sqrt(o.sigma**2 + np.einsum("ij,jk,ik->i", s, covariance, s))
         for o, s in zip(observations, slopes, strict=True)
     ]
-    errors = observable_errors(problem, observations, predictions)
-    return HeldOut(tuple(errors), chi2, int(gap.size), tuple(predictions), tuple(sigma))
+    shown = joint.plain(theta)[seen:]
+    errors = observable_errors(problem, observations, shown)
+    return HeldOut(tuple(errors), chi2, int(gap.size), tuple(shown), tuple(sigma))
 
 
 def _root(covariance: Array) -> Array:

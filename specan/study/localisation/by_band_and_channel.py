@@ -35,6 +35,9 @@ from specan.study.observation import Array, Variable
 from specan.study.observation.frf import FrfObservation
 
 MOST_SENTENCES = 3  # that are told
+NEAR_MODE = (
+    0.03  # of its frequency: about what an error of 10 K or an unmodelled soft boundary moves a mode by
+)
 LONGEST_RUN = 3  # third octaves: an error that goes on further is said of all frequencies
 GAIN = 1.1  # by how much |z| has to be larger for a smaller or larger place to be named instead
 
@@ -184,6 +187,22 @@ class Words:
             for o, p in zip(problem.observations, predictions, strict=True)
         ]
         self._cells = cells
+        self._modes = [_named_modes(problem, o, best.theta) for o in problem.observations]
+
+    def details(self, channels: Sequence[int], bands: Sequence[int]) -> tuple[str, str]:
+        """The least and the largest error over some receivers and bands, and the line, and mode, of the largest."""
+        names, wanted = {self._cells.channels[m] for m in channels}, self._cells.bands[list(bands)]
+        found = []
+        for one, modes in zip(self._errors, self._modes, strict=True):
+            rows = [m for m, name in enumerate(one.channels) if name in names]
+            inside = np.flatnonzero(np.isin(one.bands, wanted)).tolist()
+            if rows and inside:
+                frequency, size = one.worst_line(rows, inside)
+                found.append((size, frequency, _near_mode(frequency, modes), one.extremes(rows, inside)))
+        if not found:
+            return "", ""
+        _, frequency, mode, between = max(found)
+        return between, f"most at {frequency:.0f} Hz{f' ({mode})' if mode else ''}"
 
     def failure(self, channels: Sequence[int], bands: Sequence[int]) -> Failure:
         """Mean error over some receivers and bands: of several recordings, of the one that is furthest off."""
@@ -200,6 +219,28 @@ class Words:
         return max(found, key=lambda f: f.clarity)
 
 
+def _named_modes(problem: Problem, observation: Any, theta: Array) -> list[tuple[float, str]]:
+    """Modes of the fitted model that have a name."""
+    receivers = problem.assembly.model.receivers
+    named = None if receivers is None else receivers.modes
+    if named is None:
+        return []
+    values = problem.seen_by(observation, problem.values_at(theta))
+    found = problem.assembly.evaluate(observation.conditions_at_nodes, values, wanted=list(named.reads))
+    quantities = {name: found[name] for name in named.reads}
+    return named.names(quantities, (1 + NEAR_MODE) * float(observation.frequency_hz[-1]))
+
+
+def _near_mode(frequency_hz: float, modes: Sequence[tuple[float, str]]) -> str:
+    """The mode nearest to a line; where none is near, only whether all are above."""
+    if not modes:
+        return ""
+    own, name = min(modes, key=lambda mode: abs(mode[0] - frequency_hz))
+    if abs(own - frequency_hz) <= NEAR_MODE * frequency_hz:
+        return f"{name}, {own:.0f} Hz"
+    return f"below the first mode, {modes[0][0]:.0f} Hz" if frequency_hz < modes[0][0] else "between modes"
+
+
 def by_band_and_channel(problem: Problem, best: Fit) -> Localisation:
     """Find third octaves, receivers and groups of them at which a fitted model of transfer functions fails."""
     cells = Cells(LeftOut(problem, best))
@@ -210,12 +251,13 @@ def by_band_and_channel(problem: Problem, best: Fit) -> Localisation:
         **problem.observations[0].variables,
         grouping.label: Variable(grouping.words, before=True),
     }
-    blocks = [
-        _block(cells, words, problem, where, m, b, variables)
-        for where, m, b in _places(cells, near, grouping.label)
-    ]
+    places = list(_places(cells, near, grouping.label))
+    blocks = [_block(cells, words, problem, where, m, b, variables) for where, m, b in places]
     passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
-    marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
+    marked = []
+    for block, ok, (_, m, b) in zip(blocks, passed, places, strict=True):
+        between, most_at = words.details(m, b) if ok else ("", "")
+        marked.append(replace(block, significant=bool(ok), between=between, most_at=most_at))
     fails = any(b.significant for b in marked)
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: (b.p_value, -b.statistic))),
@@ -304,7 +346,7 @@ def _sentences(cells: Cells, words: Words, near: Mapping[str, list[int]], groupi
         z = failure.z if abs(failure.z) >= abs(failure.z_phase) else failure.z_phase
         band = "all frequencies" if len(bands) == count else _edges(cells.bands[bands])
         where = f"{band}, {text}"
-        found.append(f"{where}: {_text(failure)} (z = {z:.1f})")
+        found.append(f"{where}: {_text(failure)} (z = {z:.1f}), {words.details(channels, bands)[1]}")
     return found
 
 

@@ -50,6 +50,10 @@ class Block:
         Passed by Benjamini and Yekutieli's rule (blocks overlap) at a false discovery rate of 5 %.
     level_dB, phase_deg, z_phase : float or None
         Of transfer functions: model over measurement, and the z of the phase (`z` is that of the level).
+    between : str
+        Of transfer functions: the least and the largest error there, for where the mean error is none.
+    most_at : str
+        Of transfer functions: where the error is largest, and the mode that is near.
     variables : mapping
         Words and unit of the operating variables.
     """
@@ -67,13 +71,15 @@ class Block:
     level_dB: float | None = None
     phase_deg: float | None = None
     z_phase: float | None = None
+    between: str = ""
+    most_at: str = ""
     variables: Mapping[str, Variable] = field(default_factory=dict, repr=False)
 
     @property
     def text(self) -> str:
         """What the model does there: ``model 4.2 % (0.11 mm) high``, ``model 4 dB high``."""
         if self.level_dB is not None:
-            return level_and_phase(self.level_dB, self.z, self.phase_deg, self.z_phase)
+            return level_and_phase(self.level_dB, self.z, self.phase_deg, self.z_phase, self.between)
         if abs(self.z) < CLEAR:
             return "model off in both directions"
         size = f" ({abs(self.error):.2g} {self.unit})" if self.unit not in ("", "1") else ""
@@ -99,7 +105,10 @@ class Block:
             "error_percent": self.error_percent, "error": self.error, "unit": self.unit, "n": self.n, "text": self.text,
         }  # fmt: skip
         if self.level_dB is not None:
-            found |= {"level_dB": self.level_dB, "phase_deg": self.phase_deg, "z_phase": self.z_phase}
+            found |= {
+                "level_dB": self.level_dB, "phase_deg": self.phase_deg, "z_phase": self.z_phase,
+                "most_at": self.most_at, "place": self.place,
+            }  # fmt: skip
         return found
 
 
@@ -155,8 +164,10 @@ class Localisation:
         return [*failing, *(["no dependence on " + ", ".join(calm)] if calm else [])]
 
 
-def level_and_phase(level_dB: float | None, z: float, phase_deg: float | None, z_phase: float | None) -> str:
-    """``model 4.0 dB high``, ``model 12 degrees ahead``, or both.
+def level_and_phase(
+    level_dB: float | None, z: float, phase_deg: float | None, z_phase: float | None, between: str = ""
+) -> str:
+    """``model 4.0 dB high``, ``model 12 degrees ahead``, or both; `between` where neither is clear.
 
     Examples
     --------
@@ -170,7 +181,7 @@ def level_and_phase(level_dB: float | None, z: float, phase_deg: float | None, z
         parts.append(f"{abs(level_dB):.2g} dB {'high' if level_dB > 0 else 'low'}")
     if z_phase is not None and abs(z_phase) >= CLEAR and phase_deg is not None:
         parts.append(f"{abs(phase_deg):.2g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
-    return "model " + (" and ".join(parts) or "off in no one direction")
+    return "model " + (" and ".join(parts) or between or "off by as much up as down")
 
 
 def benjamini_yekutieli(p_values: Sequence[float], level: float) -> NDArray[np.bool_]:

@@ -43,6 +43,11 @@ class FrfErrors:
     common : complex array (receivers, bands, errors)
         One standard deviation each of what the bands of a receiver share; relative, the real part to the
         level, the imaginary part to the phase.
+    frequency_hz : array (lines,)
+    band_of_line : array (lines,)
+        Number of the third octave of every line.
+    measured, model : complex array (receivers, lines)
+        Zero where a receiver is not in use.
     """
 
     recording: str
@@ -55,6 +60,10 @@ class FrfErrors:
     frac: Array
     csac: Array
     common: Complex
+    frequency_hz: Array
+    band_of_line: NDArray[np.intp]
+    measured: Complex
+    model: Complex
 
     def mean(self, rows: Sequence[int], bands: Sequence[int]) -> tuple[float, float, float, float]:
         """Mean level error over some receivers and bands, dB, its uncertainty; the same of the phase, degrees."""
@@ -73,6 +82,40 @@ class FrfErrors:
             variance = np.sum(np.maximum(own, 0.0)) + np.sum(shared.sum(axis=1) ** 2)
             found += [float(np.nanmean(value[cells])), float(np.sqrt(variance)) / count]
         return found[0], found[1], found[2], found[3]
+
+    def worst_line(self, rows: Sequence[int], bands: Sequence[int]) -> tuple[float, float]:
+        """Frequency of the line with the largest error over some receivers and bands, and that error squared."""
+        inside = np.isin(self.band_of_line, list(bands))
+        off = np.sum(np.abs(self.model[rows] - self.measured[rows]) ** 2, axis=0) * inside
+        return float(self.frequency_hz[np.argmax(off)]), float(off.max())
+
+    def extremes(self, rows: Sequence[int], bands: Sequence[int]) -> str:
+        """Where a mean error is none, the least and the largest: over receivers, else third octaves, else lines.
+
+        In level, or in phase where that is further off (a relative error of 0.1 is 0.83 dB or 5.7 degrees).
+        """
+        inside = np.isin(self.band_of_line, list(bands))
+        used = [m for m in rows if np.any(self.measured[m, inside])]
+        if len(used) > 1:
+            parts = [(self.channels[m], [m], inside) for m in used]
+        elif len(bands) > 1:
+            parts = [(f"{self.bands[b]:g} Hz", used, self.band_of_line == b) for b in bands]
+        else:
+            off = np.sum(np.abs(self.model[used] - self.measured[used]) ** 2, axis=0) * inside
+            heavy = np.flatnonzero(off >= np.median(off[inside]))  # lines that carry the error
+            parts = [(f"{self.frequency_hz[k]:.0f} Hz", used, np.arange(off.size) == k) for k in heavy]
+        found = []
+        for name, chosen, lines in parts:
+            model, measured = self.model[chosen][:, lines], self.measured[chosen][:, lines]
+            if np.any(model) and np.any(measured):
+                level = 10 * np.log10(np.sum(np.abs(model) ** 2) / np.sum(np.abs(measured) ** 2))
+                found.append((name, level, np.degrees(np.angle(np.sum(model * np.conj(measured))))))
+        if not found:
+            return ""
+        in_level = max(abs(f[1]) / DB for f in found) >= max(np.radians(abs(f[2])) for f in found)
+        column, unit = (1, "dB") if in_level else (2, "degrees")
+        low, high = (pick(found, key=lambda f: f[column]) for pick in (min, max))
+        return f"{low[column]:+.2g} {unit} at {low[0]} to {high[column]:+.2g} {unit} at {high[0]}"
 
     def number(self, channel: str | None) -> int:
         """Row of a receiver; of the one with the clearest level error if none is named.
@@ -141,7 +184,9 @@ def frf_errors(observation: FrfObservation, predicted: Array) -> FrfErrors:
         observation.name, observation.channels, bands, parts[0], parts[1], parts[2], parts[3],
         frac=assurance(measured, model, axis=1),
         csac=np.array([np.nanmean(by_line[lines]) for lines in lines_of]),
-        common=common,
+        common=common, frequency_hz=observation.frequency_hz,
+        band_of_line=np.searchsorted(bands, labels.max(axis=0)),
+        measured=measured, model=model,
     )  # fmt: skip
 
 
