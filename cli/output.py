@@ -14,14 +14,13 @@ import click
 _COLLECTED = "specan_cli.collected"
 # What makes rich treat standard output as a terminal, or of another width.
 _OF_A_TERMINAL = (
-    "COLUMNS",
     "FORCE_COLOR",
     "TTY_COMPATIBLE",
     "TTY_INTERACTIVE",
     "JUPYTER_COLUMNS",
     "JUPYTER_LINES",
 )
-_WIDTH = 80  # of a file or a pipe
+_WIDTH = "80"  # of a file or a pipe
 
 
 @contextmanager
@@ -88,8 +87,11 @@ def plain_lines(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]
     cells = [list(header), *([str(cell) for cell in row] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     width = sum(widths) + 2 * (len(widths) - 1)
-    every = "".join([title, *(cell for row in cells for cell in row)])
-    if max(width, len(title)) > _WIDTH or len(title) > width or not (every.isascii() and every.isprintable()):
+    every = [title, *(cell for row in cells for cell in row)]
+    columns = os.environ.get("COLUMNS", "")
+    if width > int(columns if columns.isdecimal() else _WIDTH) or len(title) > width:
+        return None
+    if not all(cell.isascii() and cell.isprintable() and cell == cell.strip() for cell in every):
         return None
     right = [_numeric(rows, index) for index in range(len(header))]
     lines = [
