@@ -153,21 +153,36 @@ def _searched(search: Search) -> _Searched:
 def _of_likeliest_form(declared: _Searched, progress: Progress, bootstrap: bool) -> _OfForms:
     """The search, with a part of the base in another published form where that explains the data better.
 
-    Only where the declared form leaves something to explain. What needs no effect comes first where it is as likely
-    by BIC; otherwise another form has to be decisively better.
+    Only where the declared form leaves something to explain.
     """
     if declared.found.kind == "nothing-missing" and not declared.found.doubt:
         return _OfForms(declared)
     tried = {"": declared}
-    chosen = ""
     for other in other_forms(declared.search.base):
         progress(f"searching with {other.text}")
-        new = tried[other.text] = _searched(Search(Refits(other.start), (), bootstrap, progress))
-        likelier = DECISIVE if new.search.best.uses or new.found.kind != "nothing-missing" else 0.0
-        if _ahead(new.search.best, tried[chosen].search.best) > likelier:
-            chosen = other.text
+        tried[other.text] = _searched(Search(Refits(other.start), (), bootstrap, progress))
+    chosen = _likeliest(tried)
     best = tried.pop(chosen)
     return _OfForms(best, chosen, {form: one for form, one in tried.items() if _as_likely(one, best)})
+
+
+def _likeliest(tried: Mapping[str, _Searched]) -> str:
+    """The form that a verdict rests on: the declared one unless another is decisively better.
+
+    What needs no effect comes first, unless an effect is decisively better than every form without one: that something
+    is missing is tested against all published forms together.
+    """
+    chosen = ""
+    for form, one in tried.items():
+        if _ahead(one.search.best, tried[chosen].search.best) > DECISIVE:
+            chosen = form
+    lead = tried[chosen].search.best
+    whole = [
+        form
+        for form, one in tried.items()
+        if one.found.kind == "nothing-missing" and _ahead(lead, one.search.best) <= DECISIVE
+    ]
+    return min(whole, key=lambda form: -_ahead(tried[form].search.best, lead), default=chosen)
 
 
 def _ahead(one: Refit, other: Refit) -> float:
