@@ -85,7 +85,8 @@ def sindy(s: Sealed, method: str) -> tuple[set[tuple[str, ...]], int, float]:
             losses[setting] = sum(
                 float(np.sum((free[p] @ fitted(np.setdiff1d(order, p), setting) - y[p]) ** 2)) for p in parts
             )
-    support = np.flatnonzero(fitted(order, min(losses, key=lambda setting: losses[setting])))
+    best = min(losses, key=lambda setting: losses[setting], default=None)
+    support = np.flatnonzero(fitted(order, best)) if best is not None else np.empty(0, int)
     error = fitted_error(
         np.column_stack([own, here[:, support]]),
         np.column_stack([own_there, there[:, support]]),

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.data.channel import Channel
 from specan.data.excitation import Excitation, ExcitationKind
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.frequency_track import path, track
 from specan.dsp.randomness import narrow_band_is_noise, scatters_as_noise
 from specan.dsp.tonality import TONE_SHARE, Appearance, appearance, tonal_share
@@ -67,7 +68,8 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
     Examples
     --------
     >>> import numpy as np
-    >>> from specan.data.recording import ArraySource, Channel
+    >>> from specan.data.channel import Channel
+    >>> from specan.data.recording import ArraySource
     >>> volts = np.sin(2 * np.pi * 250 * np.arange(8000) / 8000)
     >>> generator = Channel("Generator", role="generator", unit="V", sampling_rate=8000.0, n_samples=8000)
     >>> found = recognise(Recording("a.tdms", (generator,), ArraySource([volts])))

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.accumulator import READ_BLOCK
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import arrivals, estimate
 from specan.dsp.welch import CrossSpectra, SpectralMatrix, effective_averages, hop_of

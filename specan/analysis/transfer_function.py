@@ -19,8 +19,9 @@ from specan.analysis.response_length import (
     sufficient_block,
 )
 from specan.analysis.section import of_one_rate, reference_channel, section
+from specan.data.channel import Channel
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
 from specan.dsp.transfer_function import Estimate, Estimator, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix

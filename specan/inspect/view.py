@@ -8,15 +8,13 @@ from urllib.parse import urlencode
 
 from pydantic import Field, model_validator
 
-from specan.analysis.octave import Fraction
+from specan.analysis.octave_settings import Fraction
 from specan.analysis.order_settings import BLOCK_TURNS
 from specan.data.spectrum import Scaling
 from specan.dsp.transfer_function import Estimator
 from specan.dsp.weighting import Weighting
 from specan.dsp.windows import WindowName
 from specan.schema import Settings, parse
-
-TABS = ("octave", "fft", "frf", "levels", "spectrogram", "orders", "info")
 
 
 class View(Settings):

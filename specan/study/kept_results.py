@@ -29,7 +29,8 @@ import specan
 from specan import __version__
 from specan.errors import RequestError
 from specan.models.catalogue import ENTRY_POINTS, MODEL_ENTRY_POINTS
-from specan.study.history import changing, finite
+from specan.result import finite
+from specan.study.history import changing
 
 if TYPE_CHECKING:
     from specan.study.verdict import Diagnosis

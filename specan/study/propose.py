@@ -16,7 +16,6 @@ from specan.models import Use
 from specan.models.catalogue import effects_from_file
 from specan.result import Result, counted
 from specan.study.design.operating_points import propose as propose_measurements
-from specan.study.diagnose import parameters_of
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import observable_errors
 from specan.study.estimation.problem import Problem
@@ -24,6 +23,7 @@ from specan.study.selection.acceptance import left_out_error
 from specan.study.selection.law_search import LEVEL, Law, search_laws
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
+from specan.study.verdict import parameters_of
 
 FOLDER = "laws"
 AT_ONCE = 20.0  # an amplitude may grow by this factor in a fit

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from specan.data.recording import ArraySource, Channel, PhaseCalibration, Recording
+from specan.data.channel import Channel, PhaseCalibration
+from specan.data.recording import ArraySource, Recording
 from specan.errors import RequestError
 
 F = np.array([0.0, 100.0, 1000.0, 4000.0])

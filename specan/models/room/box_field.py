@@ -153,7 +153,8 @@ def box(
     """
     k2_max = max(k_max, float(np.sqrt(k2).real.max())) ** 2
     near = near_counts(drawn, k_max)
-    for few in interpolations(frequency):
+    choices = list(interpolations(frequency))
+    for few in choices:
         if few.meets(soft.T):
             axes = _axes(lengths, soft[:, few.chosen], counts)
             walls = _dimensionless(lengths, soft)
@@ -161,7 +162,9 @@ def box(
             highest, poles = NEAR * float(np.sqrt(k2_max)), None
             if not off:
                 poles = resonances(axes, few, k2, near, highest)
-            elif len(off) == 1:
+            elif (
+                len(off) == 1 and few is choices[-1]
+            ):  # poles far from the band are hard to find, and matter less then
                 poles = resonances_across(axes, few, k2, np.stack(walls[off[0]]), off[0], near, highest)
             if poles is not None:
                 return BoxField(lengths, Modes(axes, k2[few.chosen]), k2, soft, drawn, k2_max, counts, poles)

@@ -243,7 +243,7 @@ def chebyshev(place: Complex, count: int) -> tuple[Complex, Complex]:
     """
     root = np.sqrt(place - 1) * np.sqrt(place + 1)
     root = np.where(np.abs(root) < 1e-9, 1e-9, root)
-    power = np.vander(place + root, count, increasing=True)
+    power: Complex = np.vander(place + root, count, increasing=True).astype(complex)
     back = 1 / power
     return (power + back) / 2, np.arange(count) * (power - back) / (2 * root[:, None])
 

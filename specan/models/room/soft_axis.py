@@ -75,7 +75,7 @@ def resonances_across(
     )
     pole, family, w, residue = families.poles(left)
     some = slice(few.looked_at.start, None, EVERY * few.looked_at.step)
-    there = axis_modes(axis.length, *soft[:, some], axis.w.shape[1])
+    there = axis_modes(axis.length, soft[0, some], soft[1, some], axis.w.shape[1])
     beside = few.matrix[some] @ left
     seen, exact = (
         (1 / (modes.q2[:, :, None] + rest[:, None, :])).sum(axis=1)
@@ -145,7 +145,7 @@ class _Families:
         """Where tangents at the few lines lead, for every mode where that is nearest to its line; and f = 0."""
         few, axis = self.few, self.axis
         place = few.place[few.chosen]
-        _, turn = chebyshev(place + 0j, len(place))
+        _, turn = chebyshev(place.astype(complex), len(place))
         walls = (turn @ self.walls).T[:, :, None]
         by_a0, by_a1 = wall_slopes(axis.w, axis.a0, axis.a1)
         _, by_w = characteristic(axis.w, axis.a0, axis.a1)

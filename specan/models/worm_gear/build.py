@@ -8,8 +8,7 @@ from typing import Any
 
 from specan.models.catalogue import effects_in
 from specan.models.model import LawSpace, Model, Nuisance, Words
-from specan.models.observable import Observable
-from specan.models.quantity import Condition, SettingError
+from specan.models.quantity import Condition, Observable, SettingError
 from specan.models.rig import RigStatement
 from specan.models.worm_gear import mesh, power
 from specan.models.worm_gear.article import article_quantities

@@ -94,7 +94,7 @@ def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True
     if len(rivals) < 2:
         return ()
     problem = rivals[0].problem
-    if can_place(problem):
+    if problem.assembly.model.receivers is not None and can_place(problem):
         found = _positions(rivals, count)
         return tuple(found or (_other_kinds(rivals) if other_kinds else []))
     grid = operating_grid(problem)
@@ -117,7 +117,8 @@ def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Prop
     blocks : sequence of Block
         Where it fails, the worst first.
     """
-    if blocks and can_place(start.problem):
+    receivers = start.problem.assembly.model.receivers
+    if blocks and receivers is not None and can_place(start.problem):
         noun = _noun(start.problem.assembly.model)
         return tuple(
             _position_to_explore(p, blocks[0], noun) for p in where_it_fails(start, blocks[0], count)

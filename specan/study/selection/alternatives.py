@@ -19,6 +19,7 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.study.estimation.base_problem import without
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
@@ -85,7 +86,7 @@ def refit_rivals(search: Search) -> None:
     strategy = search.best.problem.strategy
     limit = WIDE * best.dispersion
     if strategy.pruning:  # then the search has refitted few, and none for its place in the ranking
-        limit = max(limit, FORM_TOLERANCE**2 * (search.base.chi2 - search.best.chi2))
+        limit = max(limit, _left_by_form(search))
     near = [members for d, members in options[: strategy.rivals] if d < limit]
     if (
         strategy.reuses_signatures and len(search.best.uses) == 1
@@ -133,14 +134,19 @@ def _indistinguishable(search: Search, best: Refit, rival: Refit) -> bool:
     if complete(best, rival):
         return False
     behind = rival.bic(best.dispersion) - best.bic(best.dispersion)
-    explained = (search.base.chi2 - best.chi2) / best.dispersion
-    if behind < DECISIVE + FORM_TOLERANCE**2 * explained:
+    if behind < DECISIVE + _left_by_form(search) / best.dispersion:
         return True
     there, back = distance(best, rival) / best.dispersion, distance(rival, best) / best.dispersion
     off = (rival.chi2 - best.chi2) / best.dispersion
     return (there < DISTINGUISHABLE and off < _as_far_as(there)) or (
         back < DISTINGUISHABLE and behind < DISTINGUISHABLE
     )
+
+
+def _left_by_form(search: Search) -> float:
+    """Chi-square that an equation which is not exact may leave of what it explains."""
+    problem, explained = search.best.problem, search.base.chi2 - search.best.chi2
+    return FORM_TOLERANCE**2 * min(explained, problem.strategy.explained_limit * problem.n_effective)
 
 
 def _as_far_as(distance_there: float) -> float:
@@ -192,7 +198,7 @@ def _with(base: Refit, parts: Mapping[str, str]) -> Refit | None:
     """The base with other forms of some parts; None where that is not decisively better, or cannot be fitted."""
     other = base.problem
     for part, form in parts.items():
-        other = other.without(part).with_uses([form])
+        other = without(other, part).with_uses([form])
     count = len(other.names) - len(base.problem.names)
 
     def better(fitted: Fit) -> Refit | None:
