@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.channel import Channel, channels_meant, matches
+from specan.data.channel import Channel, channels_meant, matches, plain_properties
 from specan.errors import InputError, RequestError, nearest
 from specan.result import Result, counted, full_names
 from specan.units import MOTION, Quantity
@@ -85,6 +85,25 @@ class Recording(Result):
         longest = max((c.duration_s for c in self.channels), default=0.0)
         at = ", ".join(f"{rate:g} Hz" for rate in rates)
         return f"{self.label}, {counted(len(self.channels), 'channel')}, {longest:.4g} s at {at}"
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives; samples are not in it.
+
+        Returns
+        -------
+        dict
+            Label, flags, notes, properties, and every channel with how it was decided.
+        """
+        groups = self.group_properties.items()
+        return {
+            "file": self.label,
+            "flags": self.flags,
+            "notes": self.notes,
+            "properties": plain_properties(self.properties),
+            "groups": {group: plain_properties(properties) for group, properties in groups},
+            "channels": [channel.content() for channel in self.channels],
+            "set_aside": dict(self.set_aside),
+        }
 
     def in_quantity(self, quantity: Quantity) -> Recording:
         """The recording with all channels of motion to be shown as displacement, velocity or acceleration.

@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 
 from pydantic import Field, model_validator
 
-from specan.analysis.octave import Fraction
+from specan.analysis.octave_settings import Fraction
 from specan.analysis.order_settings import BLOCK_TURNS
 from specan.data.spectrum import Scaling
 from specan.dsp.transfer_function import Estimator

@@ -286,7 +286,7 @@ def error_fall(base: Refit, best: Refit) -> ErrorFall:
 def _main_error(refit: Refit) -> ObservableError:
     """Error of the observable with most values, in its unit."""
     problem = refit.problem
-    predicted = problem.predictions(refit.fit.theta)
+    predicted = problem.plain(refit.fit.theta)
     return observable_errors(problem, problem.observations, predicted)[0]
 
 
