@@ -29,8 +29,8 @@ TITLE = "a recording"
 NEIGHBOURS = 2  # lines to either side over which the noise is averaged
 # Of that noise: medians of 24 bins (48 real values, of which a median of powers is worth a half: ln(2)^2) over 5 lines.
 NOISE_DOF = 100.0
-# Of the strongest line about the same harmonic, that reach others: its level drifts with speed and temperature through
-# resonances of the structure while it is recorded. Lines 3e-4 of it were seen with a speed that wanders by 0.1 %.
+# Of the strongest line about the same harmonic, that reaches others: its level drifts while it is recorded, where a
+# resonance is near. Lines 3e-4 of it were seen with a shaft that wanders by 0.1 %.
 LEAKAGE = 1e-3
 SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
 LIKE_ENOUGH = 25.0  # chi-square that turning a recording by whole turns must gain; 1e-5 for the best of 28
