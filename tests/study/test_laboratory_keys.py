@@ -51,6 +51,12 @@ def shifted(recorded, by):
     return {"position_m": places.tolist()}
 
 
+def times(factor, seen):
+    return replace(
+        seen, response=factor * seen.response, noise=factor * seen.noise, random=factor * seen.random
+    )
+
+
 def test_a_frame_that_is_shifted_as_a_whole_is_allowed_for_where_it_is_declared(recorded):
     mics = shifted(recorded, [0.024, -0.018, 0.021])  # m; single places are known to 2 mm
     plain, _ = described(recorded, mics=mics)
@@ -90,10 +96,10 @@ def test_a_level_error_of_the_calibrator_is_common_to_all_microphones(recorded):
     rig["uncertainty"] |= {"vibrometer_gain_percent": 0.05, "calibrator_dB": 0.5}
     model = load_model("room", rig)
     seen = open_data(model, MeasuredFiles([DataFile("take", path)])).fitted[0]
-    louder = replace(seen, response=10 ** (0.6 / 20) * seen.response)
+    louder = times(10 ** (0.6 / 20), seen)
     rig["uncertainty"]["calibrator_dB"] = 0.0
     plain = open_data(load_model("room", rig), MeasuredFiles([DataFile("take", path)])).fitted[0]
-    same = replace(plain, response=10 ** (0.6 / 20) * plain.response)
+    same = times(10 ** (0.6 / 20), plain)
     known, unknown = base_problem(model, [louder]), base_problem(load_model("room", rig), [same])
     assert reduced(known) < 1.1
     assert (reduced(unknown) - reduced(known)) * known.n_data > 100  # six channels, each six times its 0.1 dB
