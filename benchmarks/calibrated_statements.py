@@ -26,12 +26,12 @@ import numpy as np
 
 from hidden_effects.engine import _problem
 from hidden_effects.judge import interval
-from specan.study.diagnose import parameters_of
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import default_value
+from specan.study.verdict import parameters_of
 from truth.worm_gear import TruthCase, simulate, write
 
 DESIGNS = ("grid", "idle")

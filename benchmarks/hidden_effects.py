@@ -3,7 +3,8 @@
     python benchmarks/hidden_effects.py --quick 40 --kinds null single
     python benchmarks/hidden_effects.py --model room --quick 20 --effects leak
     python benchmarks/hidden_effects.py --full --out results.jsonl
-    python benchmarks/hidden_effects.py --report results.jsonl
+    python benchmarks/hidden_effects.py --drawn --reserved --kinds null=400 single=400 pair=60 unknown=60
+    python benchmarks/hidden_effects.py --report results.jsonl --markdown
 
 Results are appended to a file as they come; a run that was broken off goes on where it stopped. Results of other
 code (models, study or simulator have changed) are kept in the file and left out of the table.
@@ -26,25 +27,31 @@ from hidden_effects.run import fingerprint, read, run
 
 def chosen(bench: Bench, arguments: argparse.Namespace) -> list[Case]:
     """Cases that the command line asks for."""
-    kinds = arguments.kinds or list(bench.full)
-    total = sum(bench.full[kind] for kind in kinds)
+    asked = dict(_kind_and_count(word) for word in arguments.kinds or bench.full)
+    total = sum(bench.full[kind] for kind in asked)
     counts = {
-        kind: bench.full[kind]
-        if arguments.full
-        else max(1, round(arguments.quick * bench.full[kind] / total))
-        for kind in kinds
+        kind: count
+        or (bench.full[kind] if arguments.full else max(1, round(arguments.quick * bench.full[kind] / total)))
+        for kind, count in asked.items()
     }
     only = tuple(arguments.effects or ())
     rig = {key: float(value) for key, _, value in (word.partition("=") for word in arguments.rig)}
     noise: dict[str, object] = {} if arguments.noise is None else {"noise_percent": arguments.noise}
     noise |= {"drawn": True} if arguments.drawn else {}
+    noise |= {"rig": rig} if rig else {}
     return [
-        replace(case, rig=rig, **noise)
-        for kind in kinds
+        replace(case, **noise)
+        for kind in asked
         for case in bench.planned(
             kind, arguments.first + counts[kind], reserved=arguments.reserved, only=only
         )[arguments.first :]
     ]
+
+
+def _kind_and_count(word: str) -> tuple[str, int]:
+    """``null=400``: a kind of cases, and how many where that is told (0 where not)."""
+    kind, _, count = word.partition("=")
+    return kind, int(count or 0)
 
 
 def main() -> int:
@@ -57,7 +64,12 @@ def main() -> int:
         "--quick", type=int, default=60, metavar="N", help="about N cases, kinds as in the full bench"
     )
     parser.add_argument("--full", action="store_true", help="all cases")
-    parser.add_argument("--kinds", nargs="+", help="kinds of cases: " + ", ".join(_kinds()))
+    parser.add_argument(
+        "--kinds",
+        nargs="+",
+        metavar="KIND[=N]",
+        help="kinds of cases, and how many of one: " + ", ".join(_kinds()),
+    )
     parser.add_argument("--effects", nargs="+", help="hide only these")
     parser.add_argument("--reserved", action="store_true", help="the reserved seeds: once, at the end")
     parser.add_argument(
@@ -87,16 +99,20 @@ def main() -> int:
         "--report", type=Path, metavar="FILE", help="print the table of a result file, run nothing"
     )
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--markdown", action="store_true", help="the table alone, for a page")
     arguments = parser.parse_args()
     bench = BENCHES[arguments.model]
-    if unknown := set(arguments.kinds or ()) - set(bench.full):
+    if unknown := {_kind_and_count(word)[0] for word in arguments.kinds or ()} - set(bench.full):
         parser.error(f"{arguments.model} has no cases of kind {', '.join(sorted(unknown))}")
     if arguments.report:
         records = read(arguments.report, fingerprint())
     else:
         out = arguments.out or Path(f"hidden_effects_{arguments.model}.jsonl")
         records = list(run(chosen(bench, arguments), out, arguments.workers, cache=arguments.cache))
-    print(json.dumps(summary(records, bench), indent=1) if arguments.json else text(records, bench))
+    if arguments.markdown:
+        print(markdown(records, bench))
+    else:
+        print(json.dumps(summary(records, bench), indent=1) if arguments.json else text(records, bench))
     return 1 if any("error" in record for record in records) else 0
 
 
@@ -117,6 +133,19 @@ def summary(records: list[Record], bench: Bench) -> dict[str, object]:
 
 def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3g}"
+
+
+def markdown(records: list[Record], bench: Bench) -> str:
+    """The table of counts for a page; rows without a case are left out."""
+    lines = ["| hidden effects | count | % (95 % interval) | bar |", "|---|---|---|---|"]
+    for row in table(records, bench.rows):
+        if row["of"]:
+            met = {True: ", met", False: ", missed", None: ""}[row["met"]]
+            lines.append(
+                f"| {row['row'].strip()} | {row['count']} of {row['of']} | "
+                f"{row['percent']:.1f} ({row['low']:.1f} to {row['high']:.1f}) | {row['bar']}{met} |"
+            )
+    return "\n".join(lines)
 
 
 def text(records: list[Record], bench: Bench) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from specan_cli.option_groups import Grouped
+from specan_cli.options import FRACTIONS, weighting_option
 from specan_cli.output import emit_json, say, table
 from specan_cli.verbosity import is_quiet
 
@@ -48,13 +49,8 @@ SHOWN = 20  # failures named on the screen
     help="Sampling rate of all files, instead of those in the files.",
 )
 @click.option("--lines", type=int, help="Lines of a transfer function up to fs/2.56 [default: 3200].")
-@click.option("--fraction", type=click.Choice(["1", "3", "6", "12", "24"]), help="1/N octave [default: 3].")
-@click.option(
-    "--weighting",
-    type=click.Choice(["A", "B", "C", "Z"], case_sensitive=False),
-    metavar="A|B|C|Z",
-    help="Weighting of the band levels of sound pressure [default: Z].",
-)
+@click.option("--fraction", type=click.Choice(FRACTIONS), help="1/N octave [default: 3].")
+@weighting_option("Weighting of the band levels of sound pressure [default: Z].")
 @click.option("--jobs", type=int, help="Number of processes [default: chosen from the amount of data].")
 @click.option("--cluster", metavar="ADDRESS", help="Work on a dask cluster: tcp://host:8786.")
 @click.option("--verify", is_flag=True, help="Compare every byte to detect changed files.")
@@ -64,19 +60,15 @@ def command(
     directories: tuple[Path, ...],
     output: Path,
     settings: Path | None,
-    calibration: Path | None,
     reference: str | None,
     excitation: str | None,
-    channel_table: Path | None,
     sampling_rate: float | None,
     lines: int | None,
-    fraction: str | None,
+    fraction: int | None,
     weighting: str | None,
-    jobs: int | None,
-    cluster: str | None,
-    verify: bool,
     with_report: bool,
     as_json: bool,
+    **how: Any,
 ) -> int:
     """Analyse every recording (*.tdms, *.wav) below DIR and write sine.txt, noise.txt and the other tables.
 
@@ -97,25 +89,11 @@ def command(
             "excitation": excitation,
             "sampling_rate": sampling_rate,
             "transfer_function": {"lines": lines},
-            "octave": {
-                "fraction": None if fraction is None else int(fraction),
-                "weighting": None if weighting is None else weighting.upper(),
-            },
+            "octave": {"fraction": fraction, "weighting": weighting},
         },
     )
     try:
-        report = run_batch(
-            directories,
-            output,
-            chosen,
-            calibration=calibration,
-            channel_table=channel_table,
-            jobs=jobs,
-            cluster=cluster,
-            verify=verify,
-            progress=progress_line(),
-            warn=say,
-        )
+        report = run_batch(directories, output, chosen, **how, progress=progress_line(), warn=say)
     except KeyboardInterrupt:
         say("What is done is kept: the same command goes on from here.")
         raise

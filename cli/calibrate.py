@@ -11,6 +11,8 @@ import click
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
 from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
+from specan_cli.recording_input import given
+from specan_cli.results import draw
 
 if TYPE_CHECKING:
     from specan.data.calibration import Calibration, ChannelCalibration
@@ -28,14 +30,23 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--level",
+    "level_dB",
     type=float,
     help="Level of the calibrator in dB re 20 uPa [default: that of the file, else 94].",
 )
 @click.option(
-    "--frequency", type=float, help="Tone of the calibrator in Hz [default: that of the file, else searched]."
+    "--frequency",
+    "frequency_hz",
+    type=float,
+    help="Tone of the calibrator in Hz [default: that of the file, else searched].",
 )
 @click.option(
-    "--u-level", type=float, default=0.1, show_default=True, help="Standard uncertainty of the level, dB."
+    "--u-level",
+    "u_level_dB",
+    type=float,
+    default=0.1,
+    show_default=True,
+    help="Standard uncertainty of the level, dB.",
 )
 @click.option(
     "--u-insertion",
@@ -62,17 +73,12 @@ if TYPE_CHECKING:
 def command(
     files: tuple[Path, ...],
     output: Path,
-    level: float | None,
-    frequency: float | None,
-    u_level: float,
     u_insertion: tuple[float, float],
-    windows: int,
-    channels: tuple[str, ...],
-    phase_model: str,
     channel_table: Path | None,
     budget: bool,
     plot: Path | None,
     as_json: bool,
+    **options: Any,
 ) -> int:
     """Find sensitivity and phase of every microphone from recordings of a calibrator.
 
@@ -84,29 +90,15 @@ def command(
     from specan.analysis.calibration import join_insertions
     from specan.analysis.calibrator_tone import CalibrationSettings
     from specan.analysis.insertion import evaluate_insertion
-    from specan.errors import InputError, RequestError
+    from specan.errors import InputError
     from specan.io.calibration_file import write_calibration
     from specan.io.open import open_recording
+    from specan.io.output_file import check_directory
     from specan.schema import parse
 
-    settings = parse(
-        CalibrationSettings,
-        {
-            "level_dB": level,
-            "frequency_hz": frequency,
-            "u_level_dB": u_level,
-            "u_insertion_dB": u_insertion[0],
-            "u_insertion_deg": u_insertion[1],
-            "windows": windows,
-            "channels": channels,
-            "phase_model": phase_model,
-        },
-        "calibrate",
-    )
-    if not output.resolve().parent.is_dir():
-        raise RequestError(
-            f"the directory of {output} does not exist", remedy="make it, or choose another with -o"
-        )
+    insertion = dict(zip(("u_insertion_dB", "u_insertion_deg"), u_insertion))
+    settings = parse(CalibrationSettings, given(**options, **insertion), "calibrate")
+    check_directory(output)
     common = os.path.commonpath([path.resolve().parent for path in files])
     insertions, failures = [], []
     for path in files:
@@ -123,13 +115,9 @@ def command(
         raise InputError("no file could be used for a calibration", remedy="see the reasons above")
     calibration = join_insertions(insertions, settings)
     write_calibration(calibration, output)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_calibration import figure_calibration
-
-        save_figure(figure_calibration(calibration), plot)
+    draw(calibration, plot)
     if as_json:
-        emit_json({**_content(calibration), "failures": failures, "output": str(output)})
+        emit_json({**calibration.to_json(), "failures": failures, "output": str(output)})
     elif not to_standard_output(output):
         _show(calibration)
         if budget:
@@ -137,12 +125,6 @@ def command(
         say_written(output)
     failed = any(c.verdict == "failed" for c in calibration.channels)
     return 1 if failures or failed else 0
-
-
-def _content(calibration: Calibration) -> dict[str, Any]:
-    import dataclasses
-
-    return dataclasses.asdict(calibration)
 
 
 def _show(calibration: Calibration) -> None:

@@ -32,12 +32,13 @@ def limit_content(kept: Sequence[Kept]) -> dict[str, Any]:
 
 def show_limit(limit: Path | None, kept: Sequence[Kept]) -> None:
     """A line for each channel."""
-    for one in kept if limit else ():
+    label = "" if limit is None else limit.name
+    for one in kept:
         if one.passed:
             text = f"passed, {-one.excess_dB:.2f} dB to spare at {one.place}"
         else:
             text = f"FAILED, {one.excess_dB:.2f} dB beyond the limit at {one.place}"
-        click.echo(f"Limits {limit.name}: {one.channel}: {text} ({one.compared} compared)")
+        click.echo(f"Limits {label}: {one.channel}: {text} ({one.compared} compared)")
 
 
 def limit_code(kept: Sequence[Kept]) -> int:

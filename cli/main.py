@@ -59,15 +59,6 @@ class LazyGroup(click.Group):
         add_options(module.command)
         return module.command
 
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb; who reads its output may stop early (``| head``), and that is not an error message."""
-        try:
-            return super().invoke(ctx)
-        except BrokenPipeError:
-            # What is left in the buffer has nowhere to go; Python would complain about it at its end.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise click.exceptions.Exit(CLOSED_PIPE) from None
-
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the verbs without importing them."""
         if not self.verbs:
@@ -132,6 +123,10 @@ def run() -> None:
         sys.exit(main(prog_name="specan", standalone_mode=False) or 0)
     except click.exceptions.Exit as done:
         sys.exit(done.exit_code)
+    except BrokenPipeError:  # who reads the output may stop early (``| head``), and that is no fault
+        # What is left in the buffer has nowhere to go; Python would complain about it at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(CLOSED_PIPE)
     except click.ClickException as fault:
         fault.show()
         sys.exit(2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,6 +40,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     import numpy as np
 
+    from specan.io.output_file import check_directory
     from specan.io.write_tdms import write_tdms
     from specan.models.planetary_gear.compiled import HAS_NUMBA
     from specan.models.planetary_gear.dynamics import check_duration, simulate, step_error
@@ -49,8 +49,7 @@ def _record(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     if options["effects"] or options["without"]:
         _record_lines(model, path, options)
         return
-    if not path.absolute().parent.is_dir():
-        raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+    check_directory(path)
     rig, duration = model.settings["parsed_rig"], options["duration"]
     check_duration(duration)
     _announce(rig, duration)
@@ -213,6 +212,8 @@ def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     """Order lines of the order-domain model at the rig's operating point."""
     import numpy as np
 
+    from specan.io.output_file import write_csv
+
     orders, found, request = _order_lines(model, options)
     rows = [
         [name, f"{order:.6f}", f"{abs(value):.6g}", f"{np.degrees(np.angle(value)):.3f}"]
@@ -220,15 +221,7 @@ def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
         for order, value in zip(orders, line)
     ]
     header = ["channel", "order", "amplitude_m_per_s2", "phase_deg"]
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            sheet = csv.writer(file, lineterminator="\n")
-            sheet.writerow(header)
-            sheet.writerows(rows)
-    except OSError as fault:
-        raise RequestError(
-            f"the table {path} cannot be written ({fault.strerror})", remedy="name another place"
-        ) from None
+    write_csv(path, header, rows)
     say(f"{len(rows)} order lines written to {path}")
     if options["as_json"]:
         emit_json(

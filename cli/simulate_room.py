@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,6 @@ from specan_cli.output import emit_json, say, table
 if TYPE_CHECKING:
     from specan.models.chosen_model import ChosenModel
     from specan.models.model import Model
-    from specan.models.room.field_map import FieldMap
     from specan.models.room.simulated_recording import SimulatedRecording
 
 OF_GEARS = {
@@ -117,7 +115,8 @@ def _write_tdms(path: Path, made: SimulatedRecording, given: Mapping[str, Any]) 
 
 
 def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
-    from specan.models.room.field_map import field_map, read_plane
+    from specan.io.output_file import write_csv
+    from specan.models.room.field_map import COLUMNS, field_map, read_plane
 
     path = _checked(options["output"], (".csv", ".png", ".svg", ".pdf"))
     if options["frequency"] is None:
@@ -131,7 +130,7 @@ def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
         say(f"Errors of microphones do not change the field: {', '.join(left_out)}.")
     found = field_map(chosen, read_plane(options["plane"]), options["frequency"])
     if path.suffix.lower() == ".csv":
-        _write_csv(path, found)
+        write_csv(path, COLUMNS, ([f"{value:.9g}" for value in row] for row in found.rows()))
     else:
         from specan.report.figure_style import save_figure
         from specan.report.figures_field import field_figure
@@ -151,22 +150,13 @@ def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
         )
 
 
-def _write_csv(path: Path, found: FieldMap) -> None:
-    from specan.io.output_file import text_file
-    from specan.models.room.field_map import COLUMNS
-
-    with text_file(path) as file:
-        sheet = csv.writer(file, lineterminator="\n")
-        sheet.writerow(COLUMNS)
-        sheet.writerows([f"{value:.9g}" for value in row] for row in found.rows())
-
-
 def _checked(path: Path, suffixes: tuple[str, ...]) -> Path:
     """A path whose suffix says what is to be written, in a directory that exists."""
+    from specan.io.output_file import check_directory
+
     if path.suffix.lower() not in suffixes:
         raise RequestError(
             f"{path.name} cannot be written here", expected="a name that ends in " + " or ".join(suffixes)
         )
-    if not path.absolute().parent.is_dir():
-        raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+    check_directory(path)
     return path

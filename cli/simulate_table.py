@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,6 +35,7 @@ def simulate(
 ) -> None:
     """Write or print what `make` predicts over the conditions that were asked for."""
     from specan.models.prediction import outside_validity
+    from specan.result import records
 
     if options["noise"] < 0:
         raise RequestError(f"--noise is {options['noise']}", expected="a standard deviation, not below zero")
@@ -50,7 +50,7 @@ def simulate(
         write(options["output"], rows)
         say(f"{length(rows)} rows written to {options['output']}")
     if options["as_json"]:
-        emit_json({"effects": [str(use) for use in chosen.assembly.uses], "rows": _records(rows)})
+        emit_json({"effects": [str(use) for use in chosen.assembly.uses], "rows": records(**rows)})
     elif not options["output"]:
         _print(rows)
 
@@ -111,19 +111,9 @@ def _values(text: str, values: str) -> list[float]:
 
 def write(path: Path, rows: Columns) -> None:
     """Write a table."""
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            sheet = csv.writer(file, lineterminator="\n")
-            sheet.writerow(rows)
-            sheet.writerows([f"{value:.9g}" for value in row] for row in zip(*rows.values(), strict=True))
-    except OSError as fault:
-        raise RequestError(
-            f"the table {path} cannot be written ({fault.strerror})", remedy="name another place"
-        ) from None
+    from specan.io.output_file import write_csv
 
-
-def _records(rows: Columns) -> list[dict[str, float]]:
-    return [dict(zip(rows, map(float, row), strict=True)) for row in zip(*rows.values(), strict=True)]
+    write_csv(path, rows, ([f"{value:.9g}" for value in row] for row in zip(*rows.values(), strict=True)))
 
 
 def length(rows: Columns) -> int:

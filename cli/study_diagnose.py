@@ -12,6 +12,7 @@ import click
 from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, say, table
 from specan_cli.output_file import Verb
+from specan_cli.results import draw
 from specan_cli.study_output import open_study, probability, study_options
 
 if TYPE_CHECKING:
@@ -41,11 +42,7 @@ def command(
         emit_json(found.to_json())
     else:
         _print(found, directory)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_diagnosis import figure_diagnosis
-
-        save_figure(figure_diagnosis(found), plot)
+    draw(found, plot)
 
 
 def _print(found: Diagnosis, directory: Path) -> None:

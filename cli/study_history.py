@@ -8,6 +8,7 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.output_file import Verb
+from specan_cli.results import draw
 
 
 @click.command("history", cls=Verb)
@@ -26,7 +27,8 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
     from specan_cli.study_output import amount
 
     read_study_file(directory)
-    steps = History(directory).steps
+    history = History(directory)
+    steps = history.steps
     if as_json:
         emit_json([step.as_dict() for step in steps])
     else:
@@ -44,8 +46,4 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
         )
         if steps:
             click.echo("\nModel: " + (", ".join(steps[-1].model_effects) or "no effects"))
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_history import figure_history
-
-        save_figure(figure_history(steps), plot)
+    draw(history, plot)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.output_file import OutputFile, Verb
+from specan_cli.figure_output import plot_option
+from specan_cli.output_file import Verb
+from specan_cli.results import draw
 from specan_cli.study_output import study_options
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 @click.option("--wall", metavar="NAME", help="Show this wall only: x0, x1, y0 ...")
 @click.option("--accuracy", default=0.1, show_default=True, metavar="ALPHA",
               help="Half-width of the 95 % interval up to which absorption counts as determined.")  # fmt: skip
-@click.option("--plot", type=OutputFile(), help="Draw impedance and absorption into this file.")
+@plot_option("impedance and absorption")
 def command(
     directory: Path,
     effects: tuple[Path, ...],
@@ -44,10 +46,6 @@ def command(
     from specan_cli.output import emit_json, say
     from specan_cli.study_output import open_study
 
-    if plot is not None:
-        from specan.report.figure_style import figure_format
-
-        figure_format(plot)
     progress = say if sys.stderr.isatty() else None
     study = open_study(directory, effects)
     whole = study_impedance(study, accuracy, progress)
@@ -56,24 +54,10 @@ def command(
         progress("what would determine the rest")
     advice = advise(shown)
     if as_json:
-        emit_json(_content(shown, advice))
+        emit_json({**shown.to_json(), "advice": [one.as_dict() for one in advice]})
     else:
         _print(shown, advice)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_room import figure_impedance
-
-        save_figure(figure_impedance(shown), plot)
-
-
-def _content(found: Impedance, advice: tuple[Advice, ...]) -> dict[str, Any]:
-    return {
-        "rows": [row.as_dict() for row in found.rows],
-        "criterion": found.criterion,
-        "reduced_chi2": found.fit.reduced_chi2,
-        "sentences": found.sentences(),
-        "advice": [a.as_dict() for a in advice],
-    }
+    draw(shown, plot)
 
 
 def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:

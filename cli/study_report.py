@@ -21,13 +21,11 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, output: P
     \b
     specan study report my_study -o report.html
     """
-    from specan.errors import RequestError
-    from specan.io.output_file import text_file
+    from specan.io.output_file import check_directory, text_file
     from specan.report.study_report import study_report
     from specan_cli.output import emit_json
 
-    if not output.absolute().parent.is_dir():
-        raise RequestError(f"the directory of {output} does not exist", remedy="make it, or choose another")
+    check_directory(output)
     page = study_report(open_study(directory, effects))
     with text_file(output) as file:
         file.write(page)

@@ -14,8 +14,9 @@ from specan.models import Model, Use
 from specan.models.worm_gear.build import build
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import Problem, base_problem
+from specan.study.estimation.problem import Problem
 from specan.study.selection.alternatives import other_forms
 from specan.study.selection.refits import EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, score_pairs
@@ -24,6 +25,8 @@ from specan.units import convert
 from truth.worm_gear import TruthCase
 
 STARTS = 3  # signatures of a candidate from which it is refitted to noise-free data
+RIVALS = 6  # wrong candidates that are refitted over each form of the base
+SHOWS = 10.0  # lambda from which D is measured: below, the right effect cannot be told from nothing either
 
 
 def diagnose(case: Case, directory: Path) -> dict[str, Any]:
@@ -32,43 +35,71 @@ def diagnose(case: Case, directory: Path) -> dict[str, Any]:
 
 
 def measure(case: Case, truth: TruthCase, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
-    """lambda, D, conditional lambda and the planted sizes, from a refit of noise-free data, whatever the verdict is.
+    """lambda, D, conditional lambda and the planted sizes, from refits of noise-free data, whatever the verdict is.
 
-    The base is in that of its published forms which leaves least.
+    Every published form of the base that fits better than the declared one is tried with every effect: the data know
+    an effect as far as no form leaves less without it.
 
     Returns
     -------
     dict
-        ``lambda``: chi-square that the base leaves. ``left``: that the true candidates leave.
-        ``d``: least that a wrong candidate leaves beyond that (single effects; of an effect outside the
-        catalogue every candidate is wrong, and the truth leaves nothing). ``rival``: which.
+        ``lambda``: least chi-square that a form of the base leaves. ``left``: least that the true candidates leave.
+        ``d``: least that a wrong candidate leaves beyond that (single effects that show; of an effect outside the
+        catalogue every candidate is wrong, and the truth leaves nothing). Of the wrong ones the `RIVALS` that promise
+        most are refitted. ``rival``: which.
         ``conditional_lambda``: least that one of a pair alone leaves beyond both.
         ``planted``: amplitude that each true candidate takes, in the unit of its parameter.
     """
     problem = _noise_free(_problem(directory), truth)
-    bases = [Refit(frozenset(), problem, fit(problem, starts=STARTS))]
-    bases += [other.start for other in other_forms(bases[0])]
-    refits = Refits(min(bases, key=lambda base: base.chi2))
-    found = {"lambda": refits.base.chi2, "left": None, "d": None, "rival": None, "conditional_lambda": None}
+    declared = Refit(frozenset(), problem, fit(problem, starts=STARTS))
+    forms = [_Form(base) for base in (declared, *(other.start for other in other_forms(declared)))]
+    least = min(form.base.chi2 for form in forms)
+    found = {"lambda": least, "left": None, "d": None, "rival": None, "conditional_lambda": None}
     found["planted"] = {}
     names = frozenset(Use(name) for name in case.truth)
     if not case.effects:
         return found
-    step = Search(refits).step(refits.base)
-    singles = {use: refits.fit(refits.base, _starts(items)) for use, items in step.by_use.items()}
-    right = _pair(refits, step.scored, names) if len(names) > 1 else singles.get(next(iter(names), None))
-    found["planted"] = {use.name: _amplitude(singles.get(use)) for use in names}
+    found["planted"] = {use.name: _amplitude(_lowest(form.single(use) for form in forms)) for use in names}
+    pairs = len(names) > 1
+    right = _lowest(
+        _pair(form.refits, form.step.scored, names) if pairs else form.of(names) for form in forms
+    )
     if names and right is None:  # the base is collinear with it whole
         return found
     found["left"] = right.chi2 if right is not None else 0.0  # the truth itself leaves nothing
-    if len(names) < 2:
-        rivals = {str(u): r.chi2 for u, r in singles.items() if r is not None and u not in names}
-        found["rival"] = min(rivals, key=lambda name: rivals[name])
-        found["d"] = rivals[found["rival"]] - found["left"]
-    elif right is not None:
-        alone = [r.chi2 if r is not None else refits.base.chi2 for r in map(singles.get, names)]
-        found["conditional_lambda"] = min(alone) - right.chi2
+    if pairs and right is not None:
+        alone = _lowest(form.single(use) for form in forms for use in names)
+        found["conditional_lambda"] = min(least, alone.chi2 if alone else least) - right.chi2
+    elif not pairs and least >= SHOWS:
+        rival = _lowest(form.single(use) for form in forms for use in form.promising(names))
+        found["rival"] = None if rival is None else str(next(iter(rival.uses)))
+        found["d"] = min(least, rival.chi2 if rival else least) - found["left"]
     return found
+
+
+class _Form:
+    """A published form of the base, and refits of effects over it."""
+
+    def __init__(self, base: Refit) -> None:
+        self.base = base
+        self.refits = Refits(base)
+        self.step = Search(self.refits).step(base)
+
+    def single(self, use: Use) -> Refit | None:
+        """One effect over it; None where the base is collinear with it."""
+        return self.refits.fit(self.base, _starts(self.step.by_use[use])) if use in self.step.by_use else None
+
+    def of(self, names: EffectSet) -> Refit | None:
+        return self.single(next(iter(names))) if names else None
+
+    def promising(self, names: EffectSet) -> list[Use]:
+        """Wrong candidates by the chi-square that they take, linearised."""
+        wrong = [use for use in self.step.by_use if use not in names]
+        return sorted(wrong, key=lambda use: -self.step.by_use[use][0].chi2_reduction)[:RIVALS]
+
+
+def _lowest(refits: Iterable[Refit | None]) -> Refit | None:
+    return min((refit for refit in refits if refit is not None), key=lambda refit: refit.chi2, default=None)
 
 
 def _problem(directory: Path, without: Iterable[str] = ()) -> Problem:

@@ -7,15 +7,16 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 
 READ_BLOCK = 1 << 16  # samples of a channel that are read at once
 
 Found = TypeVar("Found", covariant=True)
 
 
-class Accumulator(Protocol[Found]):
-    """An analysis of samples `start` to `stop` of `channels`."""
+class Reader(Protocol):
+    """What takes samples `start` to `stop` of `channels`."""
 
     channels: tuple[Channel, ...]
     start: int
@@ -24,6 +25,10 @@ class Accumulator(Protocol[Found]):
     def add(self, samples: NDArray[np.float64], /) -> None:
         """Take the next samples (channels, m), as many as there are."""
         ...
+
+
+class Accumulator(Reader, Protocol[Found]):
+    """An analysis of these samples."""
 
     def result(self) -> Found:
         """What was found."""

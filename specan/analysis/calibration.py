@@ -18,7 +18,8 @@ from specan.analysis.phase_chain import ChainedPhase, chain_phases, natural
 from specan.analysis.polarity import turned_over
 from specan.analysis.repeatability import repeatability
 from specan.data.calibration import Calibration, ChannelCalibration, Contribution
-from specan.data.recording import PhaseCalibration, Recording
+from specan.data.channel import PhaseCalibration
+from specan.data.recording import Recording
 from specan.errors import InputError
 
 

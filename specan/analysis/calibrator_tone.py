@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
 from specan.errors import InputError
 from specan.schema import Settings

@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.levels import Levels
-from specan.analysis.octave import Fraction, Octave
+from specan.analysis.octave import Octave
+from specan.analysis.octave_settings import Fraction
 from specan.analysis.tone import Tone
-from specan.data.recording import ArraySource, Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import ArraySource, Recording
 from specan.dsp import bands
 from specan.dsp.band_limits import BREAKPOINTS, breakpoint_ratio, class_1_limits
 from specan.dsp.weighting import weighting_level

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from specan.analysis.section import of_one_rate, section
+from specan.data.channel import Channel
 from specan.data.decay import DecayTimes
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp import bands
 from specan.dsp.energy_decay import decay_line, energy_decay, noise_floor
 from specan.errors import InputError, RequestError

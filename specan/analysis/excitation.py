@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.data.channel import Channel
 from specan.data.excitation import Excitation, ExcitationKind
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.frequency_track import path, track
 from specan.dsp.randomness import narrow_band_is_noise, scatters_as_noise
+from specan.dsp.statistics import median
 from specan.dsp.tonality import TONE_SHARE, Appearance, appearance, tonal_share
 from specan.errors import RequestError, nearest
 
@@ -67,7 +69,8 @@ def recognise(recording: Recording, *, said: str | None = None) -> Excitation:
     Examples
     --------
     >>> import numpy as np
-    >>> from specan.data.recording import ArraySource, Channel
+    >>> from specan.data.channel import Channel
+    >>> from specan.data.recording import ArraySource
     >>> volts = np.sin(2 * np.pi * 250 * np.arange(8000) / 8000)
     >>> generator = Channel("Generator", role="generator", unit="V", sampling_rate=8000.0, n_samples=8000)
     >>> found = recognise(Recording("a.tdms", (generator,), ArraySource([volts])))
@@ -230,7 +233,7 @@ def _verdict(
     where = f"{channel.role} channel {channel.name!r}"
     kinds = {look.look for look in looks}
     frequencies = [look.frequency_hz for look in looks]
-    low, high, middle = min(frequencies), max(frequencies), float(np.median(frequencies))
+    low, high, middle = min(frequencies), max(frequencies), median(frequencies)
     share = 100 * min(look.share for look in looks)
     if kinds == {"tone"} and high - low <= max(0.1 / SECTION_S, 2e-4 * high):
         amplitudes = np.array([look.amplitude for look in looks])

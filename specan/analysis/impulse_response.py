@@ -11,8 +11,9 @@ from pydantic import Field
 from specan.analysis.excitation import recognise
 from specan.analysis.section import of_one_rate, section
 from specan.analysis.transfer_function import RESPONSES, TransferFunction
+from specan.data.channel import Channel
 from specan.data.impulse_response import ImpulseResponses
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.deconvolution import Deconvolution
 from specan.errors import InputError, RequestError
 from specan.schema import Settings

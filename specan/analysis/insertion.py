@@ -18,8 +18,9 @@ from specan.analysis.calibrator_tone import (
     volts,
 )
 from specan.analysis.quality import QualityAccumulator
+from specan.data.channel import Channel
 from specan.data.levels import Quality
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.sine_fit import fit_sine
 from specan.errors import InputError
 from specan.units import LEVEL_REFERENCES

@@ -11,8 +11,9 @@ from specan.analysis.accumulator import READ_BLOCK
 from specan.analysis.order_settings import OrderSettings
 from specan.analysis.section import of_one_rate, section
 from specan.analysis.shaft import DRIFT_PERCENT, Shaft, steady_shaft, tracked_shaft
+from specan.data.channel import Channel
 from specan.data.orders import OrderLines, OrderSpectrum, TachoReport
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.angular import PASS, AngularResampler, samples_per_turn
 from specan.dsp.envelope import envelope
 from specan.dsp.integration import derivative_factor

@@ -43,7 +43,8 @@ class Orders(OrderSettings):
     Examples
     --------
     >>> import numpy as np
-    >>> from specan.data.recording import ArraySource, Channel
+    >>> from specan.data.channel import Channel
+    >>> from specan.data.recording import ArraySource
     >>> t = np.arange(20000) / 10000
     >>> channel = Channel("Acc 1", unit="m/s^2", sampling_rate=10000.0, n_samples=20000)
     >>> recording = Recording("a.tdms", (channel,), ArraySource([3.0 * np.cos(2 * np.pi * 240 * t)]))

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 
 _GRID = 1 << 15
@@ -111,7 +112,7 @@ def weightable(
     )
 
 
-def reference_channel(recording: Recording, name: str | None, purpose: str = "a reference") -> Channel:
+def reference_channel(recording: Recording, name: str | None) -> Channel:
     """The named channel, or the vibrometer.
 
     Raises
@@ -125,7 +126,7 @@ def reference_channel(recording: Recording, name: str | None, purpose: str = "a 
     if not found:
         raise InputError(
             f"{recording.label} has no vibrometer channel",
-            expected=purpose,
+            expected="a reference",
             remedy="name a channel as the reference",
         )
     return found[0]

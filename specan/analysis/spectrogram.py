@@ -34,7 +34,8 @@ class SpectrogramSettings(BlockSettings):
 
     Examples
     --------
-    >>> from specan.data.recording import ArraySource, Channel
+    >>> from specan.data.channel import Channel
+    >>> from specan.data.recording import ArraySource
     >>> t = np.arange(16000) / 8000
     >>> channel = Channel("Mic 1", unit="Pa", sampling_rate=8000.0, n_samples=16000)
     >>> recording = Recording("a.tdms", (channel,), ArraySource([np.cos(2 * np.pi * (500 + 500 * t) * t)]))

@@ -12,7 +12,8 @@ from pydantic import Field
 
 from specan.analysis.accumulator import read_through
 from specan.analysis.section import section, weightable
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.data.spectrum import Scaling, Spectrum, SpectrumScale
 from specan.dsp.fft import AmplitudeTransform, has_mirror
 from specan.dsp.transfer_function import phase_deg

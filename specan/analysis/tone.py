@@ -12,7 +12,8 @@ from specan.analysis.accumulator import read_through
 from specan.analysis.excitation import recognise
 from specan.analysis.section import of_one_rate, section
 from specan.analysis.transfer_function import quotient
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.data.tone import ToneTable
 from specan.dsp.few_averages import student_factor
 from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency

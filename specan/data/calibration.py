@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-from specan.data.recording import Channel, PhaseCalibration, Recording, matches
+from specan.data.channel import Channel, PhaseCalibration, matches
+from specan.data.recording import Recording
 from specan.data.sensor import gain_of
 from specan.errors import InputError, RequestError
 from specan.result import Result, counted
@@ -131,6 +132,10 @@ class Calibration(Result):
         tone = self.calibrator_frequency_hz
         return f"{counted(len(self.channels), 'channel')}" + (f" at {tone:.6g} Hz" if tone else "")
 
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        return asdict(self)
+
     def columns(self) -> dict[str, Any]:
         """One row for each channel and tone."""
         rows = [
@@ -188,7 +193,8 @@ def apply(calibration: Calibration, recording: Recording) -> Recording:
     Examples
     --------
     >>> import numpy as np
-    >>> from specan.data.recording import ArraySource, Channel, Recording
+    >>> from specan.data.channel import Channel
+    >>> from specan.data.recording import ArraySource, Recording
     >>> microphone = Channel("Mic 1", unit="V", raw_unit="V", sampling_rate=8e3, n_samples=1)
     >>> recording = Recording("a.tdms", (microphone,), ArraySource([np.array([0.05])]))
     >>> calibrated = apply(Calibration((ChannelCalibration("Mic 1", 50.0),)), recording)

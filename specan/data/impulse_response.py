@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import ArraySource, Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import ArraySource, Recording
 from specan.result import Result, counted, crossed, full_names
 
 

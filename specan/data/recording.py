@@ -5,23 +5,20 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from specan.data.channel import Channel, Role, channels_meant, matches, plain_properties
+from specan.data.sensor import si_unit
 from specan.errors import InputError, RequestError, nearest
 from specan.result import Result, counted, full_names
-from specan.units import MOTION, QUANTITIES, Quantity
+from specan.units import MOTION, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-Role = Literal["microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other"]
-ROLES: tuple[Role, ...] = (
-    "microphone", "vibrometer", "generator", "accelerometer", "tacho", "torque", "force", "other",
-)  # fmt: skip
 
 
 class SampleSource(Protocol):
@@ -44,167 +41,6 @@ class ArraySource:
     def read(self, indices: Sequence[int], start: int, stop: int) -> NDArray[np.float64]:
         """Samples of the chosen channels; see SampleSource."""
         return np.stack([np.asarray(self.samples[i][start:stop], dtype=np.float64) for i in indices])
-
-
-@dataclass(frozen=True)
-class PhaseCalibration:
-    """Phase of a channel relative to the reference microphone, known at some tones.
-
-    Positive means that the channel leads; the correction is subtracted. Between tones the phase is
-    interpolated; beyond them it goes on as `model` says: ``delay`` (degrees proportional to frequency)
-    or ``constant``. Of an `inverted` channel 180 degrees are the same at all frequencies, and the rest
-    goes on as the model says.
-    """
-
-    frequency_hz: tuple[float, ...]
-    phase_deg: tuple[float, ...]
-    u_phase_deg: tuple[float, ...]
-    model: Literal["delay", "constant"] = "delay"
-    group: str = ""  # phases are comparable within one group only
-    inverted: bool = False
-
-    def at(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Phase in degrees at the given frequencies."""
-        f = np.asarray(frequency_hz, dtype=float)
-        tones, phases = np.asarray(self.frequency_hz), np.asarray(self.phase_deg)
-        if self.inverted:
-            rest = tuple(float(p % 360.0 - 180.0) for p in phases)  # from -180 to 180, near zero
-            return 180.0 + replace(self, inverted=False, phase_deg=rest).at(f)
-        if self.model == "constant":
-            return np.interp(f, tones, phases)
-        # phase / frequency is the delay in degrees per hertz: interpolated, and held beyond the tones.
-        return f * np.interp(f, tones, phases / tones)
-
-    def u_at(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Standard uncertainty in degrees; it grows with the distance from the nearest tone.
-
-        Under the delay model the stated uncertainty scales with frequency above the tone. In both
-        models the phase itself may follow the other law: half the difference between the two laws,
-        as a rectangular bound, is added in quadrature.
-        """
-        f = np.asarray(frequency_hz, dtype=float)
-        tones, u = np.asarray(self.frequency_hz), np.asarray(self.u_phase_deg)
-        stated = np.interp(f, tones, u) * np.maximum(1.0, f / tones[-1])
-        other = replace(self, model="constant" if self.model == "delay" else "delay")
-        return np.hypot(stated, np.abs(self.at(f) - other.at(f)) / (2 * np.sqrt(3)))
-
-
-@dataclass(frozen=True)
-class Channel:
-    """One channel of a recording.
-
-    Attributes
-    ----------
-    unit : str
-        SI unit of the samples that `Recording.read` returns ("Pa", "m/s", "V", "1").
-    raw_unit : str
-        SI unit of the samples before `gain`, after the file's own scaling ("V"); empty where nothing says.
-    raw_scale : float
-        Factor from the samples to `raw_unit`: 1e-3 for samples in mV.
-    gain : float
-        Factor from the file's scaled samples to `unit` (1 / sensitivity).
-    derivatives : int
-        How many times the quantity has to be differentiated to become the one that the role stands
-        for: a vibrometer that gives displacement has 1, one that gives acceleration -1.
-    delay_s, u_delay_s : float
-        By how much the channel is late, and the standard uncertainty of that.
-    full_scale : float or None
-        Largest magnitude in `unit` that the converter can give; samples there are clipped.
-    source_index : int or None
-        Place of the channel in the source of its recording; None: the place in the recording.
-    decisions : mapping
-        How role, unit, sensitivity, sampling rate ... were decided, in words.
-    """
-
-    name: str
-    group: str = ""
-    unit: str = "1"
-    role: Role = "other"
-    sampling_rate: float = 0.0
-    n_samples: int = 0
-    raw_unit: str = ""
-    raw_scale: float = 1.0
-    gain: float = 1.0
-    derivatives: int = 0
-    delay_s: float = 0.0
-    u_delay_s: float = 0.0
-    phase: PhaseCalibration | None = None
-    u_gain_percent: float = 0.0
-    full_scale: float | None = None
-    start_offset_s: float = 0.0
-    source_index: int | None = None
-    properties: Mapping[str, Any] = field(default_factory=dict)
-    decisions: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def duration_s(self) -> float:
-        """Length in seconds."""
-        return self.n_samples / self.sampling_rate if self.sampling_rate else 0.0
-
-    @property
-    def target_unit(self) -> str:
-        """Unit after the differentiations that `correction` carries out."""
-        if not self.derivatives:
-            return self.unit
-        place = MOTION.index(self.unit) + self.derivatives if self.unit in MOTION else 1
-        return MOTION[place] if 0 <= place < len(MOTION) else "m/s"
-
-    def in_quantity(self, quantity: Quantity) -> Channel:
-        """The channel to be shown as displacement, velocity or acceleration; itself where it is no motion.
-
-        Examples
-        --------
-        >>> Channel("Acc", unit="m/s^2").in_quantity("velocity").target_unit
-        'm/s'
-        """
-        if self.unit not in MOTION:
-            return self
-        return replace(self, derivatives=QUANTITIES.index(quantity) - MOTION.index(self.unit))
-
-    def correction(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Factor on the channel's spectrum (exp(+j w t)) that removes its phase error and delay.
-
-        A displacement or acceleration of a vibrometer becomes a velocity: (j w) ** derivatives.
-        """
-        f = np.asarray(frequency_hz, dtype=float)
-        factor = np.exp(2j * np.pi * f * self.delay_s)
-        if self.phase is not None:
-            factor = factor * np.exp(-1j * np.radians(self.phase.at(f)))
-        if self.derivatives:
-            omega = 2 * np.pi * f
-            with np.errstate(divide="ignore", invalid="ignore"):
-                factor = factor * np.where(omega > 0, (1j * omega) ** self.derivatives, 0.0)
-        return factor
-
-    def u_phase_deg(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Standard uncertainty of the phase that calibration and delay leave, in degrees."""
-        f = np.asarray(frequency_hz, dtype=float)
-        late = 360.0 * f * self.u_delay_s
-        return np.hypot(late, self.phase.u_at(f)) if self.phase is not None else late
-
-
-def _meant(name: str, channels: Sequence[Channel]) -> tuple[Channel, ...]:
-    """Channels that a name means which none has: the same in other letters, else the one whose name ends so.
-
-    ``mic 1`` means ``Mic 1``; ``ai0`` means ``cDAQ1Mod1/ai0`` where no other channel ends so.
-    """
-    wanted = name.casefold()
-    same = tuple(c for c in channels if wanted in (c.name.casefold(), f"{c.group}/{c.name}".casefold()))
-    if same or not wanted:
-        return same
-    ends = tuple(c for c in channels if _ends_with(f"{c.group}/{c.name}".casefold(), wanted))
-    return ends if len(ends) == 1 else ()
-
-
-def _ends_with(name: str, end: str) -> bool:
-    """Whether a name ends with whole words: ``ai0`` ends ``mod1/ai0``, not ``xai0``; a number alone does not do."""
-    return name.endswith(end) and not name[: -len(end)][-1:].isalnum() and not end.isnumeric()
-
-
-def matches(pattern: str, channel: Channel) -> bool:
-    """Whether a shell-style pattern (``Mic *``) is or fits the channel's name or ``group/name``."""
-    names = (channel.name, f"{channel.group}/{channel.name}")
-    return pattern in names or any(fnmatch.fnmatchcase(name, pattern) for name in names)
 
 
 @dataclass(frozen=True, repr=False)
@@ -238,6 +74,65 @@ class Recording(Result):
     notes: tuple[str, ...] = ()
     set_aside: Mapping[str, str] = field(default_factory=dict)
 
+    @classmethod
+    def from_arrays(
+        cls,
+        samples: Mapping[str, ArrayLike],
+        sampling_rate: float,
+        *,
+        units: Mapping[str, str] | None = None,
+        roles: Mapping[str, Role] | None = None,
+        label: str = "arrays",
+    ) -> Recording:
+        """A recording of arrays in memory.
+
+        Parameters
+        ----------
+        samples : mapping of str to array (n,)
+            By the names of the channels.
+        sampling_rate : float
+            In hertz, of all channels.
+        units : mapping of str to str, optional
+            Of the samples: ``Pa``, ``mV``, ``m/s^2``; no unit by default. An unknown unit stays as it is.
+        roles : mapping of str to str, optional
+            ``microphone``, ``vibrometer``, ``generator``, ``accelerometer``, ``tacho`` ...; by default
+            ``microphone`` for a sound pressure and ``other`` for the rest.
+        label : str
+            What results say that they are of.
+
+        Returns
+        -------
+        Recording
+            With one channel for each array.
+
+        Raises
+        ------
+        RequestError
+            An array has more than one dimension.
+
+        Examples
+        --------
+        >>> tone = np.sin(2 * np.pi * 100 * np.arange(8000) / 8000)
+        >>> Recording.from_arrays({"Mic 1": tone}, 8000, units={"Mic 1": "Pa"})
+        <Recording: arrays, 1 channel, 1 s at 8000 Hz>
+        """
+        arrays = {name: np.asarray(values, dtype=np.float64) for name, values in samples.items()}
+        channels = []
+        for name, values in arrays.items():
+            if values.ndim != 1:
+                raise RequestError(
+                    f"{name!r} is an array of the shape {values.shape}", expected="one channel for each array"
+                )
+            unit, scale = si_unit((units or {}).get(name, "1"))
+            role = (roles or {}).get(name, "microphone" if unit == "Pa" else "other")
+            channels.append(
+                Channel(
+                    name, unit=unit, role=role, sampling_rate=float(sampling_rate), n_samples=values.size,
+                    raw_unit=unit, raw_scale=scale, gain=scale,
+                )
+            )  # fmt: skip
+        return cls(label, tuple(channels), ArraySource(list(arrays.values())))
+
     def summary(self) -> str:
         """What it is, on one line.
 
@@ -250,6 +145,25 @@ class Recording(Result):
         longest = max((c.duration_s for c in self.channels), default=0.0)
         at = ", ".join(f"{rate:g} Hz" for rate in rates)
         return f"{self.label}, {counted(len(self.channels), 'channel')}, {longest:.4g} s at {at}"
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives; samples are not in it.
+
+        Returns
+        -------
+        dict
+            Label, flags, notes, properties, and every channel with how it was decided.
+        """
+        groups = self.group_properties.items()
+        return {
+            "file": self.label,
+            "flags": self.flags,
+            "notes": self.notes,
+            "properties": plain_properties(self.properties),
+            "groups": {group: plain_properties(properties) for group, properties in groups},
+            "channels": [channel.content() for channel in self.channels],
+            "set_aside": dict(self.set_aside),
+        }
 
     def in_quantity(self, quantity: Quantity) -> Recording:
         """The recording with all channels of motion to be shown as displacement, velocity or acceleration.
@@ -368,7 +282,7 @@ class Recording(Result):
             It is not time signal.
         """
         found = [c for c in self.channels if name in (c.name, f"{c.group}/{c.name}")]
-        found = found or list(_meant(name, self.channels))
+        found = found or list(channels_meant(name, self.channels))
         if len(found) == 1:
             return found[0]
         if found:
@@ -425,13 +339,13 @@ class Recording(Result):
         exact = {name for c in self.channels for name in (c.name, f"{c.group}/{c.name}")}
         for pattern in dict.fromkeys(p for p in patterns if p not in exact):
             if pattern not in shapes:
-                meant = {id(c) for c in _meant(pattern, self.channels)}
+                fitting = {id(c) for c in channels_meant(pattern, self.channels)}
             elif not any(matches(pattern, c) for c in self.channels):
                 small = pattern.casefold()
-                meant = {id(c) for c in self.channels if fnmatch.fnmatchcase(c.name.casefold(), small)}
+                fitting = {id(c) for c in self.channels if fnmatch.fnmatchcase(c.name.casefold(), small)}
             else:
                 continue
-            chosen = [was or id(c) in meant for was, c in zip(chosen, self.channels, strict=True)]
+            chosen = [was or id(c) in fitting for was, c in zip(chosen, self.channels, strict=True)]
         if not any(chosen):
             self.channel(patterns[0])  # raises, with the nearest name
         return tuple(c for was, c in zip(chosen, self.channels, strict=True) if was)

@@ -51,7 +51,10 @@ def band_kurtosis(samples: Real, sampling_rate: float, bands_hz: list[tuple[floa
     return np.stack(found, axis=-1)
 
 
-def octaves_below(sampling_rate: float, lowest_hz: float = 100.0) -> list[tuple[float, float]]:
+_LOWEST_HZ = 100.0  # from which on the kurtosis of a band is shown
+
+
+def octaves_below(sampling_rate: float) -> list[tuple[float, float]]:
     """Octaves downwards from 0.4 of the sampling rate, the highest last.
 
     Examples
@@ -60,7 +63,7 @@ def octaves_below(sampling_rate: float, lowest_hz: float = 100.0) -> list[tuple[
     [(100.0, 200.0), (200.0, 400.0)]
     """
     found, high = [], 0.4 * sampling_rate
-    while high / 2 >= lowest_hz * (1 - 1e-9):
+    while high / 2 >= _LOWEST_HZ * (1 - 1e-9):
         found.append((high / 2, high))
         high /= 2
     return found[::-1]

@@ -46,7 +46,7 @@ class Lines:
     period: int | None
 
 
-def common_period(orders: Sequence[float], most: int = MOST_TURNS) -> int | None:
+def common_period(orders: Sequence[float]) -> int | None:
     """Least whole number of turns in which all orders make whole numbers of cycles.
 
     Examples
@@ -55,7 +55,7 @@ def common_period(orders: Sequence[float], most: int = MOST_TURNS) -> int | None
     (28, None)
     """
     given = np.asarray(orders, dtype=float)
-    for turns in range(1, most + 1):
+    for turns in range(1, MOST_TURNS + 1):
         if np.all(np.abs(given * turns - np.rint(given * turns)) < 1e-6 * turns):
             return turns
     return None

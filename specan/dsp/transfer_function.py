@@ -18,7 +18,7 @@ Complex = NDArray[np.complex128]
 Estimator = Literal["H1", "H2", "Hv", "H3c"]
 ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 
-SMOOTHED_LINES = 15
+_SIDE = 7  # lines to either side over which noise is smoothed
 # Standard deviation of a phase that may be anything, 360 / sqrt(12) degrees.
 U_PHASE_UNKNOWN_DEG = 360.0 / np.sqrt(12.0)
 # Lines of responses that are worked on together: temporary arrays stay small, and few responses take few calls.
@@ -186,8 +186,8 @@ def _two_channel(estimator: Estimator, auto_reference: Real, auto_response: Real
     raise ValueError(f"unknown estimator {estimator!r}; known are {', '.join(ESTIMATORS)}")
 
 
-def smoothed_noise(noise: Real, freedom: float, width: int = SMOOTHED_LINES) -> Real:
-    """Noise spectrum (..., n), smoothed over `width` lines; fewer towards the ends, but never under three.
+def smoothed_noise(noise: Real, freedom: float) -> Real:
+    """Noise spectrum (..., n), smoothed over 15 lines; fewer towards the ends, but never under three.
 
     A line's own estimate of its noise, from `freedom` complex degrees of freedom, has heavy tails and goes with
     the line's own error; that of its neighbourhood has neither. The mean is that of the logarithm, which a steep
@@ -197,7 +197,7 @@ def smoothed_noise(noise: Real, freedom: float, width: int = SMOOTHED_LINES) -> 
     n = noise.shape[-1]
     logarithm = np.log(np.maximum(noise, np.finfo(float).tiny))
     total, count = np.zeros(noise.shape), np.zeros(n)
-    for offset in range(-(width // 2), width // 2 + 1):
+    for offset in range(-_SIDE, _SIDE + 1):
         # The lines whose mean takes in the one that is `offset` away; see `_reach`.
         far = abs(offset) if abs(offset) > 1 else 0
         low, high = max(far, -offset), n - max(far, offset)
@@ -208,28 +208,26 @@ def smoothed_noise(noise: Real, freedom: float, width: int = SMOOTHED_LINES) -> 
     return np.where(noise > level * (1 + 5 / np.sqrt(freedom)), noise, level)
 
 
-def _reach(n: int, width: int) -> NDArray[np.int_]:
+def _reach(n: int) -> NDArray[np.int_]:
     """Lines to either side of each of n that its mean takes in."""
     line = np.arange(n)
-    return np.maximum(np.minimum(width // 2, np.minimum(line, line[::-1])), 1)
+    return np.maximum(np.minimum(_SIDE, np.minimum(line, line[::-1])), 1)
 
 
-def noise_freedom(
-    noise: Real, smoothed: Real, freedom: float, line_correlation: float, width: int = SMOOTHED_LINES
-) -> Real:
+def noise_freedom(noise: Real, smoothed: Real, freedom: float, line_correlation: float) -> Real:
     """Degrees of freedom (..., n) of a noise spectrum that `smoothed_noise` has smoothed.
 
     Those of a chi-square whose logarithm has the variance of the mean: 2 m / psi'(freedom) for m independent lines;
     count lines, neighbours correlated by c, are count / (1 + 2 c (1 - 1/count)) independent ones. A line that kept its
     own value has 2 freedom.
     """
-    of_lines = _freedom_of_lines(noise.shape[-1], freedom, line_correlation, width)
+    of_lines = _freedom_of_lines(noise.shape[-1], freedom, line_correlation)
     return np.where(smoothed == noise, 2 * freedom, of_lines)
 
 
-def _freedom_of_lines(n: int, freedom: float, line_correlation: float, width: int = SMOOTHED_LINES) -> Real:
+def _freedom_of_lines(n: int, freedom: float, line_correlation: float) -> Real:
     """Of lines that took the mean of their neighbourhood."""
-    count = np.minimum(2 * _reach(n, width) + 1, n)
+    count = np.minimum(2 * _reach(n) + 1, n)
     independent = count / (1 + 2 * line_correlation * (1 - 1 / count))
     return np.asarray(2 * independent / log_variance(freedom))
 

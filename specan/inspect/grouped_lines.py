@@ -18,8 +18,6 @@ class GroupedLines:
     x_label : str
     made : callable
         Called with each figure that is made, also with those that a new unit needs later.
-    weight : int
-        Share of the height.
     **options
         Of `Lines`.
     """
@@ -28,13 +26,11 @@ class GroupedLines:
         self,
         x_label: str,
         made: Callable[[Lines], None] = lambda lines: None,
-        *,
-        weight: int = 3,
         **options: Any,
     ) -> None:
         self._x_label, self._options, self._made = x_label, options, made
         self.panels: list[Lines] = []
-        self.body = column(sizing_mode="stretch_both", styles={"flex": f"{weight} 1 0", "min-height": "0"})
+        self.body = column(sizing_mode="stretch_both", styles={"flex": "3 1 0", "min-height": "0"})
         self._panel(0)
         self.body.children = [self.panels[0].sheet]
 

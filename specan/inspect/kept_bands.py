@@ -13,8 +13,9 @@ from specan.analysis.octave import Octave
 from specan.analysis.quality import BLOCK, QualityAccumulator
 from specan.analysis.section import constant_part, section
 from specan.data.band_levels import BandLevels
+from specan.data.channel import Channel
 from specan.data.levels import Quality
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
 from specan.errors import RequestError
 

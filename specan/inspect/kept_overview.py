@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.batch.identity import Identity, identify
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.inspect.opened import WatchedSource
 from specan.study.user_effects import trust_record
 

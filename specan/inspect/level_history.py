@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from specan.analysis.band_results import level
 from specan.analysis.section import constant_part
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.dsp.band_history import BandHistoryAccumulator
 from specan.dsp.history_filters import weighting_filter
 from specan.dsp.multirate import LENGTH

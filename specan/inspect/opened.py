@@ -10,7 +10,8 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording, SampleSource
+from specan.data.channel import Channel
+from specan.data.recording import Recording, SampleSource
 from specan.errors import InputError
 
 

@@ -26,9 +26,9 @@ def _long(text: str) -> str:
     return ' class="long"' if len(text) > 40 else ""
 
 
-def folded(title: str, content: str, opened: bool = False) -> str:
+def folded(title: str, content: str) -> str:
     """Markup that opens with a click on its title."""
-    return f"<details{' open' if opened else ''}><summary>{escape(title)}</summary>{content}</details>"
+    return f"<details><summary>{escape(title)}</summary>{content}</details>"
 
 
 def notice(text: str, kind: str = "") -> str:

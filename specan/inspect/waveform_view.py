@@ -9,7 +9,7 @@ import numpy as np
 from bokeh.events import Reset, SelectionGeometry
 from bokeh.models import BoxAnnotation, BoxSelectTool
 
-from specan.data.recording import Channel
+from specan.data.channel import Channel
 from specan.inspect.envelope import Waveform
 from specan.inspect.opened import Opened
 from specan.inspect.plots import Band, Curve, Lines

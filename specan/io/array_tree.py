@@ -7,15 +7,17 @@ sampling rate, unit and name are beside it or further up, as attributes, members
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from specan.data.recording import Recording
+from specan.io.channel_table import ChannelTable
 from specan.io.sampling_rate import TIME_UNITS, Rate, is_rate
-from specan.io.signals import Signal
+from specan.io.signals import Signal, recording_of
 from specan.io.time_axis import axis_of, is_time
 
 Path = tuple[str, ...]
@@ -100,9 +102,25 @@ class Tree:
         ``{path: number}`` of single ones.
     """
 
-    arrays: Mapping[Path, Array]
-    words: Mapping[Path, Any]
-    numbers: Mapping[Path, float]
+    arrays: dict[Path, Array] = field(default_factory=dict)
+    words: dict[Path, Any] = field(default_factory=dict)
+    numbers: dict[Path, float] = field(default_factory=dict)
+
+    def recording(
+        self, label: str, channel_table: ChannelTable | None, sampling_rate: float | None
+    ) -> Recording:
+        """The recording of the signals among the arrays.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        signals, places, aside = signals_of(self)
+        return recording_of(
+            label, signals, TreeSource(places),
+            channel_table=channel_table, sampling_rate=sampling_rate, set_aside=aside,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from specan.data.calibration import Calibration, ChannelCalibration, Verdict
-from specan.data.recording import PhaseCalibration
+from specan.data.channel import PhaseCalibration
 from specan.io.output_file import text_file
 from specan.schema import Settings, parse, read_toml
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from specan.data.recording import Role
+from specan.data.channel import Channel, Role
 from specan.data.sensor import SMALLEST_GAIN, gain_of, is_known, si_unit
 from specan.errors import InputError, RequestError
 from specan.io.roles import Identity, derivatives_of
@@ -23,7 +23,6 @@ NAMES = ("channels.toml", "channels.csv")
 
 # Sound crosses 20 km in a minute; nothing in a laboratory is later.
 _Delay = Annotated[float, Field(ge=-60, le=60)]
-_NotNegative = Annotated[float, Field(ge=0)]
 _Positive = Annotated[float, Field(gt=0)]
 
 
@@ -131,6 +130,51 @@ def find_channel_table(directory: Path) -> Path | None:
             remedy="remove one",
         )
     return found[0] if found else None
+
+
+def channel_of(
+    identity: Identity,
+    name: str,
+    group: str,
+    label: str,
+    table: ChannelTable | None,
+    properties: Mapping[str, Any] | None = None,
+) -> Channel:
+    """The channel that a file and the channel table describe; without a rate and samples where the table gives none.
+
+    Raises
+    ------
+    InputError
+        The unit in the file contradicts the table.
+    """
+    row = table.find(group, name) if table else None
+    known: dict[str, Any] = {}
+    decisions = identity.decisions
+    if row is not None and table is not None:
+        identity = apply_row(row, identity, name, label, table.source)
+        decisions = dict(identity.decisions)
+        known = {
+            "delay_s": row.delay_s,
+            "u_delay_s": row.u_delay_s,
+            "u_gain_percent": row.u_sensitivity_percent,
+        }
+        if row.full_scale is not None:
+            known["full_scale"] = row.full_scale * abs(identity.gain)
+        if row.sampling_rate_hz is not None:
+            known["sampling_rate"], decisions["sampling_rate"] = row.sampling_rate_hz, table.source
+    return Channel(
+        name=name,
+        group=group,
+        unit=identity.unit,
+        role=identity.role,
+        raw_unit=identity.raw_unit,
+        raw_scale=identity.raw_scale,
+        gain=identity.gain,
+        derivatives=identity.derivatives,
+        properties=properties or {},
+        decisions=decisions,
+        **known,
+    )
 
 
 def apply_row(row: Row, identity: Identity, name: str, label: str, source: str) -> Identity:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import RequestError
 
 BLOCK = 1 << 16

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from specan import __version__
+from specan.data.channel import Channel
 from specan.data.frequency_response import FrequencyResponse
-from specan.data.recording import Channel
 from specan.errors import RequestError
 from specan.io.export_file import Excerpt, library
 from specan.io.output_file import whole_file

@@ -9,10 +9,9 @@ import numpy as np
 
 from specan.data.recording import Recording
 from specan.errors import InputError
-from specan.io.array_tree import Array, Tree, TreeSource, signals_of
+from specan.io.array_tree import Array, Tree
 from specan.io.channel_table import ChannelTable
 from specan.io.export_file import library
-from specan.io.signals import recording_of
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 
@@ -40,14 +39,12 @@ def open_recording(
         h5py is not installed.
     """
     h5py = library("h5py", "hdf5")
-    arrays: dict[tuple[str, ...], Array] = {}
-    words: dict[tuple[str, ...], Any] = {}
-    numbers: dict[tuple[str, ...], float] = {}
+    tree = Tree()
 
     def attributes(where: tuple[str, ...], node: Any) -> None:
         for name, value in node.attrs.items():
             if not name.startswith("MATLAB_"):
-                _sort((*where, name), value, words, numbers)
+                _sort((*where, name), value, tree)
 
     try:
         with h5py.File(path, "r") as file:
@@ -59,41 +56,36 @@ def open_recording(
                     return
                 attributes(where, node)
                 if isinstance(node, h5py.Dataset):
-                    _dataset(h5py, file, path, where, node, arrays, words, numbers)
+                    _dataset(h5py, file, path, where, node, tree)
 
             file.visititems(visit)
     except OSError as fault:
         raise InputError(f"{path.name} is a damaged HDF5 file ({fault})", remedy="copy it again") from None
-    signals, places, aside = signals_of(Tree(arrays, words, numbers))
-    return recording_of(
-        label, signals, TreeSource(places), channel_table=channel_table, sampling_rate=sampling_rate, set_aside=aside
-    )  # fmt: skip
+    return tree.recording(label, channel_table, sampling_rate)
 
 
-def _dataset(
-    h5py: Any, file: Any, path: Path, where: tuple[str, ...], node: Any, arrays: Any, words: Any, numbers: Any
-) -> None:
+def _dataset(h5py: Any, file: Any, path: Path, where: tuple[str, ...], node: Any, tree: Tree) -> None:
     kind = node.attrs.get("MATLAB_class", b"")
     if kind == b"char":
-        words[where] = "".join(chr(code) for code in node[()].ravel())
+        tree.words[where] = "".join(chr(code) for code in node[()].ravel())
     elif node.dtype == h5py.ref_dtype:
         said = [file[reference] for reference in node[()].ravel()]
-        words[where] = [
+        tree.words[where] = [
             "".join(chr(code) for code in np.ravel(one[()])) for one in said if one.dtype.kind == "u"
         ]
     elif node.size == 1 or node.dtype.kind in "OSU":
-        _sort(where, node[()], words, numbers)
+        _sort(where, node[()], tree)
     else:
-        arrays[where] = _on_demand(h5py, path, "/".join(where), node.shape, node.dtype.kind)
+        tree.arrays[where] = _on_demand(h5py, path, "/".join(where), node.shape, node.dtype.kind)
 
 
-def _sort(where: tuple[str, ...], value: Any, words: dict[Any, Any], numbers: dict[Any, float]) -> None:
+def _sort(where: tuple[str, ...], value: Any, tree: Tree) -> None:
     """A word, a list of words or a number, as attributes and small data sets hold them."""
     flat = [v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in np.ravel(value).tolist()]
     if flat and all(isinstance(v, str) for v in flat):
-        words[where] = flat[0] if len(flat) == 1 else flat
+        tree.words[where] = flat[0] if len(flat) == 1 else flat
     elif len(flat) == 1 and isinstance(flat[0], (int, float)):
-        numbers[where] = float(flat[0])
+        tree.numbers[where] = float(flat[0])
 
 
 def _on_demand(h5py: Any, path: Path, name: str, shape: tuple[int, ...], kind: str) -> Array:

@@ -10,9 +10,8 @@ import numpy as np
 
 from specan.data.recording import Recording
 from specan.errors import InputError
-from specan.io.array_tree import Array, Tree, TreeSource, signals_of
+from specan.io.array_tree import Array, Tree
 from specan.io.channel_table import ChannelTable
-from specan.io.signals import recording_of
 
 
 def recognises(start: bytes) -> bool:
@@ -43,26 +42,21 @@ def open_recording(
         raise InputError(
             f"{path.name} is a damaged MAT file ({type(fault).__name__}: {fault})", remedy="save it again"
         ) from None
-    arrays: dict[tuple[str, ...], Array] = {}
-    words: dict[tuple[str, ...], Any] = {}
-    numbers: dict[tuple[str, ...], float] = {}
+    tree = Tree()
     for where, value in _leaves(content, ()):
         if isinstance(value, str):
-            words[where] = value.strip()
+            tree.words[where] = value.strip()
         elif (
             isinstance(value, np.ndarray)
             and value.dtype.kind in "OU"
             and all(isinstance(v, str) for v in value.flat)
         ):
-            words[where] = [str(v).strip() for v in value.flat]
+            tree.words[where] = [str(v).strip() for v in value.flat]
         elif np.ndim(value) == 0 and np.issubdtype(np.asarray(value).dtype, np.number):
-            numbers[where] = float(np.real(value))
+            tree.numbers[where] = float(np.real(value))
         elif isinstance(value, np.ndarray):
-            arrays[where] = _in_memory(value)
-    signals, places, aside = signals_of(Tree(arrays, words, numbers))
-    return recording_of(
-        label, signals, TreeSource(places), channel_table=channel_table, sampling_rate=sampling_rate, set_aside=aside
-    )  # fmt: skip
+            tree.arrays[where] = _in_memory(value)
+    return tree.recording(label, channel_table, sampling_rate)
 
 
 def _in_memory(value: np.ndarray) -> Array:

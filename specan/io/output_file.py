@@ -6,6 +6,7 @@ a slip of tab completion must not cost a measurement. See docs/decisions/batch.m
 
 from __future__ import annotations
 
+import csv
 import os
 import re
 import stat
@@ -148,6 +149,26 @@ def text_file(path: Path, *, durable: bool = True) -> Iterator[TextIO]:
         file.flush()
         if durable:
             os.fsync(file.fileno())
+
+
+def check_directory(path: Path) -> None:
+    """Refuse a place whose directory does not exist, before the work is done.
+
+    Raises
+    ------
+    RequestError
+        It does not.
+    """
+    if not path.absolute().parent.is_dir():
+        raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+
+
+def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+    """Write a table with commas, as a whole or not at all."""
+    with text_file(path) as file:
+        sheet = csv.writer(file, lineterminator="\n")
+        sheet.writerow(header)
+        sheet.writerows(rows)
 
 
 def remove_parts(directory: Path) -> None:

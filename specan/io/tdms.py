@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import InputError, NoSignalError
 from specan.io import sampling_rate as rates
-from specan.io.channel_table import ChannelTable, Row, apply_row
+from specan.io.channel_table import ChannelTable, Row, channel_of
 from specan.io.full_scale import full_scale_of
 from specan.io.roles import identify
 from specan.io.tdms_headers import Headers, TdmsObject, read_headers
@@ -155,15 +156,22 @@ class _Opening:
             what = f"{found.name!r} is {layout.foreign[found.path]} in a segment that ends in a short chunk"
             raise self._fault(what, "write it in whole chunks: npTDMS would read beyond the segment")
         line = None if foreign else scaling.line(dtype)
-        channel = _channel(found, self.label, row, self.table.source if self.table else "")
-        channel = _with_full_scale(channel, *full_scale_of(dtype, line, found.properties), row)
-        decisions = {**channel.decisions, "sampling_rate": rate.how, "scaling": scaling.text}
+        identity = identify(found.name, found.properties)
+        channel = channel_of(identity, found.name, found.group, self.label, self.table, found.properties)
+        full_scale, how = channel.full_scale, "channel table"
+        if full_scale is None:
+            top, how = full_scale_of(dtype, line, found.properties)
+            full_scale = None if top is None else top * abs(channel.gain)
+        decisions = {
+            **channel.decisions, "full_scale": how, "sampling_rate": rate.how, "scaling": scaling.text,
+        }  # fmt: skip
         self.channels.append(
             replace(
                 channel,
                 source_index=len(self.feeds),
                 sampling_rate=rate.hz,
                 n_samples=track.n_samples,
+                full_scale=full_scale,
                 start_offset_s=float(found.properties.get("wf_start_offset", 0.0)),
                 decisions=decisions,
             )
@@ -229,35 +237,6 @@ class _Opening:
 
 class _Aside(InputError):
     """The channel is set aside; the file is not."""
-
-
-def _channel(found: TdmsObject, label: str, row: Row | None, source: str) -> Channel:
-    """Channel with role, unit and gain."""
-    identity = identify(found.name, found.properties)
-    if row is not None:
-        identity = apply_row(row, identity, found.name, label, source)
-    return Channel(
-        name=found.name,
-        group=found.group,
-        unit=identity.unit,
-        role=identity.role,
-        raw_unit=identity.raw_unit,
-        raw_scale=identity.raw_scale,
-        gain=identity.gain,
-        derivatives=identity.derivatives,
-        delay_s=row.delay_s if row else 0.0,
-        u_delay_s=row.u_delay_s if row else 0.0,
-        u_gain_percent=row.u_sensitivity_percent if row else 0.0,
-        properties=found.properties,
-        decisions=identity.decisions,
-    )
-
-
-def _with_full_scale(channel: Channel, value: float | None, how: str, row: Row | None) -> Channel:
-    if row is not None and row.full_scale is not None:
-        value, how = row.full_scale, "channel table"
-    scaled = None if value is None else value * abs(channel.gain)
-    return replace(channel, full_scale=scaled, decisions={**channel.decisions, "full_scale": how})
 
 
 def _stray_index(path: Path) -> str:

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import InputError
-from specan.io.channel_table import ChannelTable, Row, apply_row
+from specan.io.channel_table import ChannelTable, channel_of
 from specan.io.roles import identify
 
 _BLOCK = 1 << 16
@@ -94,45 +95,24 @@ def open_wav(
 
 
 def _channel(name: str, label: str, frames: _Frames, table: ChannelTable | None) -> Channel:
-    row = table.find("", name) if table else None
-    source = table.source if table else ""
     identity = identify(name, {})
     identity.decisions["unit"] = "fractions of full scale"
-    volts = 1.0
-    if row is not None:
-        if row.sensitivity is not None and row.full_scale is None:
+    row = table.find("", name) if table else None
+    if row is not None and table is not None and row.sensitivity is not None:
+        if row.full_scale is None:
             raise InputError(
-                f"{label}: the samples of {name!r} are fractions of full scale, and {source} gives "
+                f"{label}: the samples of {name!r} are fractions of full scale, and {table.source} gives "
                 f"{row.sensitivity:g} {row.sensitivity_unit}",
                 expected="full_scale beside it, in volts",
                 remedy="add it, or give a gain and a unit",
             )
-        if row.sensitivity is not None and row.full_scale is not None:
-            volts = row.full_scale
-            identity = replace(identity, raw_unit="V", raw_scale=volts)
-        identity = apply_row(row, identity, name, label, source)
-    decisions = {**identity.decisions, "scaling": frames.text}
-    if row is not None and row.sampling_rate_hz is not None:
-        decisions["sampling_rate"] = source
-    return Channel(
-        name=name,
-        unit=identity.unit,
-        role=identity.role,
-        sampling_rate=(row.sampling_rate_hz or 0.0) if row else 0.0,
-        raw_unit=identity.raw_unit,
-        raw_scale=identity.raw_scale,
-        gain=identity.gain,
-        derivatives=identity.derivatives,
-        full_scale=None if frames.top is None else frames.top * abs(identity.gain),
-        decisions=decisions,
-        **_row_values(row),
+        identity = replace(identity, raw_unit="V", raw_scale=row.full_scale)
+    channel = channel_of(identity, name, "", label, table)
+    return replace(
+        channel,
+        full_scale=None if frames.top is None else frames.top * abs(channel.gain),
+        decisions={**channel.decisions, "scaling": frames.text},
     )
-
-
-def _row_values(row: Row | None) -> dict[str, Any]:
-    if row is None:
-        return {}
-    return {"delay_s": row.delay_s, "u_delay_s": row.u_delay_s, "u_gain_percent": row.u_sensitivity_percent}
 
 
 def _frames(path: Path) -> _Frames:

@@ -9,9 +9,8 @@ from specan.models.effect import Effect, Use, effect
 from specan.models.evaluation import Evaluation, varying
 from specan.models.measurement_kinds import Completed, Receivers, TableFault, TableRules
 from specan.models.model import Assembly, LawSpace, Model, Nuisance, Words
-from specan.models.observable import Frf, Observable
 from specan.models.parameter import Parameter
-from specan.models.quantity import Condition, Quantity, SettingError, constant, quantity
+from specan.models.quantity import Condition, Frf, Observable, Quantity, SettingError, constant, quantity
 from specan.models.rig import RigStatement, rig_statement
 
 __all__ = [

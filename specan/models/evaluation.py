@@ -120,17 +120,17 @@ class Evaluator:
         parts: dict[str, dict[str, Any]] = {}
         needed = self._needed(tuple(wanted)) if wanted is not None else None
         touched = self._downstream(tuple(changed)) if after is not None else None
-        for loop in self._plan:
+        for loop, order, guessed in self._plan:
             if after is not None and touched is not None and not touched.intersection(loop):
                 known.update((name, after.values[name]) for name in loop if name in after.values)
                 parts.update((name, dict(after.parts[name])) for name in loop if name in after.parts)
                 continue
             if needed is not None and not needed.intersection(loop):
                 continue
-            if len(loop) == 1 and loop[0] not in self._reads[loop[0]]:
-                self._value(loop[0], known, parameters, parts)
+            if guessed:
+                self._settle(loop, order, guessed, known, parameters, parts)
             else:
-                self._settle(loop, known, parameters, parts)
+                self._value(loop[0], known, parameters, parts)
         return Evaluation(known, parts)
 
     # --- how it is done -----------------------------------------------------------------------
@@ -175,19 +175,18 @@ class Evaluator:
         }
 
     @cached_property
-    def _plan(self) -> list[list[str]]:
-        """Quantities in the order of evaluation; those of one loop together, in the base's order."""
+    def _plan(self) -> list[tuple[list[str], list[str], tuple[str, ...]]]:
+        """Quantities in the order of evaluation; of a loop also the order in which it is walked, and what is guessed.
+
+        Those of one loop are together, in the base's order.
+        """
         base_order = {
             name: i
             for i, part in enumerate(components({n: q.reads for n, q in self.model.quantities.items()}))
             for name in part
         }
-        return [sorted(part, key=base_order.__getitem__) for part in components(self._reads)]
-
-    @cached_property
-    def _walks(self) -> dict[tuple[str, ...], tuple[list[str], tuple[str, ...]]]:
-        """For each loop: the order in which it is walked, and what is guessed to begin with."""
-        return {tuple(loop): cut(loop, self._reads) for loop in self._plan}
+        parts = [sorted(part, key=base_order.__getitem__) for part in components(self._reads)]
+        return [(part, *cut(part, self._reads)) for part in parts]
 
     @cached_property
     def _needed_cache(self) -> dict[tuple[str, ...], set[str]]:
@@ -219,7 +218,7 @@ class Evaluator:
                     touched.add(owner)
                 else:
                     touched.update(self.model.effects[Use.parse(owner).name].changes)
-            for part in self._plan:  # what is read comes first, so one pass suffices
+            for part, _, _ in self._plan:  # what is read comes first, so one pass suffices
                 if any(not touched.isdisjoint(self._reads[name]) or name in touched for name in part):
                     touched.update(part)
             self._downstream_cache[changed] = touched
@@ -289,6 +288,8 @@ class Evaluator:
     def _settle(
         self,
         loop: list[str],
+        order: list[str],
+        guessed: tuple[str, ...],
         known: dict[str, Any],
         parameters: Mapping[str, Any],
         parts: dict[str, dict[str, Any]],
@@ -298,7 +299,6 @@ class Evaluator:
 
         for name in loop:
             known[name] = _given(self.model.quantities[name], name, known, parameters)
-        order, guessed = self._walks[tuple(loop)]
         point = FixedPoint({name: known[name] for name in guessed})
         with np.errstate(all="ignore"):  # a loop that runs away is told below, once
             while point.goes_on:

@@ -69,16 +69,16 @@ def cut(loop: Sequence[str], reads: Mapping[str, Sequence[str]]) -> tuple[list[s
     """
     guessed: list[str] = []
 
-    def without(more: Sequence[str]) -> dict[str, list[str]]:
-        return {node: [r for r in reads[node] if r in loop and r not in more] for node in loop}
+    def walk(more: Sequence[str]) -> tuple[int, list[str]]:
+        """Nodes that are in circles without these, and all of them in order."""
+        left = {node: [r for r in reads[node] if r in loop and r not in more] for node in loop}
+        parts = components(left)
+        circling = sum(len(part) for part in parts if len(part) > 1 or part[0] in left[part[0]])
+        return circling, [node for part in parts for node in part]
 
-    def circling(more: Sequence[str]) -> int:
-        left = without(more)
-        return sum(len(part) for part in components(left) if len(part) > 1 or part[0] in left[part[0]])
-
-    while circling(guessed):
-        guessed.append(min(loop, key=lambda node: circling([*guessed, node])))
-    return [node for part in components(without(guessed)) for node in part], tuple(guessed)
+    while walk(guessed)[0]:
+        guessed.append(min(loop, key=lambda node: walk([*guessed, node])[0]))
+    return walk(guessed)[1], tuple(guessed)
 
 
 class FixedPoint:

@@ -133,6 +133,9 @@ class OrderLines:
     path : float
         Relative standard uncertainty of lines beside a harmonic that is common to all harmonics: how strongly they
         are heard there depends on the path to the sensor.
+    response : float
+        Relative standard uncertainty of lines that the ideal machine does not have, against those that it has; common
+        to the lines of a harmonic.
     """
 
     axis: str
@@ -149,6 +152,7 @@ class OrderLines:
     stated: Mapping[str, Stated] = field(default_factory=dict)
     discrepancy: float = 0.1
     path: float = 0.3
+    response: float = 0.5
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from specan.models.from_function import as_declared, fields_from_functions, name
 from specan.models.groups import check_groups, with_groups
 from specan.models.loops import components
 from specan.models.measurement_kinds import OrderLines, Receivers, TableRules
-from specan.models.observable import Frf, Observable
-from specan.models.quantity import Condition, Quantity
+from specan.models.quantity import Condition, Frf, Observable, Quantity
 from specan.models.rig import RigStatement, rig_statement
 from specan.models.user_code import PREFIX
 

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from specan.errors import RequestError, nearest
-from specan.models.observable import Observable
-from specan.models.quantity import Condition, SettingError
+from specan.models.quantity import Condition, Observable, SettingError
 from specan.schema import read_toml
 from specan.units import convert, scale_to
 

@@ -15,7 +15,7 @@ from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import BatchReport
 from specan.analysis.batch.settings import BatchSettings
 from specan.io.text_cell import cells, plain
-from specan.report.channel_lines import FEW, chosen, draw_range, draw_thin, styles_of
+from specan.report.channel_lines import Styles, draw_thin, grouped, outer_lines
 from specan.report.figure_style import (
     heading,
     legend_above,
@@ -155,12 +155,10 @@ def transfer_figure(
         x = channels[names[0]][0]
         with np.errstate(divide="ignore", invalid="ignore"):
             level = np.array([20 * np.log10(channels[n][1]) for n in names])
-        if len(names) > FEW:
-            draw_range(panel, x, level)
-        styles = styles_of(chosen(level), len(names) > FEW)
-        for row, style in styles.items():
-            panel.plot(x, level[row], label=names[row], linewidth=0.9, **style)
-        drawn |= {names[row]: style for row, style in styles.items()}
+        styles: Styles = {}
+        for row in outer_lines(panel, x, level, range(len(names)), styles):
+            panel.plot(x, level[row], label=names[row], linewidth=0.9, **styles[row])
+            drawn[names[row]] = styles[row]
         panel.set_ylabel(f"Magnitude / dB re 1 {unit}" if unit else "Magnitude / dB")
         legend_above(panel)
     if len(drawn) < len(channels):
@@ -198,10 +196,10 @@ def band_figure(
 
 def _grouped(channels: Mapping[str, np.ndarray], units: Mapping[str, str]) -> dict[str, list[str]]:
     """Channels of each unit."""
-    groups: dict[str, list[str]] = {}
-    for channel in channels:
-        groups.setdefault(units.get(channel, ""), []).append(channel)
-    return groups
+    names = list(channels)
+    return {
+        unit: [names[row] for row in rows] for unit, rows in grouped(units.get(n, "") for n in names).items()
+    }
 
 
 def _edges(mid_hz: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 FEW = 8  # channels that are drawn each in its own colour
 APART = 3  # of many: those that are drawn over the range
+Styles: TypeAlias = dict[int, dict[str, Any]]  # colour and dash of each row that gets a line
 _RANGE: dict[str, Any] = {"color": "0.82", "linewidth": 0}
 
 
@@ -39,7 +41,33 @@ def chosen(values: NDArray[np.float64]) -> list[int]:
     return np.argsort(-distance, kind="stable")[:APART].tolist()
 
 
-def styles_of(rows: list[int], many: bool) -> dict[int, dict[str, Any]]:
+def grouped(kinds: Iterable[str]) -> dict[str, list[int]]:
+    """Rows of each unit or level reference.
+
+    Examples
+    --------
+    >>> grouped(["Pa", "m/s", "Pa"])
+    {'Pa': [0, 2], 'm/s': [1]}
+    """
+    found: dict[str, list[int]] = {}
+    for row, kind in enumerate(kinds):
+        found.setdefault(kind, []).append(row)
+    return found
+
+
+def outer_lines(
+    axes: Axes, x: NDArray[np.float64], values: NDArray[np.float64], rows: Sequence[int], styles: Styles
+) -> list[int]:
+    """Those of the rows that get a line, their styles added to `styles`; the range of many is drawn."""
+    many = len(rows) > FEW
+    if many:
+        draw_range(axes, x, values[list(rows)])
+    outer = [rows[k] for k in chosen(values[list(rows)])]
+    styles |= styles_of([*styles, *outer], many)
+    return outer
+
+
+def styles_of(rows: list[int], many: bool) -> Styles:
     """Colour and dash of each row that gets a line; of many channels each line is full."""
     return {
         row: ({**style, "linestyle": "-"} if many else style)
@@ -47,9 +75,7 @@ def styles_of(rows: list[int], many: bool) -> dict[int, dict[str, Any]]:
     }
 
 
-def draw_range(
-    axes: Axes, x: NDArray[np.float64], values: NDArray[np.float64], noun: str = "channels"
-) -> None:
+def draw_range(axes: Axes, x: NDArray[np.float64], values: NDArray[np.float64]) -> None:
     """From the lowest to the highest of all channels, and their median.
 
     As steps where `x` holds edges, that is one value more than the rows.
@@ -59,11 +85,12 @@ def draw_range(
     low, middle, high = (np.full(finite.shape[1], np.nan) for _ in range(3))
     low[known], high[known] = np.nanmin(finite[:, known], axis=0), np.nanmax(finite[:, known], axis=0)
     middle[known] = np.nanmedian(finite[:, known], axis=0)
+    label = f"range of {len(values)} channels"
     if x.size == finite.shape[1] + 1:
-        axes.stairs(high, x, baseline=low, fill=True, label=f"range of {len(values)} {noun}", **_RANGE)
+        axes.stairs(high, x, baseline=low, fill=True, label=label, **_RANGE)
         axes.stairs(middle, x, baseline=None, color="0.4", linewidth=1.3, label="median")
     else:
-        axes.fill_between(x, low, high, label=f"range of {len(values)} {noun}", **_RANGE)
+        axes.fill_between(x, low, high, label=label, **_RANGE)
         axes.plot(x, middle, color="0.4", linewidth=1.3, label="median")
 
 

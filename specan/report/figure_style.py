@@ -101,22 +101,25 @@ def heading(figure: Any, title: str, *facts: str) -> None:
         )  # fmt: skip
 
 
-def legend_below(figure: Figure, axes: Axes, most_columns: int = 6) -> None:
+_BELOW, _ABOVE = 6, 7  # columns of a legend at most
+
+
+def legend_below(figure: Figure, axes: Axes) -> None:
     """Legend of some axes under the figure, where it covers nothing; in columns that fit the width."""
     handles, labels = axes.get_legend_handles_labels()
     known = dict(zip(labels, handles, strict=True))
     if known:
-        ncols = _columns(list(known), float(figure.get_size_inches()[0]), most_columns)
+        ncols = _columns(list(known), float(figure.get_size_inches()[0]), _BELOW)
         figure.legend(list(known.values()), list(known), loc="outside lower center", ncols=ncols)
 
 
-def legend_above(axes: Axes, most_columns: int = 7) -> None:
+def legend_above(axes: Axes) -> None:
     """Legend between the top of some axes and their title, where it covers no line."""
     labels = axes.get_legend_handles_labels()[1]
     if labels:
         width = axes.get_position().width * float(axes.figure.get_size_inches()[0])  # type: ignore[union-attr]
         axes.legend(
-            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=_columns(labels, width, most_columns),
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=_columns(labels, width, _ABOVE),
             borderaxespad=0.1, columnspacing=1.2,
         )  # fmt: skip
 
@@ -227,8 +230,9 @@ def figure_format(path: Path) -> str:
             expected="a name that ends in ." + ", .".join(FORMATS),
             remedy=nearest(kind, FORMATS) if kind else "",
         )
-    if not path.absolute().parent.is_dir():
-        raise RequestError(f"the directory of {path} does not exist", remedy="make it, or choose another")
+    from specan.io.output_file import check_directory
+
+    check_directory(path)
     return kind
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from specan.data.band_levels import BandLevels
-from specan.report.channel_lines import FEW, chosen, draw_range, styles_of
+from specan.report.channel_lines import Styles, grouped, outer_lines
 from specan.report.figure_style import (
     heading,
     legend_above,
@@ -36,12 +36,11 @@ def figure_band_levels(found: BandLevels) -> Figure:
     The bar on a filled level is one standard deviation of stationary noise (`BandLevels.u_dB`). Of more than eight
     channels the range is drawn, the median, and the channels that are furthest from it.
     """
-    texts = list(dict.fromkeys(reference.text for reference in found.references))
+    texts = grouped(reference.text for reference in found.references)
     figure = new_figure(1.9 + 2.5 * len(texts))
     sheet = figure.subplots(len(texts), 2, sharex="col", sharey="row", width_ratios=[6, 1], squeeze=False)
     edges = np.append(found.lower_hz, found.upper_hz[-1])
-    for (axes, totals), text in zip(sheet, texts):
-        rows = [r for r, reference in enumerate(found.references) if reference.text == text]
+    for (axes, totals), (text, rows) in zip(sheet, texts.items()):
         names = [found.channels[r] for r in rows]
         colours = draw_bands(axes, edges, found.level_dB[rows], names)
         if len(rows) <= _BARS:
@@ -72,10 +71,9 @@ def draw_bands(
 ) -> dict[int, str]:
     """Levels of channels with one reference as steps; returns the colours of the rows that have their own."""
     level = np.where(np.isneginf(level_dB), np.nan, level_dB)
-    many, filled = len(level) > FEW, len(level) <= _BARS
-    if many:
-        draw_range(axes, edges, level)
-    styles = styles_of(chosen(level), many)
+    filled = len(level) <= _BARS
+    styles: Styles = {}
+    outer_lines(axes, edges, level, range(len(level)), styles)
     for row, style in styles.items():
         axes.stairs(
             level[row],

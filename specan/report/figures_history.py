@@ -10,7 +10,7 @@ import numpy as np
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, GREY, heading, new_figure, styled
 from specan.report.study_words import history_sentence
-from specan.study.history import Step
+from specan.study.history import History, Step
 from specan.units import printed_unit
 
 if TYPE_CHECKING:
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 
 @styled
-def figure_history(steps: Sequence[Step]) -> Figure:
+def figure_history(history: History) -> Figure:
     """The error of every step on fitted and on held-out data, as a staircase with its numbers."""
+    steps = history.steps
     if not steps:
         raise RequestError("the history is empty", remedy="begin with specan study new")
     figure = new_figure(3.7, float(np.clip(2.6 + 0.95 * len(steps), 5.2, 11.0)))

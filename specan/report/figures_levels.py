@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.levels import SignalLevels
+from specan.report.channel_lines import grouped
 from specan.report.figure_style import COLOURS, heading, legend_below, level_label, new_figure, styled
 
 if TYPE_CHECKING:
@@ -21,18 +22,19 @@ def figure_levels(found: SignalLevels) -> Figure:
 
     A thin bar runs from the lowest to the highest time-weighted level, a thick one over the outer percentiles.
     """
-    texts = list(dict.fromkeys(reference.text for reference in found.references))
-    rows = [[r for r, reference in enumerate(found.references) if reference.text == text] for text in texts]
-    figure = new_figure(1.5 + 0.55 * len(texts) + 0.17 * len(found.channels))
-    sheet = figure.subplots(len(texts), 1, squeeze=False, height_ratios=[len(mine) + 1 for mine in rows])
-    for axes, text, mine in zip(sheet[:, 0], texts, rows, strict=True):
+    rows = grouped(reference.text for reference in found.references)
+    figure = new_figure(1.5 + 0.55 * len(rows) + 0.17 * len(found.channels))
+    sheet = figure.subplots(
+        len(rows), 1, squeeze=False, height_ratios=[len(mine) + 1 for mine in rows.values()]
+    )
+    for axes, (text, mine) in zip(sheet[:, 0], rows.items(), strict=True):
         _draw(axes, found, mine)
         axes.set_xlabel(level_label(text))
     legend_below(figure, sheet[0, 0])
     stop = found.start_s + found.duration_s
     loudest = [
         f"{found.channels[mine[k]]} {found.level_dB[mine[k]]:.1f} dB"
-        for mine in rows
+        for mine in rows.values()
         if np.isfinite(found.level_dB[mine]).any() and len(mine) > 1
         for k in [int(np.nanargmax(found.level_dB[mine]))]
     ]

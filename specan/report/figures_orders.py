@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from specan.data.orders import OrderSpectrum
-from specan.report.channel_lines import FEW, chosen, draw_range, styles_of
+from specan.report.channel_lines import Styles, grouped, outer_lines
 from specan.report.figure_style import heading, legend_above, legend_below, level_label, new_figure, styled
 from specan.units import level_reference
 
@@ -22,11 +22,10 @@ _MANY = 8  # panels of a map at most
 @styled
 def figure_orders(found: OrderSpectrum) -> Figure:
     """Levels against order, with the given lines as dots; one pair of axes a level reference."""
-    texts = list(dict.fromkeys(level_reference(unit).text for unit in found.units))
+    texts = grouped(level_reference(unit).text for unit in found.units)
     figure = new_figure(2.2 + 2.6 * len(texts))
     sheet = figure.subplots(len(texts), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, text in zip(sheet, texts, strict=True):
-        rows = [r for r, unit in enumerate(found.units) if level_reference(unit).text == text]
+    for axes, (text, rows) in zip(sheet, texts.items(), strict=True):
         _draw_orders(axes, found, rows)
         axes.set_ylabel(level_label(text))
         if len(texts) > 1:
@@ -40,17 +39,17 @@ def figure_orders(found: OrderSpectrum) -> Figure:
 
 
 def _draw_orders(axes: Axes, found: OrderSpectrum, rows: list[int]) -> None:
-    level = found.level_dB[rows]
-    if len(rows) > FEW:
-        draw_range(axes, found.order, level)
-    for k, style in styles_of(chosen(level), len(rows) > FEW).items():
-        axes.plot(found.order, level[k], label=found.channels[rows[k]], linewidth=0.8, **style)
+    styles: Styles = {}
+    for row in outer_lines(axes, found.order, found.level_dB, rows, styles):
+        axes.plot(found.order, found.level_dB[row], label=found.channels[row], linewidth=0.8, **styles[row])
         if found.lines is not None:
-            reference = level_reference(found.units[rows[k]]).value
+            reference = level_reference(found.units[row]).value
             with np.errstate(divide="ignore", invalid="ignore"):
-                line = 20 * np.log10(np.abs(found.lines.amplitude[rows[k]]) / np.sqrt(2) / reference)
-            axes.plot(found.lines.order, line, linestyle="", marker="o", markersize=3, color=style["color"])
-    finite = level[:, found.order > 0][np.isfinite(level[:, found.order > 0])]
+                line = 20 * np.log10(np.abs(found.lines.amplitude[row]) / np.sqrt(2) / reference)
+            colour = styles[row]["color"]
+            axes.plot(found.lines.order, line, linestyle="", marker="o", markersize=3, color=colour)
+    level = found.level_dB[rows][:, found.order > 0]
+    finite = level[np.isfinite(level)]
     top = float(finite.max()) if finite.size else 0.0
     axes.set_ylim(max(top - _DYNAMICS_DB, float(finite.min()) - 3 if finite.size else -10), top + 5)
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.spectrum import Spectrogram, Spectrum
-from specan.report.channel_lines import FEW, chosen, draw_range, draw_thin, styles_of
+from specan.report.channel_lines import FEW, Styles, draw_range, draw_thin, grouped, outer_lines
 from specan.report.figure_style import (
     band_about,
     heading,
@@ -66,18 +66,13 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
     The band is twice the standard uncertainty, random and common parts in quadrature.
     """
     with_coherence = bool(np.isfinite(found.coherence).any())
-    units = list(dict.fromkeys(found.units))
+    units = grouped(found.units)
     figure, axes = _sheet([*[3] * len(units), 2, *([1] if with_coherence else [])], 4.7 + 1.7 * len(units))
     f, level = found.frequency_hz, found.level_dB
     relative = 2 * np.hypot(found.u_magnitude_percent, found.u_common_percent) / 100
-    styles: dict[int, dict[str, Any]] = {}
-    for panel, unit in zip(axes, units, strict=False):
-        rows = [r for r, u in enumerate(found.units) if u == unit]
-        many = len(rows) > FEW
-        if many:
-            draw_range(panel, f, level[rows])
-        outer = [rows[k] for k in chosen(level[rows])]
-        styles |= styles_of([*styles, *outer], many)
+    styles: Styles = {}
+    for panel, (unit, rows) in zip(axes, units.items(), strict=False):
+        outer = outer_lines(panel, f, level, rows, styles)
         _magnitudes(panel, found, outer, relative, styles)
         panel.set_ylabel(f"Magnitude / dB re 1 {unit}")
         known = np.where(relative[rows] <= _KNOWN, level[rows], np.nan)
@@ -109,7 +104,7 @@ def _magnitudes(
     found: FrequencyResponse,
     rows: Sequence[int],
     relative: NDArray[np.float64],
-    styles: dict[int, dict[str, Any]],
+    styles: Styles,
 ) -> None:
     f, level = found.frequency_hz, found.level_dB
     low, high = band_about(level, relative)
@@ -119,7 +114,7 @@ def _magnitudes(
         axes.plot(f, level[row], label=found.channels[row], linewidth=1.0, marker=marker, **styles[row])
 
 
-def _phases(axes: Axes, found: FrequencyResponse, styles: dict[int, dict[str, Any]], unwrapped: bool) -> None:
+def _phases(axes: Axes, found: FrequencyResponse, styles: Styles, unwrapped: bool) -> None:
     f = found.frequency_hz
     # A wrapped phase gets a gap where it jumps, not a vertical line.
     phases = found.unwrapped_phase_deg if unwrapped else np.array([with_gaps(row) for row in found.phase_deg])
@@ -163,21 +158,15 @@ def _limits(level: NDArray[np.float64]) -> tuple[float, float]:
 @styled
 def figure_spectrum(found: Spectrum) -> Figure:
     """Levels of every channel, one pair of axes a level reference, and the phase where there is one."""
-    references = list(dict.fromkeys(found.scale.level_text(u) for u in found.units))
+    references = grouped(found.scale.level_text(u) for u in found.units)
     with_phase = found.phase_deg is not None
     figure, axes = _sheet(
         [*[3] * len(references), *([2] if with_phase else [])], 2.2 + 2.2 * (len(references) + with_phase)
     )
     level, f = found.level_dB, found.frequency_hz
-    styles: dict[int, dict[str, Any]] = {}
-    for panel, text in zip(axes, references, strict=False):
-        rows = [r for r, unit in enumerate(found.units) if found.scale.level_text(unit) == text]
-        many = len(rows) > FEW
-        if many:
-            draw_range(panel, f, level[rows])
-        outer = [rows[k] for k in chosen(level[rows])]
-        styles |= styles_of([*styles, *outer], many)
-        for row in outer:
+    styles: Styles = {}
+    for panel, (text, rows) in zip(axes, references.items(), strict=False):
+        for row in outer_lines(panel, f, level, rows, styles):
             panel.plot(f, level[row], label=found.channels[row], linewidth=1.0, **styles[row])
         panel.set_ylim(*_limits(level[rows]))
         panel.set_ylabel(f"Level / {micro(text)}")
@@ -208,8 +197,7 @@ def _strongest(found: Spectrum) -> str:
     """Highest line of each level reference."""
     level = np.where((found.frequency_hz > 0) & np.isfinite(found.level_dB), found.level_dB, -np.inf)
     texts = []
-    for text in dict.fromkeys(found.scale.level_text(u) for u in found.units):
-        rows = [r for r, unit in enumerate(found.units) if found.scale.level_text(unit) == text]
+    for text, rows in grouped(found.scale.level_text(u) for u in found.units).items():
         row, line = np.unravel_index(int(np.argmax(level[rows])), level[rows].shape)
         if np.isfinite(level[rows][row, line]):
             name, hertz = found.channels[rows[int(row)]], found.frequency_hz[line]

@@ -19,7 +19,7 @@ from specan.report.html_page import bullets, page, picture, table
 from specan.report.residual_map import map_axes
 from specan.report.study_words import fall_text
 from specan.report.verdict_words import headline, headline_of, reason
-from specan.study.history import Step
+from specan.study.history import History, Step
 from specan.study.kept_results import diagnosis_of
 from specan.study.study_file import NAME
 from specan.units import printed_unit
@@ -45,7 +45,7 @@ def study_report(study: Study) -> str:
         f"<h1>{escape(name)}</h1>",
         f"<p>{escape(study.model.title)}. Effects of the model: "
         f"{escape(', '.join(study.model_effects) or f'none, {study.model.words.ideal}')}.</p>",
-        *_story(study.history.steps, diagnosis),
+        *_story(study.history, diagnosis),
         *_steps(study),
         *_comparison(study, comparison),
         *_what_is_missing(diagnosis),
@@ -58,11 +58,11 @@ def study_report(study: Study) -> str:
     return page(name, parts)
 
 
-def _story(steps: Sequence[Step], diagnosis: Diagnosis | None) -> list[str]:
+def _story(history: History, diagnosis: Diagnosis | None) -> list[str]:
     """What was missing, what that did to the errors, and the staircase."""
-    parts = [f'<p class="verdict">{escape(line)}</p>' for line in _story_lines(steps, diagnosis)]
-    if steps:
-        parts.append(picture(figure_history(steps), "error after each step"))
+    parts = [f'<p class="verdict">{escape(line)}</p>' for line in _story_lines(history.steps, diagnosis)]
+    if history.steps:
+        parts.append(picture(figure_history(history), "error after each step"))
     return parts
 
 

@@ -1,55 +1,56 @@
-"""From a model and its measurements to the verdict: which physical effect is missing."""
+"""From a model and its measurements to the verdict: which physical effect is missing.
+
+The method in its order: fit the model as it is; check that the data can tell anything; score every candidate, refit the
+best, accept or reject them; compare what is left; see where the model fails; propose what to measure next.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from specan.errors import ComputationError
-from specan.models import Use
+from specan.study.conclusion import (
+    Conclusion,
+    Explained,
+    OfForms,
+    better_but_too_far,
+    conclude,
+    likeliest_form,
+    with_forms,
+)
 from specan.study.design.operating_points import Proposal, explore, propose
-from specan.study.estimation.fit import NORMAL_95, Fit, fit, profile_interval
-from specan.study.estimation.prediction_error import ObservableError, observable_errors
+from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import MOST_ROWS, Block
+from specan.study.localisation.by_blocks import Block
 from specan.study.localisation.localise import localise
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
-from specan.study.selection.acceptance import DECISIVE, left_out_error
+from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
 from specan.study.selection.alternatives import alternatives, other_forms
-from specan.study.selection.detectable_size import by_effect, minimum_detectable_sizes
 from specan.study.selection.doubtful_data import (
-    WHOLE,
     copied_rows,
     drift_over_rows,
     odd_repeat,
     rows_of_two_kinds,
     suspect_rows,
 )
-from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
+from specan.study.selection.initial_fit import initial_fit, with_covariances_about
 from specan.study.selection.pulls import (
-    ODDS,
-    DataAlone,
-    Pull,
-    data_alone,
     pulls,
     shown,
-    stretched,
-    what_would_tell,
 )
-from specan.study.selection.refits import FORM_TOLERANCE, POOR_FIT, Refit, Refits
-from specan.study.selection.residual_law import residual_law
+from specan.study.selection.refits import Refit, Refits
+from specan.study.selection.residual_law import ResidualLaw, residual_law
 from specan.study.selection.search import Progress, Search
-from specan.study.selection.significance import LACK_OF_FIT
-from specan.study.verdict import Diagnosis, ErrorFall, LackOfFit, Ranked
+from specan.study.verdict import Diagnosis, LackOfFit, error_fall, places_of, ranking
 
 LEAST_DOF = 3.0  # degrees of freedom below which no test is made
 STARTS = 3  # of the fit of the base
 MOST_PLACES = 12  # where the model fails, that are told
 MOST_OTHERS = 3  # sets behind the best between which a measurement is proposed
-MOST_PULLS = 3  # values or rivals in one sentence
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
 
@@ -88,7 +89,8 @@ def diagnose(
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
     progress = progress or (lambda text: None)
-    if start.problem.strategy.continuation and start.reduced > POOR_FIT:
+    declared = Search(Refits(start), (), bootstrap, progress)
+    if start.poor_fit:
         progress("checking positions and signs of the channels against the data")
         mistake = mistaken_set_up(problem)
         if mistake.text:
@@ -98,58 +100,37 @@ def diagnose(
                 lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
-    near = initial_fit(start, progress)
-    search = _nearer(start, near, Search(Refits(near.base, near.known), near.likely, bootstrap, progress))
-    whole = _searched(search)
-    return _conclude(*_of_likeliest_form(whole, progress, bootstrap))
+        declared = _about_a_near_field(start, bootstrap, progress)
+    tried: dict[str, Explained] = {}
+    for form, search in _forms(declared):
+        search.run()
+        sets = alternatives(search)
+        _check_failures(search)
+        tried[form] = Explained(search, sets, conclude(search, sets))
+        if not form and tried[form].found.nothing_left:
+            break
+    forms = likeliest_form(tried)
+    return _verdict(forms, with_forms(forms))
 
 
-@dataclass(frozen=True, eq=False)
-class _Searched:
-    """A finished search, its alternatives and what they amount to."""
-
-    search: Search
-    sets: list[Refit]
-    found: _Found
-
-
-def _searched(search: Search) -> _Searched:
-    search.run()
-    sets = alternatives(search)
-    _check_failures(search)
-    return _Searched(search, sets, _verdict(search, sets))
+def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
+    """The search with the base as declared, then those with parts of it in other published forms that fit better."""
+    yield "", declared
+    for other in other_forms(declared.base):
+        declared.progress(f"searching with {other.text}")
+        yield other.text, Search(Refits(other.start), (), declared.bootstrap, declared.progress)
 
 
-def _of_likeliest_form(declared: _Searched, progress: Progress, bootstrap: bool) -> tuple[_Searched, str]:
-    """The search, with a part of the base in another published form where that explains the data better.
-
-    Only where the declared form leaves something to explain. What needs no effect comes first where it is as likely
-    by BIC; otherwise another form has to be decisively better.
-    """
-    if declared.found.kind == "nothing-missing" and not declared.found.doubt:
-        return declared, ""
-    likeliest, form = declared, ""
-    for other in other_forms(declared.search.base):
-        progress(f"searching with {other.text}")
-        new = _searched(Search(Refits(other.start), (), bootstrap, progress))
-        best, rival = likeliest.search.best, new.search.best
-        dispersion = min(best.dispersion, rival.dispersion)
-        ahead = best.bic(dispersion) - rival.bic(dispersion)
-        if ahead > (DECISIVE if rival.uses or new.found.kind != "nothing-missing" else 0.0):
-            likeliest, form = new, other.text
-    return likeliest, form
-
-
-def _nearer(start: Refit, near: InitialFit, search: Search) -> Search:
-    """The search with covariances about the single effect that it finds best, where they were about another field.
+def _about_a_near_field(start: Refit, bootstrap: bool, progress: Progress) -> Search:
+    """A search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
     """
-    if not search.refits.poor_fit:
+    near = initial_fit(start, progress)
+    search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress)
+    if not search.refits.poor_fit or search.single is None or search.single.uses == near.found:
         return search
     single = search.single
-    if single is None or single.uses == near.found:
-        return search
     search.progress("once more, with covariances about the field that was found")
     done = {uses: r.problem.values_at(r.fit.theta) for uses, r in search.refits.done.items() if uses}
     order = sorted(search.refits.of_size(1), key=lambda r: r.chi2)
@@ -188,35 +169,33 @@ def _check_failures(search: Search) -> None:
             )
 
 
-def _conclude(whole: _Searched, form: str) -> Diagnosis:
-    search, sets, found = whole.search, whole.sets, whole.found
+def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
+    """What is found, what it rests on, and what to measure next."""
+    search, sets = forms.best.search, forms.best.sets
     base, best = search.base, search.best
-    if form:
-        found = _with_form(found, form)
     step = search.step(best)
     fails_at = localise(base.problem, base.fit).fails_at
     visible = by_effect(
         [*minimum_detectable_sizes(step.seen, step.acceptance, best.dispersion), *_of_members(search)]
     )
+    rows = ranking(search, sets)
     return Diagnosis(
         verdict=found.kind,
         reason=found.reason,
         alternatives=tuple(tuple(sorted({u.name for u in r.uses})) for r in sets),
-        at=_places(u for r in sets for u in r.uses),
+        at=places_of(u for r in sets for u in r.uses),
         unknown_possible=found.doubt,
-        ranking=_ranking(search, sets),
+        ranking=rows,
         lack_of_fit=LackOfFit(base.reduced, base.lack_of_fit, base.problem.n_effective),
         model_discrepancy_percent=_discrepancy(base.problem),
         fails_at=tuple(block.as_dict() for block in fails_at[:MOST_PLACES]),
-        residual_law=residual_law(_what_is_left(search, found.kind))
-        if _left_to_describe(search, found)
-        else None,
+        residual_law=_law_of_what_is_left(search, found),
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
-        other_form=form,
-        next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
+        other_form=forms.form,
+        next_measurement=tuple(asdict(p) for p in _next(search, sets, found.kind, fails_at)),
         pulls=shown(found.values or pulls(best)),
-        error=_error_fall(base, best),
+        error=error_fall(base, best),
         remarks=tuple(
             r
             for r in (
@@ -225,8 +204,9 @@ def _conclude(whole: _Searched, form: str) -> Diagnosis:
                 rows_of_two_kinds(base),
                 drift_over_rows(base),
                 odd_repeat(base),
-                *_better_but_too_far(search, sets),
+                *better_but_too_far(search, sets),
                 *_too_good(base),
+                *(forms.sizes(rows[0].parameters) if best.uses else ()),
             )
             if r
         ),
@@ -246,145 +226,15 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
     return propose([search.best, *others[:MOST_OTHERS]], other_kinds=False)
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Verdict, the reason in one sentence, and whether something unknown would explain the data as well."""
+def _law_of_what_is_left(search: Search, found: Conclusion) -> ResidualLaw | None:
+    """A law for the residual: of the base where nothing of the catalogue is sure, else of the best set.
 
-    kind: str
-    reason: str
-    doubt: bool = False
-    values: tuple[Pull, ...] = ()  # that another fit takes, on which the verdict rests
-
-
-def _verdict(search: Search, sets: list[Refit]) -> _Found:
-    base, best = search.base, search.best
-    if not best.uses:
-        return _of_base(search)
-    names = " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
-    if search.third is not None:
-        return _Found(
-            "unknown-effect", "three effects or more would be needed; one unknown is likelier", True
-        )
-    if best.lack_of_fit_p_beyond(FORM_TOLERANCE**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
-        return _Found("unknown-effect", f"{names} explains a part, and much is left", True)
-    contradicted = search.too_far(best)
-    if contradicted:
-        return _Found(
-            "fits-only-if", f"with {names} it fits only with {_values(contradicted)}{_telling(best)}", True
-        )
-    left = best.lack_of_fit < LACK_OF_FIT or bool(search.extensions) or _fails_somewhere(best)
-    left = left or (len(best.uses) == 1 and _follows_a_law(best))
-    reasons = []
-    if left:
-        reasons.append("something is left: its form is not exact, or another effect is there too")
-    elif len(best.uses) > 1 and not search.of_one_instrument(best):
-        reasons.append("one unknown effect would explain the data as well")
-    second = [] if left else _second_possible(search)
-    if second:
-        reasons.append(f"a second effect may be there too, such as {' or '.join(second)}")
-    if stretched(best):
-        reasons.append(
-            f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well"
-        )
-    if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
-        reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
-    doubt = (
-        left
-        or bool(second)
-        or (len(best.uses) > 1 and not search.of_one_instrument(best))
-        or bool(suspect_rows(base) or stretched(best) or _better_but_too_far(search, sets))
-    )
-    return _Found("effect" if len(sets) == 1 else "group", "; ".join(reasons), doubt)
-
-
-def _second_possible(search: Search) -> list[str]:
-    """Effects that improve a single one decisively by BIC and in cross-validation, but too little to be named.
-
-    The family-wise probability is above the level of a name and below `WHOLE`, above which the rest is called whole.
+    None where the model meets the data.
     """
-    best = search.best
-    if len(best.uses) != 1:
-        return []
-    found = [
-        (decision.p_value, ", ".join(sorted(map(str, refit.uses - best.uses))))
-        for refit in search.refits.of_size(2)
-        if best.uses < refit.uses
-        and (decision := search.decision(refit)).p_value < WHOLE
-        and decision.delta_bic > DECISIVE
-        and decision.held_out_gain > 0
-    ]
-    return [f"{name} (p = {p:.1g})" for p, name in sorted(found)[:MOST_OTHERS]]
-
-
-def _with_form(found: _Found, form: str) -> _Found:
-    """The verdict with the other form of a part that it rests on; which form is right stays open."""
-    said = f"with {form}, another published form of the same part"
-    return replace(found, reason=f"{said}: {found.reason}" if found.reason else said, doubt=True)
-
-
-def _of_base(search: Search) -> _Found:
-    """The verdict where no effect of the catalogue improves the model."""
-    base = search.base
-    contradicted = search.too_far(base)
-    if base.lack_of_fit < LACK_OF_FIT:
-        reason = "the model does not fit, and no effect of the catalogue explains it"
-        if contradicted:
-            reason += f"; even so it takes {_values(contradicted)}"
-        return _Found("unknown-effect", reason, True)
-    if contradicted:
-        return _Found(
-            "fits-only-if", f"the model fits only with {_values(contradicted)}{_telling(base)}", True
-        )
-    other = data_alone(base)
-    if other.contradicts:
-        return _Found(
-            "fits-only-if",
-            f"the model fits only with {_values(other.values)}{_beside(other)}{_telling(base)}",
-            True,
-            other.values,
-        )
-    if other.values and other.likelier:
-        reason = (
-            f"the model fits within what is known (p = {base.lack_of_fit:.2g}), and no effect of the catalogue "
-            f"improves it; it fits better with {_values(other.values)}{_beside(other)}{_telling(base)}"
-        )
-        return _Found("nothing-missing", reason, True)
-    return _Found("nothing-missing", "the model fits, and no effect of the catalogue improves it")
-
-
-def _values(contradicted: Sequence[Pull]) -> str:
-    """``mu = 0.22, known 0.01 to 0.12, and exponent = 3.2, known 0.8 to 2.2``."""
-    return ", and ".join(pull.text for pull in contradicted[:MOST_PULLS])
-
-
-def _beside(other: DataAlone) -> str:
-    said = f"; held to what is known chi-square is higher by {other.gain:.1f} (p = {other.p_value:.2g})"
-    if other.predicts > ODDS:
-        odds = float(f"{np.exp(min(other.predicts / 2, 30.0)):.1g}")
-        said += f", and conditions that are left out are predicted worse (odds of {odds:,.0f} to 1)"
-    return said
-
-
-def _telling(refit: Refit) -> str:
-    wanted = what_would_tell(refit)
-    return f"; what would tell: {wanted}" if wanted else ""
-
-
-def _better_but_too_far(search: Search, sets: list[Refit]) -> tuple[str, ...]:
-    """Sets that meet the data decisively better than the best, with values that contradict what is known."""
-    best = search.best
-    if not best.uses or not search.believable(best):
-        return ()
-    paid = best.bic(best.dispersion) - best.pulled / best.dispersion
-    found = []
-    for refit in search.refits.done.values():
-        if not refit.uses or refit in sets or refit.uses > best.uses or len(refit.uses) > len(best.uses):
-            continue
-        gain = paid - (refit.bic(best.dispersion) - refit.pulled / best.dispersion)
-        if gain > DECISIVE and search.too_far(refit):
-            names = " with ".join(sorted(map(str, refit.uses)))
-            found.append((gain, f"{names} fits better, but only with {_values(search.too_far(refit))}"))
-    return tuple(text for _, text in sorted(found, reverse=True)[:MOST_PULLS])
+    unsure = found.kind == "unknown-effect"
+    if not found.doubt or not (search.best.uses or unsure):
+        return None
+    return residual_law(search.base if unsure or len(search.best.uses) > 1 else search.best)
 
 
 def _too_good(base: Refit) -> tuple[str, ...]:
@@ -398,39 +248,6 @@ def _too_good(base: Refit) -> tuple[str, ...]:
     )
 
 
-def _error_fall(base: Refit, best: Refit) -> ErrorFall:
-    before, after = _errors(base), _errors(best)
-    if not base.problem.strategy.secondary_refits:
-        return ErrorFall(before, after)
-    return ErrorFall(before, after, left_out_error(base), left_out_error(best))
-
-
-def _left_to_describe(search: Search, found: _Found) -> bool:
-    """Whether there is a residual to describe: not where the model meets the data."""
-    return found.doubt and (bool(search.best.uses) or found.kind == "unknown-effect")
-
-
-def _has_independent_rows(problem: Problem) -> bool:
-    """Whether rows can be looked at one by one: those of tables, not lines of a transfer function."""
-    return problem.n_data <= MOST_ROWS and problem.n_effective >= problem.n_data
-
-
-def _fails_somewhere(best: Refit) -> bool:
-    """Whether blocks of conditions stand out of what a set leaves."""
-    return _has_independent_rows(best.problem) and bool(localise(best.problem, best.fit).fails_at)
-
-
-def _follows_a_law(best: Refit) -> bool:
-    """Whether what a set leaves goes with powers of the operating variables; seen before the whole misfits."""
-    law = residual_law(best) if _has_independent_rows(best.problem) else None
-    return law is not None and law.p_value < LACK_OF_FIT
-
-
-def _what_is_left(search: Search, verdict: str) -> Refit:
-    """The fit whose residual is described: the base's where nothing of the catalogue is sure."""
-    return search.base if verdict == "unknown-effect" or len(search.best.uses) > 1 else search.best
-
-
 def _of_members(search: Search) -> list[Any]:
     """Smallest visible sizes of the effects that were found, from the base."""
     if not search.best.uses:
@@ -438,82 +255,6 @@ def _of_members(search: Search) -> list[Any]:
     step = search.step(search.base)
     found = minimum_detectable_sizes(step.seen, step.acceptance, search.best.dispersion)
     return [v for v in found if v.use in {str(u) for u in search.best.uses}]
-
-
-def _ranking(search: Search, sets: list[Refit]) -> tuple[Ranked, ...]:
-    dispersion = search.best.dispersion
-    others = [r for r in search.refits.done.values() if r.uses and r not in sets]
-    others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
-    return tuple(_ranked(search, refit, refit in sets) for refit in [*sets, *others])
-
-
-def _ranked(search: Search, refit: Refit, named: bool) -> Ranked:
-    base, dispersion = search.base, search.best.dispersion
-    decision, error = search.decision(refit), _errors(refit)
-    return Ranked(
-        effects=tuple(sorted(u.name for u in refit.uses)),
-        at=_places(refit.uses),
-        delta_bic=base.bic(dispersion) - refit.bic(dispersion),
-        p_value=decision.p_value,
-        held_out_gain=decision.held_out_gain,
-        error_after=error.rms,
-        level_after_dB=error.level_dB,
-        parameters=parameters_of(refit, named),
-        plausible=search.believable(refit),
-        at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
-        pulls=shown(pulls(refit)),
-    )
-
-
-def _errors(refit: Refit) -> ObservableError:
-    """Error of the observable with most values, in its unit."""
-    problem = refit.problem
-    predicted = problem.predictions(refit.fit.theta)
-    return observable_errors(problem, problem.observations, predicted)[0]
-
-
-def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, Any]]:
-    """Own parameters of the effects, with 95 % intervals, in their declared units.
-
-    `profiled`: all other parameters are refitted along an interval, which then follows a valley and the ends of known
-    ranges; else, or where such a refit fails, it is that of the covariance.
-    """
-    table: dict[str, dict[str, Any]] = {}
-    own = {str(u) for u in refit.uses}
-    for k, name in enumerate(refit.fit.names):
-        if name.owner not in own:
-            continue
-        parameter = refit.problem.assembly.parameters[name.whole]
-        low, high = _interval(refit, k, profiled and refit.problem.strategy.secondary_refits)
-        table[name] = {
-            "value": parameter.from_si(float(refit.fit.theta[k])),
-            "low": parameter.from_si(low),
-            "high": parameter.from_si(high),
-            "unit": parameter.unit,
-        }
-    return table
-
-
-def _interval(refit: Refit, k: int, profiled: bool) -> tuple[float, float]:
-    """95 % interval of one element of theta, SI, inside its domain."""
-    name = refit.fit.names[k]
-    if profiled:
-        try:
-            return profile_interval(refit.problem, refit.fit, name, inflate=True)
-        except (ComputationError, ValueError):  # a refit that fails, or an end that is not bracketed
-            pass
-    low, high = refit.problem.bounds()
-    value = float(refit.fit.theta[k])
-    reach = NORMAL_95 * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
-    return float(max(value - reach, low[k])), float(min(value + reach, high[k]))
-
-
-def _places(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:
-    found: dict[str, set[str]] = {}
-    for use in uses:
-        if use.at:
-            found.setdefault(use.name, set()).add(use.at)
-    return {name: tuple(sorted(places)) for name, places in sorted(found.items())}
 
 
 def _discrepancy(problem: Problem) -> float:

@@ -18,7 +18,7 @@ from typing import Any
 
 from specan.errors import RequestError
 from specan.io.file_lock import is_the_file, try_lock
-from specan.result import Result, counted
+from specan.result import Result, counted, finite
 from specan.study.study_file import NAME as STUDY_FILE
 
 NAME = "history.jsonl"
@@ -135,19 +135,6 @@ class History(Result):
                     remedy="restore the file from a copy, or remove that line",
                 ) from None
         return steps
-
-
-def finite(value: Any) -> Any:
-    """Plain JSON values; what is not finite becomes null."""
-    import math
-
-    if isinstance(value, Mapping):
-        return {str(k): finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(v) for v in value]
-    if hasattr(value, "tolist"):
-        return finite(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @contextlib.contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ from specan.models import Use
 from specan.models.catalogue import effects_from_file
 from specan.result import Result, counted
 from specan.study.design.operating_points import propose as propose_measurements
-from specan.study.diagnose import parameters_of
 from specan.study.estimation.fit import fit
 from specan.study.estimation.prediction_error import observable_errors
 from specan.study.estimation.problem import Problem
@@ -24,6 +23,7 @@ from specan.study.selection.acceptance import left_out_error
 from specan.study.selection.law_search import LEVEL, Law, search_laws
 from specan.study.selection.refits import Refit
 from specan.study.study import Study
+from specan.study.verdict import parameters_of
 
 FOLDER = "laws"
 AT_ONCE = 20.0  # an amplitude may grow by this factor in a fit
@@ -182,7 +182,7 @@ def propose_laws(study: Study) -> ProposedLaws:
         error_before=before.rms,
         left_out_before=None if left_out is None else left_out.rms,
         unit=before.unit,
-        next_measurement=tuple(p.to_json() for p in following),
+        next_measurement=tuple(asdict(p) for p in following),
     )
 
 

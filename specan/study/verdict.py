@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from specan.errors import ComputationError
+from specan.models import Use
 from specan.result import Result
-from specan.study.estimation.prediction_error import ObservableError
-from specan.study.selection.pulls import Pull
+from specan.study.estimation.fit import NORMAL_95, profile_interval
+from specan.study.estimation.prediction_error import ObservableError, observable_errors
+from specan.study.selection.acceptance import left_out_error
+from specan.study.selection.pulls import Pull, pulls, shown
+from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import ResidualLaw
+from specan.study.selection.search import Search
 
 VERDICTS = ("effect", "group", "nothing-missing", "fits-only-if", "unknown-effect", "cannot-tell")
 
@@ -54,20 +63,10 @@ class Ranked:
     pulls: tuple[Pull, ...] = ()
     level_after_dB: float | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
+    def content(self) -> dict[str, Any]:
+        """What JSON says of it; no level where there is none."""
         return {
-            "effects": list(self.effects),
-            "at": {name: list(places) for name, places in self.at.items()},
-            "delta_bic": self.delta_bic,
-            "p_value": self.p_value,
-            "held_out_gain": self.held_out_gain,
-            "error_after": self.error_after,
-            **({} if self.level_after_dB is None else {"level_after_dB": self.level_after_dB}),
-            "parameters": {name: dict(row) for name, row in self.parameters.items()},
-            "plausible": self.plausible,
-            "at_bound": self.at_bound,
-            "pulls": [pull.to_json() for pull in self.pulls],
+            name: value for name, value in vars(self).items() if (name, value) != ("level_after_dB", None)
         }
 
 
@@ -194,40 +193,107 @@ class Diagnosis(Result):
         """Names in any of the alternatives."""
         return tuple(sorted({name for names in self.alternatives for name in names}))
 
-    def to_json(self) -> dict[str, Any]:
-        """The contract of ``specan study diagnose --json``; plain values."""
+    def content(self) -> dict[str, Any]:
+        """The contract of ``specan study diagnose --json``."""
         lack, law = self.lack_of_fit, self.residual_law
+        names = ("reduced_chi2", "p_value", "n_effective")
         return {
             "verdict": self.verdict,
             "reason": self.reason,
-            "alternatives": [list(names) for names in self.alternatives],
-            "effects": list(self.effects),
-            "at": {name: list(places) for name, places in self.at.items()},
+            "alternatives": self.alternatives,
+            "effects": self.effects,
+            "at": self.at,
             "unknown_possible": self.unknown_possible,
-            "pulls": [pull.to_json() for pull in self.pulls],
+            "pulls": self.pulls,
             "error": None if self.error is None else self.error.to_json(),
-            "remarks": list(self.remarks),
+            "remarks": self.remarks,
             "other_form": self.other_form,
-            "ranking": [row.to_json() for row in self.ranking],
-            "lack_of_fit": {
-                "reduced_chi2": lack.reduced_chi2 if lack else None,
-                "p_value": lack.p_value if lack else None,
-                "n_effective": lack.n_effective if lack else None,
-            },
+            "ranking": [row.content() for row in self.ranking],
+            "lack_of_fit": dict.fromkeys(names) if lack is None else lack,
             "model_discrepancy_percent": self.model_discrepancy_percent,
-            "fails_at": [_plain(place) for place in self.fails_at],
+            "fails_at": self.fails_at,
             "residual_law": None
             if law is None
             else {"text": law.text, "exponents": law.exponents, "low": law.low, "high": law.high},
-            "smallest_visible": {n: None if v is None else dict(v) for n, v in self.smallest_visible.items()},
-            "not_testable": dict(self.not_testable),
-            "next_measurement": [_plain(row) for row in self.next_measurement],
+            "smallest_visible": self.smallest_visible,
+            "not_testable": self.not_testable,
+            "next_measurement": self.next_measurement,
         }
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(name): _plain(item) for name, item in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_plain(item) for item in value]
-    return value.item() if hasattr(value, "item") else value
+def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
+    """Every set that was refitted: those that the data cannot tell apart, then the others, the likeliest first."""
+    base, dispersion = search.base, search.best.dispersion
+    others = [r for r in search.refits.done.values() if r.uses and r not in sets]
+    others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
+    rows = []
+    for refit in [*sets, *others]:
+        decision = search.decision(refit)
+        rows.append(
+            Ranked(
+                effects=tuple(sorted(u.name for u in refit.uses)),
+                at=places_of(refit.uses),
+                delta_bic=base.bic(dispersion) - refit.bic(dispersion),
+                p_value=decision.p_value,
+                held_out_gain=decision.held_out_gain,
+                error_after=_main_error(refit).rms,
+                parameters=parameters_of(refit, refit in sets),
+                plausible=search.believable(refit),
+                at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
+                pulls=shown(pulls(refit)),
+            )
+        )
+    return tuple(rows)
+
+
+def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, Any]]:
+    """Own parameters of the effects, with 95 % intervals, in their declared units.
+
+    `profiled`: all other parameters are refitted along an interval, which then follows a valley and the ends of known
+    ranges; else, or where such a refit fails, it is that of the covariance, inside the domain.
+    """
+    table: dict[str, dict[str, Any]] = {}
+    own = {str(u) for u in refit.uses}
+    lowest, highest = refit.problem.bounds()
+    for k, name in enumerate(refit.fit.names):
+        if name.owner not in own:
+            continue
+        value = float(refit.fit.theta[k])
+        reach = NORMAL_95 * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
+        low, high = float(max(value - reach, lowest[k])), float(min(value + reach, highest[k]))
+        if profiled and refit.problem.strategy.secondary_refits:
+            # A refit that fails, or an end that is not bracketed, leaves the interval of the covariance.
+            with contextlib.suppress(ComputationError, ValueError):
+                low, high = profile_interval(refit.problem, refit.fit, name, inflate=True)
+        parameter = refit.problem.assembly.parameters[name.whole]
+        table[name] = {
+            "value": parameter.from_si(value),
+            "low": parameter.from_si(low),
+            "high": parameter.from_si(high),
+            "unit": parameter.unit,
+        }
+    return table
+
+
+def error_fall(base: Refit, best: Refit) -> ErrorFall:
+    """Errors of a model as it is and with what was found; on left-out conditions where refits are cheap."""
+    before, after = _main_error(base), _main_error(best)
+    if not base.problem.strategy.secondary_refits:
+        return ErrorFall(before, after)
+    return ErrorFall(before, after, left_out_error(base), left_out_error(best))
+
+
+def _main_error(refit: Refit) -> ObservableError:
+    """Error of the observable with most values, in its unit."""
+    problem = refit.problem
+    predicted = problem.plain(refit.fit.theta)
+    return observable_errors(problem, problem.observations, predicted)[0]
+
+
+def places_of(uses: Iterable[Use]) -> Mapping[str, tuple[str, ...]]:
+    """Where each effect acts that acts somewhere."""
+    found: dict[str, set[str]] = {}
+    for use in uses:
+        if use.at:
+            found.setdefault(use.name, set()).add(use.at)
+    return {name: tuple(sorted(places)) for name, places in sorted(found.items())}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from specan.analysis.tone import Tone
-from specan.data.recording import ArraySource, Channel, PhaseCalibration, Recording
+from specan.data.channel import Channel, PhaseCalibration
+from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError, RequestError
 
 RATE, N, F = 8000.0, 32000, 250.37

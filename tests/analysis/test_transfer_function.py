@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from specan.analysis.transfer_function import TransferFunction, quotient
-from specan.data.recording import ArraySource, Channel, PhaseCalibration, Recording
+from specan.data.channel import Channel, PhaseCalibration
+from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError, RequestError
 
 RATE, N = 8000.0, 40000

@@ -160,6 +160,29 @@ def test_pairs_are_counted_where_both_are_strong():
     assert (row(records, "pair,")["count"], row(records, "pair,")["of"]) == (1, 2)
 
 
+def test_sure_and_wrong_is_a_name_without_a_doubt_that_is_not_the_truth():
+    both = ("seal-drag", "windage")
+    assert not judge.sure_and_wrong(record())
+    assert judge.sure_and_wrong(record(alternatives=(("seal-drag",),)))
+    assert not judge.sure_and_wrong(record(alternatives=(("seal-drag",),), unknown_possible=True))
+    assert not judge.sure_and_wrong(record(alternatives=(("seal-drag",), ("windage",)), verdict="group"))
+    assert judge.sure_and_wrong(record("null", ()))
+    assert not judge.sure_and_wrong(record("null", (), "unknown-effect"))
+    assert judge.sure_and_wrong(record("pair", both))  # one of two that both show
+    assert not judge.sure_and_wrong(record("pair", both, conditional_lambda=3.0))
+    assert judge.sure_and_wrong(record("pair", both, alternatives=(("churning",),), conditional_lambda=3.0))
+
+
+def test_the_statement_of_the_smallest_size_is_held_against_what_was_planted():
+    def planted(size, visible):
+        return record(planted={"windage": size}, smallest_visible={"windage": visible})
+
+    assert judge.visible(planted(2.0, {"value": 2.0, "unit": "W"}))
+    assert not judge.visible(planted(1.9, {"value": 2.0, "unit": "W"}))
+    assert not judge.visible(planted(1.9, None))
+    assert not judge.visible(planted(None, {"value": 2.0, "unit": "W"}))
+
+
 @pytest.fixture
 def engine(monkeypatch):
     """An engine that always says what is hidden, and fails where the seed is 1003."""

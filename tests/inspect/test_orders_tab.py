@@ -77,8 +77,8 @@ def test_a_cursor_in_hertz_stands_at_its_order_at_the_mean_speed():
 def test_orders_stand_upright_in_the_map_and_a_resonance_runs_along_a_hyperbola():
     view = View(tab="orders", channel=KEYS, max_order=60.0, turns=8, order_map=True)
     tab, _ = drawn(opened(), view, [])
-    assert tab.sheet in tab.body
-    data = tab._source.data
+    assert tab.map.sheet in tab.body
+    data = tab.map._source.data
     picture, low, height = data["image"][0], data["y"][0], data["dh"][0]
     step = data["dw"][0] / picture.shape[1]
     speed = low + height * (np.arange(picture.shape[0]) + 0.5) / picture.shape[0]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tdms_bytes import linear, write
 
 from specan.data.calibration import Calibration, ChannelCalibration, apply
-from specan.data.recording import PhaseCalibration
+from specan.data.channel import PhaseCalibration
 from specan.errors import InputError, RequestError
 from specan.io.calibration_file import read_calibration, write_calibration
 from specan.io.open import open_recording

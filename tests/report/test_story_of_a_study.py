@@ -58,7 +58,7 @@ def test_a_change_is_drawn_before_and_after(story, heading_text):
 def test_the_staircase_carries_every_error(story):
     *_, change = story
     steps = change.study.history.steps
-    heights = {patch.get_height() for patch in figure_history(steps).axes[0].patches}
+    heights = {patch.get_height() for patch in figure_history(change.study.history).axes[0].patches}
     assert {s.fit_error["value"] for s in steps} <= heights
     assert {s.held_out_error["value"] for s in steps} <= heights
 

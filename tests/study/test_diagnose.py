@@ -10,17 +10,23 @@ from scipy.optimize import brentq
 
 from specan.errors import ComputationError
 from specan.models import Parameter, Use, effect
-from specan.study.diagnose import diagnose, parameters_of
+from specan.study.diagnose import diagnose
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import base_problem
 from specan.study.localisation.localise import localise
-from specan.study.selection.acceptance import AcceptanceTest, Decision
+from specan.study.selection.acceptance import (
+    AcceptanceTest,
+    Decision,
+    DetectableSize,
+    by_effect,
+    minimum_detectable_sizes,
+)
 from specan.study.selection.alternatives import alternatives, distance
-from specan.study.selection.detectable_size import DetectableSize, by_effect, minimum_detectable_sizes
 from specan.study.selection.pulls import data_alone, pulls, too_far
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import residual_law, simplest
 from specan.study.selection.search import Search
+from specan.study.verdict import parameters_of
 
 
 @effect("timid", adds_to="heat", neutral={"c": 0.0})

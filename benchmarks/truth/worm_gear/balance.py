@@ -69,6 +69,8 @@ class Slots:
         Kelvin that the oil in the gaps is warmer than the sump.
     drag_factor, rolling_factor
         Factors on the oil's no-load torque and on the bearings' rolling torque.
+    sheared_viscosity
+        Factor on the viscosity of the oil that the rotating parts shear; what that does to the drag is the drag's law.
     friction_factor, friction_added
         On the mesh friction coefficient, per contact point.
     torque
@@ -79,6 +81,7 @@ class Slots:
 
     film_temperature: list[Callable[[State], Array]] = field(default_factory=list)
     drag_factor: list[Callable[[State], Array]] = field(default_factory=list)
+    sheared_viscosity: list[Callable[[State], Array]] = field(default_factory=list)
     rolling_factor: list[Callable[[State], Array]] = field(default_factory=list)
     friction_factor: list[Callable[[State], Array]] = field(default_factory=list)
     friction_added: list[Callable[[State], Array]] = field(default_factory=list)
@@ -99,7 +102,7 @@ class Balance:
     state: State
 
 
-def _drag_torque(gear: Gear, forms: Forms, state: State) -> Array:
+def _drag_torque(gear: Gear, forms: Forms, slots: Slots, state: State) -> Array:
     """Oil sheared and carried by worm and wheel: by default proportional to viscosity, saturating with speed.
 
     The wetted part of a circle that dips to 0.6 of its radius when the level is full.
@@ -108,7 +111,10 @@ def _drag_torque(gear: Gear, forms: Forms, state: State) -> Array:
     wetted = np.arccos(1.0 - depth) / np.arccos(1.0 - FULL_DEPTH)
     speed = state.conditions.speed_rpm / REFERENCE_SPEED
     shape = drag_shape(forms, gear.drag_speed)
-    return gear.drag_torque * shape(speed, state.viscosity / REFERENCE_VISCOSITY) * wetted
+    viscosity = state.viscosity / REFERENCE_VISCOSITY
+    for factor in slots.sheared_viscosity:
+        viscosity = viscosity * factor(state)
+    return gear.drag_torque * shape(speed, viscosity) * wetted
 
 
 def _mesh_friction(gear: Gear, forms: Forms, slots: Slots, state: State) -> Array:
@@ -191,7 +197,7 @@ def solve(
     for _ in range(_MOST_ROUNDS):
         contact = mesh.forces(wheel_torque, omega, _mesh_friction(gear, forms, slots, state))
         at_worm, at_wheel = _bearing_torques(gear, forms, slots, state, contact, omega)
-        drag = _drag_torque(gear, forms, state)
+        drag = _drag_torque(gear, forms, slots, state)
         for factor in slots.drag_factor:
             drag = drag * factor(state)
         further = np.zeros_like(omega)

@@ -207,7 +207,7 @@ def _shear_thinning(slots: Slots, strength: float, rng: np.random.Generator) -> 
         stress = np.maximum(reference * s.viscosity / REFERENCE_VISCOSITY * _speed(s), 1e-9)
         return np.arcsinh(stress) / stress
 
-    slots.drag_factor.append(factor)
+    slots.sheared_viscosity.append(factor)
 
 
 def _mesh_pocketing(slots: Slots, strength: float, rng: np.random.Generator) -> None:

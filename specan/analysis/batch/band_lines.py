@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from specan.data.band_levels import BandLevels
-from specan.data.recording import Channel
+from specan.data.channel import Channel
 from specan.io import results_text as text
 from specan.units import level_reference
 

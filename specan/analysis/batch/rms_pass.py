@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel
+from specan.data.channel import Channel
 from specan.dsp.block_grid import BlockGrid
 
 _GRID = 1 << 15

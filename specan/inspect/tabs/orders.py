@@ -5,19 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from bokeh.models import ColorBar, ColumnDataSource, LinearColorMapper, Range1d
-from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from specan.analysis.orders import Orders
 from specan.data.orders import OrderSpectrum
 from specan.inspect.grouped_lines import GroupedLines
+from specan.inspect.heat_map import HeatMap
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import Curve, Lines, plain
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import level_label
-from specan.report.figures_orders import figure_order_map, figure_orders
 from specan.schema import parse
 from specan.units import level_reference
 
@@ -41,14 +39,16 @@ class OrdersTab(Tab):
         self.number(view, "turns", "Turns", 70, mode="int")
         self.choice(view, "order_map", "Show", [("False", "spectrum"), ("True", "with the map")], 120)
         self._speed_hz = 1.0
-        self._with_map = view.order_map
         self.levels = GroupedLines(
             "Order of the shaft",
             lambda lines: self.add_figure(_AtSpeed(lines, self)),
             tip=("order", "dB"),
             dynamics=_DYNAMICS_DB,
         )
-        self._lay_out_map()
+        self.map = HeatMap(
+            3, _DYNAMICS_DB, "order_picture", x_range=self.levels.first.sheet.x_range,
+            x_axis_label="Order of the shaft", y_axis_label="Speed / Hz", min_border_left=66,
+        )  # fmt: skip
         self.body = [self.levels.body]
 
     @property
@@ -69,7 +69,7 @@ class OrdersTab(Tab):
     def draw(self, found: Found, view: View) -> None:
         """Levels of all channels, and the map of the first one where it is wanted."""
         first = found[0][1]
-        self._speed_hz, self._with_map = first.tacho.mean_hz, view.order_map
+        self._speed_hz, self.figure_view = first.tacho.mean_hz, "map" if view.order_map else ""
         groups: dict[str, list[Curve]] = {}
         for number, r in found:
             for row, name in enumerate(r.channels):
@@ -81,7 +81,7 @@ class OrdersTab(Tab):
         self.levels.title(_facts(first))
         if view.order_map:
             self._draw_map(first, self.opened.text(found[0][0], first.channels[0]))
-        self.body = [self.levels.body, *([self.sheet] if view.order_map else [])]
+        self.body = [self.levels.body, *([self.map.sheet] if view.order_map else [])]
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
         """The nearest line of each channel, at the mean speed of its recording."""
@@ -95,45 +95,15 @@ class OrdersTab(Tab):
                 rows.append((self.opened.text(number, name), hertz, text))
         return rows
 
-    def picture(self, result: Any) -> Any:
-        """As the command draws it."""
-        return figure_order_map(result) if self._with_map else figure_orders(result)
-
-    # --- the map ----------------------------------------------------------------------------------
-
-    def _lay_out_map(self) -> None:
-        self._colours = LinearColorMapper(palette="Cividis256", low=0, high=1)
-        self._source = ColumnDataSource(
-            {"image": [], "x": [], "y": [], "dw": [], "dh": []}, name="order_picture"
-        )
-        self.sheet = figure(
-            sizing_mode="stretch_both",
-            styles={"flex": "3 1 0", "min-height": "0"}, min_height=120,
-            tools="pan,box_zoom,wheel_zoom,reset,save",
-            x_range=self.levels.first.sheet.x_range, y_range=Range1d(0, 1),
-            x_axis_label="Order of the shaft", y_axis_label="Speed / Hz", min_border_left=66,
-        )  # fmt: skip
-        self.sheet.toolbar.logo = None
-        self.sheet.image("image", "x", "y", "dw", "dh", source=self._source, color_mapper=self._colours)
-        self._bar = ColorBar(color_mapper=self._colours, title="dB")
-        self.sheet.add_layout(self._bar, "right")
-
     def _draw_map(self, r: OrderSpectrum, name: str) -> None:
         low, high = float(r.speed_hz.min()), float(r.speed_hz.max())
         margin = 0.005 * high if high - low < 0.01 * high else 0.0  # a constant speed is a strip
         low, high = low - margin, high + margin
-        picture = picture_of_map(r, low, high)
-        finite = picture[np.isfinite(picture)]
-        top = float(finite.max()) if finite.size else 0.0
-        self._colours.update(low=top - _DYNAMICS_DB, high=top)
         step = float(r.order[1])
-        self._source.data = {
-            "image": [np.where(np.isfinite(picture), picture, np.nan)],
-            "x": [step / 2], "y": [low], "dw": [step * (r.order.size - 1)], "dh": [high - low],
-        }  # fmt: skip
-        self.sheet.y_range.update(start=low, end=high, reset_start=low, reset_end=high)
-        self._bar.title = level_label(level_reference(r.units[0]).text)
-        self.sheet.title.text = plain(f"{name}: orders against speed")
+        self.map.draw(
+            picture_of_map(r, low, high), (step / 2, step * (r.order.size - 0.5)), (low, high),
+            level_label(level_reference(r.units[0]).text), f"{name}: orders against speed",
+        )  # fmt: skip
 
 
 class _AtSpeed:

@@ -5,19 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper, Range1d
-from bokeh.plotting import figure
+from bokeh.models import HoverTool, Range1d
 
 from specan.analysis.spectrogram import SpectrogramSettings
 from specan.data.recording import Recording
 from specan.data.spectrum import Spectrogram
 from specan.dsp.windows import WINDOWS
+from specan.inspect.heat_map import HeatMap
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import HarmonicCursor, hertz_axis, plain
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import micro
-from specan.report.figures_spectra import figure_spectrogram
 from specan.schema import parse
 
 _ROWS, _COLUMNS = 220, 500  # of the picture
@@ -36,23 +35,14 @@ class SpectrogramTab(Tab):
         self.number(view, "lines", "Lines", mode="int")
         self.choice(view, "window", "Window", WINDOWS, 130)
         self.number(view, "overlap", "Overlap", 70)
-        self._colours = LinearColorMapper(palette="Cividis256", low=0, high=1)
-        self._source = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []})
-        self.sheet = figure(
-            sizing_mode="stretch_both",
-            styles={"flex": "1 1 0", "min-height": "0"}, min_height=120, y_axis_type="log",
-            tools="pan,box_zoom,wheel_zoom,reset,save",
-            x_range=Range1d(0, 1), y_range=Range1d(20, 20000), x_axis_label="Time / s",
-            y_axis_label="Frequency / Hz",
+        self.map = HeatMap(
+            1, _DYNAMICS_DB, "spectrogram", x_range=Range1d(0, 1), y_range=Range1d(20, 20000), y_axis_type="log",
+            x_axis_label="Time / s", y_axis_label="Frequency / Hz",
         )  # fmt: skip
-        self.sheet.toolbar.logo = None
+        self.sheet = self.map.sheet
         hertz_axis(self.sheet, self.sheet.yaxis[0])
-        picture = self.sheet.image(
-            "image", "x", "y", "dw", "dh", source=self._source, color_mapper=self._colours
-        )
-        self.sheet.add_tools(HoverTool(renderers=[picture], tooltips=[("s", "$x{0.000}"), ("Hz", "$y{0.0}")]))
-        self._bar = ColorBar(color_mapper=self._colours, title="dB")
-        self.sheet.add_layout(self._bar, "right")
+        tips = [("s", "$x{0.000}"), ("Hz", "$y{0.0}")]
+        self.sheet.add_tools(HoverTool(renderers=[self.map.picture], tooltips=tips))
         self._cursor = HarmonicCursor(self.sheet, "width", "#ffffff")
         self.add_figure(self)
         self.body = [self.sheet]
@@ -107,22 +97,10 @@ class SpectrogramTab(Tab):
         low = max(float(f[0]), 10.0 if f[-1] > 100 else float(f[0]))
         rows = np.geomspace(low, f[-1], _ROWS)
         picture = level[np.clip(np.searchsorted(f, rows), 0, f.size - 1)]
-        finite = picture[np.isfinite(picture)]
-        top = float(finite.max()) if finite.size else 0.0
-        self._colours.update(low=top - _DYNAMICS_DB, high=top)
         # An image lies evenly on the screen, and the axis is logarithmic: the rows are as well.
-        self._source.data = {
-            "image": [np.where(np.isfinite(picture), picture, np.nan)],
-            "x": [left], "y": [low], "dw": [right - left], "dh": [float(f[-1]) - low],
-        }  # fmt: skip
-        self.sheet.x_range.update(start=left, end=right, reset_start=left, reset_end=right)
-        self.sheet.y_range.update(start=low, end=float(f[-1]), reset_start=low, reset_end=float(f[-1]))
-        self._bar.title = micro(r.scale.level_text(r.units[0]))
-        self.sheet.title.text = plain(
+        self.map.draw(
+            picture, (left, right), (low, float(f[-1])), micro(r.scale.level_text(r.units[0])),
             f"{self.opened.text(number, r.channels[0])}: lines {r.scale.line_spacing_hz:.4g} Hz apart, "
-            f"blocks a column: {r.blocks_per_column}, {r.scale.level_text(r.units[0])}"
-        )
-
-    def picture(self, result: Any) -> Any:
-        """As the command draws it."""
-        return figure_spectrogram(result)
+            f"blocks a column: {r.blocks_per_column}, {r.scale.level_text(r.units[0])}",
+        )  # fmt: skip
+        self.sheet.x_range.update(start=left, end=right, reset_start=left, reset_end=right)

@@ -72,6 +72,7 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
         stated={"carrier_torque": Stated("Torque", "Torque carrier", rig.operation.carrier_torque_Nm)},
         discrepancy=rig.uncertainty.model_discrepancy_percent / 100,
         path=rig.uncertainty.path_percent / 100,
+        response=rig.uncertainty.response_percent / 100,
     )
 
 

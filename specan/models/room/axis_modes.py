@@ -51,17 +51,17 @@ class AxisModes:
     @cached_property
     def turns(self) -> tuple[Complex, Complex, NDArray[np.float64]]:
         """Derivatives of the squared wave numbers by both walls, and the distance of each to the next."""
-        cosine, sine = _cos_sinc(self.w)
-        _, slope = _characteristic(self.w, self.a0, self.a1)
+        _, slope = characteristic(self.w, self.a0, self.a1)
+        by_a0, by_a1 = wall_slopes(self.w, self.a0, self.a1)
         apart = np.abs(self.w[:, :, None] - self.w[:, None, :])
         apart[:, np.arange(self.w.shape[1]), np.arange(self.w.shape[1])] = np.inf
-        return (cosine + self.a1 * sine) / slope, (cosine + self.a0 * sine) / slope, np.min(apart, axis=2)
+        return -by_a0 / slope, -by_a1 / slope, np.min(apart, axis=2)
 
     def holds(self, few: FrequencyInterpolation, count: int, a0: Complex, a1: Complex) -> bool:
         """Whether its first modes, known at few lines, are modes between walls with ``j k beta L`` of (lines,)."""
         some = few.looked_at
         w = few.matrix[some] @ self.w[:, :count]
-        value, slope = _characteristic(w, a0[some, None], a1[some, None])
+        value, slope = characteristic(w, a0[some, None], a1[some, None])
         return bool(np.max(np.abs(value / slope) / (1 + np.abs(w))) < HELD)
 
     def slope_at(self, x: NDArray[np.float64]) -> Complex:
@@ -201,7 +201,7 @@ def _newton(w: Complex, a0: Complex, a1: Complex) -> NDArray[np.intp]:
 def _refined(w: Complex, a0: Complex, a1: Complex) -> NDArray[np.bool_]:
     """Newton's steps on `w` in place; which have settled."""
     for _ in range(6):
-        value, slope = _characteristic(w, a0, a1)
+        value, slope = characteristic(w, a0, a1)
         step = value / slope
         w -= step
         if np.max(np.abs(step) / (1.0 + np.abs(w))) < 1e-8:  # convergence is quadratic
@@ -234,7 +234,7 @@ def _galerkin(a0: Complex, a1: Complex, count: int) -> Complex:
 
 
 def _aberth_step(w: Complex, a0: Complex, a1: Complex) -> Complex:
-    value, slope = _characteristic(w, a0, a1)
+    value, slope = characteristic(w, a0, a1)
     newton = value / slope
     gap = w[:, :, None] - w[:, None, :] + 1e-30  # two starting values may coincide
     gap[:, np.arange(w.shape[1]), np.arange(w.shape[1])] = np.inf
@@ -246,12 +246,18 @@ def _aberth_step(w: Complex, a0: Complex, a1: Complex) -> Complex:
     return step * np.minimum(1.0, 3 * longest / np.maximum(np.abs(step), 1e-300))
 
 
-def _characteristic(w: Complex, a0: Complex, a1: Complex) -> tuple[Complex, Complex]:
-    """F(w) and its derivative."""
+def characteristic(w: Complex, a0: Complex, a1: Complex) -> tuple[Complex, Complex]:
+    """``F(w) = w S - (a0 + a1) C - a0 a1 S`` and its derivative; see `axis_modes`."""
     cosine, sine = _cos_sinc(w)
     slope_sine = np.where(np.abs(w) < 1e-4, -1 / 6 + w / 60, (cosine - sine) / (2 * np.where(w == 0, 1, w)))
     value = w * sine - (a0 + a1) * cosine - a0 * a1 * sine
     return value, sine + (w - a0 * a1) * slope_sine + (a0 + a1) * sine / 2
+
+
+def wall_slopes(w: Complex, a0: Complex, a1: Complex) -> tuple[Complex, Complex]:
+    """Derivatives of the characteristic function by `a0` and `a1`."""
+    cosine, sine = _cos_sinc(w)
+    return -cosine - a1 * sine, -cosine - a0 * sine
 
 
 def norms(w: Complex, a0: Complex) -> Complex:

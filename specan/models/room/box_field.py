@@ -23,6 +23,7 @@ from specan.models.room.frequency_interpolation import interpolations
 from specan.models.room.modal_sum import Modes
 from specan.models.room.port import Port, point
 from specan.models.room.resonances import Resonances, resonances
+from specan.models.room.soft_axis import resonances_across
 from specan.models.room.static_correction import StaticCorrection, join, static_correction
 
 Complex = NDArray[np.complex128]
@@ -152,16 +153,21 @@ def box(
     """
     k2_max = max(k_max, float(np.sqrt(k2).real.max())) ** 2
     near = near_counts(drawn, k_max)
-    for few in interpolations(frequency):
+    choices = list(interpolations(frequency))
+    for few in choices:
         if few.meets(soft.T):
             axes = _axes(lengths, soft[:, few.chosen], counts)
             walls = _dimensionless(lengths, soft)
-            if all(
-                axis.holds(few, count, *pair) for axis, count, pair in zip(axes, near, walls, strict=True)
-            ):
-                modes = Modes(axes, k2[few.chosen])
-                poles = resonances(axes, few, k2, near, NEAR * float(np.sqrt(k2_max)))
-                return BoxField(lengths, modes, k2, soft, drawn, k2_max, counts, poles)
+            off = [i for i in range(3) if not axes[i].holds(few, near[i], *walls[i])]
+            highest, poles = NEAR * float(np.sqrt(k2_max)), None
+            if not off:
+                poles = resonances(axes, few, k2, near, highest)
+            elif (
+                len(off) == 1 and few is choices[-1]
+            ):  # poles far from the band are hard to find, and matter less then
+                poles = resonances_across(axes, few, k2, np.stack(walls[off[0]]), off[0], near, highest)
+            if poles is not None:
+                return BoxField(lengths, Modes(axes, k2[few.chosen]), k2, soft, drawn, k2_max, counts, poles)
     return BoxField(lengths, Modes(_axes(lengths, soft, counts), k2), k2, soft, drawn, k2_max, counts)
 
 

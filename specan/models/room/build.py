@@ -12,8 +12,7 @@ from specan.errors import RequestError
 from specan.models.catalogue import effects_in
 from specan.models.effect import Use
 from specan.models.model import Model, Nuisance, Words
-from specan.models.observable import Observable
-from specan.models.quantity import Condition, Quantity, constant
+from specan.models.quantity import Condition, Observable, Quantity, constant
 from specan.models.room import air, field, instruments
 from specan.models.room.places import room_receivers
 from specan.models.room.rig import WALLS, Rig, read_rig

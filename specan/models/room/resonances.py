@@ -221,10 +221,13 @@ def _poles(
         here = here - step
         if np.max(np.abs(step), initial=0.0) < SETTLED:
             break
-    reach = np.abs(here + np.sqrt(here - 1) * np.sqrt(here + 1))  # of the ellipse through it (Bernstein)
-    with np.errstate(over="ignore"):
-        found = (np.abs(step) < 1e3 * SETTLED) & (reach ** -len(k2) > SMOOTH)
+    found = (np.abs(step) < 1e3 * SETTLED) & (reach(here) ** -float(len(k2)) > SMOOTH)
     return np.where(found, here, 2j), slope, found
+
+
+def reach(place: Complex) -> NDArray[np.float64]:
+    """Half the sum of the axes of the ellipse with the foci -1 and 1 through a place (Bernstein)."""
+    return np.abs(place + np.sqrt(place - 1) * np.sqrt(place + 1))
 
 
 def _series_at(series: Complex, place: Complex) -> tuple[Complex, Complex]:
@@ -240,7 +243,7 @@ def chebyshev(place: Complex, count: int) -> tuple[Complex, Complex]:
     """
     root = np.sqrt(place - 1) * np.sqrt(place + 1)
     root = np.where(np.abs(root) < 1e-9, 1e-9, root)
-    power = np.vander(place + root, count, increasing=True)
+    power: Complex = np.vander(place + root, count, increasing=True).astype(complex)
     back = 1 / power
     return (power + back) / 2, np.arange(count) * (power - back) / (2 * root[:, None])
 

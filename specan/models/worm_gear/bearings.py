@@ -115,7 +115,7 @@ def bearing_quantities(bearings: Sequence[PlacedBearing], ratio: float) -> list[
         _sliding(bearings),
         _drag(bearings),
         _seals(bearings),
-        _palmgren(bearings),
+        *_palmgren(bearings),
         bearing_moment,
         worm_bearing_torque,
         wheel_bearing_torque,
@@ -236,25 +236,31 @@ def _seals(bearings: Sequence[PlacedBearing]) -> Quantity:
     return bearing_seal_moment
 
 
+# The constants are those that text books hand down (f0 2, z 0.0009, P0/C0 to the power 0.55, P1 = 3 Fa - 0.1 Fr);
+# they were not held against the standard, which is not free. A factor on the whole is fitted.
 PALMGREN = "Palmgren; Harris, Rolling Bearing Analysis; SKF General Catalogue 1989; ISO/TR 14179-2"
 SLOW = 2000.0  # nu n in mm^2/s r/min below which the moment without load no longer falls
 
 
-def _palmgren(bearings: Sequence[PlacedBearing]) -> Quantity:
+def _palmgren(bearings: Sequence[PlacedBearing]) -> list[Quantity]:
     diameters = [b.bearing.mean_diameter for b in bearings]
     ratings = [b.bearing.static_rating for b in bearings]
 
-    @quantity(unit="N*m", axes=AXES, reference=PALMGREN)
-    def bearing_palmgren_moment(bearing_radial_load, bearing_axial_load, bearing_speed, kinematic_viscosity):
-        """Moment of each bearing by Palmgren: 1e-7 f0 (nu n)^(2/3) d_m^3 and z (P0/C0)^0.55 P1 d_m."""
+    @quantity(unit="N*m", axes=AXES, reference=f"{PALMGREN}; ISO/TR 14179-1")
+    def bearing_load_moment(bearing_radial_load, bearing_axial_load):
+        """Moment of each bearing that its load makes, by Palmgren: z (P0/C0)^0.55 P1 d_m."""
         diameter, rating = _column(diameters, bearing_radial_load), _column(ratings, bearing_radial_load)
-        flow = np.maximum(1e6 * RPM * kinematic_viscosity * np.abs(bearing_speed), SLOW)
-        still = 2.0 * 1e-7 * flow ** (2 / 3) * diameter**3
         static = np.maximum(0.6 * bearing_radial_load + 0.5 * bearing_axial_load, bearing_radial_load)
         load = np.maximum(3.0 * bearing_axial_load - 0.1 * bearing_radial_load, bearing_radial_load)
-        return 1e-3 * (still + 0.0009 * (static / rating) ** 0.55 * load * diameter)
+        return 1e-3 * 0.0009 * (static / rating) ** 0.55 * load * diameter
 
-    return bearing_palmgren_moment
+    @quantity(unit="N*m", axes=AXES, reference=PALMGREN)
+    def bearing_oil_moment(bearing_speed, kinematic_viscosity):
+        """Moment of each bearing that its oil makes, by Palmgren: 1e-7 f0 (nu n)^(2/3) d_m^3."""
+        flow = np.maximum(1e6 * RPM * kinematic_viscosity * np.abs(bearing_speed), SLOW)
+        return 1e-3 * 2.0 * 1e-7 * flow ** (2 / 3) * _column(diameters, bearing_speed) ** 3
+
+    return [bearing_load_moment, bearing_oil_moment]
 
 
 @quantity(unit="N*m", axes=AXES, reference=SKF)

@@ -8,8 +8,7 @@ from typing import Any
 
 from specan.models.catalogue import effects_in
 from specan.models.model import LawSpace, Model, Nuisance, Words
-from specan.models.observable import Observable
-from specan.models.quantity import Condition, SettingError
+from specan.models.quantity import Condition, Observable, SettingError
 from specan.models.rig import RigStatement
 from specan.models.worm_gear import mesh, power
 from specan.models.worm_gear.article import article_quantities
@@ -29,7 +28,10 @@ from specan.units import convert
 
 RPM = math.pi / 30
 BASE_EFFECTS = ("bearing-friction", "churning", "tooth-friction")
-OTHER_FORMS = {"bearing-friction": ("palmgren-bearings",), "churning": ("exponential-churning",)}
+OTHER_FORMS = {
+    "bearing-friction": ("palmgren-bearings", "iso-bearings"),
+    "churning": ("exponential-churning",),
+}
 
 # key of [uncertainty]: effect and parameter that it holds, factor from the key's unit to the parameter's
 CERTIFICATES = {

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.models import Model, Receivers
 from specan.study.observation.correlated_errors import CommonErrors

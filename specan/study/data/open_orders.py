@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from specan.analysis.orders import Orders
 from specan.analysis.shaft import Shaft, tracked_shaft
+from specan.data.channel import Channel
 from specan.data.orders import OrderLines as FoundLines
-from specan.data.recording import Channel, Recording
+from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, nearest
 from specan.io.open import open_recording
 from specan.models import Model
@@ -21,7 +22,7 @@ from specan.models.measurement_kinds import OrderLines, Stated
 from specan.study.data.open_recordings import reads  # noqa: F401  a recording is one by its content
 from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.observation import Variable
-from specan.study.observation.order_lines import OrderLinesObservation, declared_errors
+from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
 from specan.units import convert
 
 TITLE = "a recording"
@@ -67,8 +68,9 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         raise RequestError("everything that was measured is held out", remedy="hold out less")
     common = (
         f"every line: model discrepancy {100 * known.discrepancy:.3g} %, common to lines within a few orders, and "
-        f"{100 * known.path:.3g} % for the path, common to all harmonics (from the rig file or its defaults); a free "
-        "gain for every harmonic of each sensor"
+        f"{100 * known.path:.3g} % for the path, common to all harmonics; lines that the ideal set does not have: "
+        f"{100 * known.response:.3g} %, common to a harmonic (from the rig file or its defaults); a free gain for "
+        "every harmonic of each sensor"
     )
     return OpenedData(tuple(fitted), tuple(held_out), (*statements, common), True, 100 * known.discrepancy)
 
@@ -111,8 +113,7 @@ def observe(
         shown = float(convert(value, condition.unit, condition.column_unit))
         levels[name] = (float(f"{shown:.3g}"), Variable(name.replace("_", " "), condition.column_unit))
     (observable,) = (o for o in model.observables.values() if o.kind == "orders")
-    ideal = np.where(_shown(model, observable.quantity, known, point), amplitude, 0.0)
-    shared = declared_errors(ideal, known.order, known.offset, known.discrepancy, known.path)
+    beyond = ~_shown(model, observable.quantity, known, point)
     observation = OrderLinesObservation(
         name=file.name,
         recording=file.name,
@@ -123,7 +124,8 @@ def observe(
         family=np.array(known.family),
         amplitude=amplitude,
         noise=_smooth(_noise(lines)[place], known.harmonic),
-        shared=shared,
+        relative=declared_errors(known.order, known.offset, known.discrepancy, known.path),
+        common=response_errors(beyond, known.harmonic, known.response),
         kept=np.ones(amplitude.shape, dtype=bool),
         order_condition=known.order_condition,
         point=point,
@@ -140,10 +142,7 @@ def observe(
 
 
 def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, float]) -> NDArray[np.bool_]:
-    """Lines that the model shows without effects, (sensors, lines): only they can be shown wrongly.
-
-    A line that is measured and that the model does not have is evidence, in full.
-    """
+    """Lines that the model shows without effects, (sensors, lines); all others are evidence of an effect."""
     conditions = {
         known.order_condition: known.order,
         **{c: np.full(known.order.size, v) for c, v in point.items()},
@@ -208,7 +207,7 @@ def like(
         return other, []
     n = int(np.argmax(clear))
     factor = np.exp(2j * np.pi * known.order * n)
-    turned = replace(other, amplitude=other.amplitude * factor, shared=other.shared * factor[:, None])
+    turned = replace(other, amplitude=other.amplitude * factor)
     return turned, (
         [f"{other.name}: begins {n} turns after {first.name} in the machine's period"] if n else []
     )

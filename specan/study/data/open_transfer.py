@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.data.recording import Channel, Recording
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, SpecanError, nearest
 from specan.io.open import open_recording
 from specan.models import Model, Observable

@@ -323,60 +323,61 @@ def _quantile(level: float, noise_dof: float) -> float:
 def _profile_end(problem: Problem, best: Fit, name: str, side: int, quantile: float) -> float:
     from scipy.optimize import brentq
 
-    index = problem.names.index(name)
-    low, high = problem.bounds()
-    end = (low if side < 0 else high)[index]
-    centre = best.theta[index]
+    excess = _Excess(problem, best, name, quantile)
+    centre = inner = best.theta[excess.index]
+    end = float(problem.bounds()[0 if side < 0 else 1][excess.index])
     if centre == end:
-        return float(end)
-    direction = best.covariance[:, index] / max(best.covariance[index, index], 1e-300)
-    memory: dict[float, float] = {}
-
-    def excess(value: float) -> float:
-        if value not in memory:
-            guess = np.clip(best.theta + direction * (value - centre), low, high)
-            memory[value] = _chi2_holding(problem, index, value, guess) - best.chi2 - quantile
-        return memory[value]
-
+        return end
     step = np.sqrt(quantile) * best.standard_error(name)
-    inner = centre
-    memory[centre] = -quantile
     for _ in range(12):
         outer = centre + side * step
         if side * (outer - end) >= 0:
             if excess(end) <= 0:
-                return float(end)
+                return end
             outer = end
         if excess(outer) > 0:
             return float(brentq(excess, inner, outer, xtol=1e-4 * abs(outer - centre), rtol=1e-10))
         inner, step = outer, 1.6 * step
-    return float(end)
+    return end
 
 
-def _chi2_holding(problem: Problem, index: int, value: float, guess: Array) -> float:
-    """Least chi-square with one element of theta held."""
-    if problem.names == (problem.names[index],):
-        return float(np.sum(_finite(problem.residual(np.array([value]))) ** 2))
-    from scipy.optimize import least_squares
+class _Excess:
+    """Least chi-square with one element of theta held at a value, less that of the fit and a quantile."""
 
-    others = np.arange(guess.size) != index
-    low, high = problem.bounds()
-    full = guess.copy()
+    def __init__(self, problem: Problem, best: Fit, name: str, quantile: float) -> None:
+        self.problem, self.best, self.quantile = problem, best, quantile
+        self.index = k = problem.names.index(name)
+        self.others = np.arange(best.theta.size) != k
+        self.direction = best.covariance[:, k] / max(best.covariance[k, k], 1e-300)
+        self.known = {float(best.theta[k]): -quantile}  # each value is fitted once
 
-    def whole(part: Array) -> Array:
-        full[others] = part
-        full[index] = value
-        return full.copy()
+    def __call__(self, value: float) -> float:
+        if value in self.known:
+            return self.known[value]
+        from scipy.optimize import least_squares
 
-    inside = np.clip(guess, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
-    found = least_squares(
-        lambda part: _finite(problem.residual(whole(part))),
-        inside[others],
-        jac=lambda part: _finite(problem.jacobian(whole(part)))[:, others],
-        bounds=(low[others], high[others]),
-        x_scale=problem.scale[others],
-        xtol=1e-7,
-        ftol=1e-7,
-        max_nfev=60,
-    )
-    return 2 * float(found.cost)
+        problem, best, others = self.problem, self.best, self.others
+        low, high = problem.bounds()
+        guess = np.clip(best.theta + self.direction * (value - best.theta[self.index]), low, high)
+        if not np.any(others):
+            chi2 = float(np.sum(_finite(problem.residual(np.array([value]))) ** 2))
+        else:
+            inside = np.clip(guess, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
+            found = least_squares(
+                lambda part: _finite(problem.residual(self._whole(part, value))),
+                inside[others],
+                jac=lambda part: _finite(problem.jacobian(self._whole(part, value)))[:, others],
+                bounds=(low[others], high[others]),
+                x_scale=problem.scale[others],
+                xtol=1e-7,
+                ftol=1e-7,
+                max_nfev=60,
+            )
+            chi2 = 2 * float(found.cost)
+        self.known[value] = chi2 - best.chi2 - self.quantile
+        return self.known[value]
+
+    def _whole(self, part: Array, value: float) -> Array:
+        theta = np.empty(self.others.size)
+        theta[self.others], theta[self.index] = part, value
+        return theta

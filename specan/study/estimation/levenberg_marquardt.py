@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -159,9 +160,9 @@ class _Place:
 class _Descent(_Place):
     """A descent by secants, and the damping of its next step."""
 
-    def __init__(self, problem: Problem, start: Array) -> None:
-        super().__init__(problem, start)
-        self.damping = LEAST_START if problem.strategy.exact_minimum else FAR_START
+    @cached_property
+    def damping(self) -> float:
+        return LEAST_START if self.problem.strategy.exact_minimum else FAR_START
 
     @property
     def unit(self) -> float:
@@ -288,6 +289,7 @@ def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
         Not finite at the start.
     """
     descent = _Refinement(problem, start)
+    descent.look_around()
     before, promised, order = np.inf, descent.derive(2), 2
     for _ in range(MOST_REFINING):
         if order == 2 and promised < FAR * descent.chi2:
@@ -305,13 +307,13 @@ def refine(problem: Problem, start: Array) -> tuple[Minimum, bool]:
 class _Refinement(_Place):
     """Where the last steps stand, with the Jacobian there, and the damping of the next one."""
 
-    def __init__(self, problem: Problem, start: Array) -> None:
-        super().__init__(problem, start)
-        self.damping = 0.0
-        self.jacobian = _finite(problem.jacobian(self.theta))
-        self.predicted = float(
-            np.linalg.norm(problem.whiten(np.concatenate(problem.predictions(self.theta))))
-        )
+    damping = 0.0
+
+    def look_around(self) -> None:
+        """Take a first Jacobian, and the size of what is predicted."""
+        self.jacobian = _finite(self.problem.jacobian(self.theta))
+        predicted = np.concatenate(self.problem.predictions(self.theta))
+        self.predicted = float(np.linalg.norm(self.problem.whiten(predicted)))
 
     def minimum(self) -> Minimum:
         return Minimum(self.theta, self.residual, self.jacobian, self.chi2)

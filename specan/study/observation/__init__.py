@@ -45,6 +45,10 @@ class Strategy:
         A refit is left out where a linear prediction rules out its success.
     reuses_signatures : bool
         Signatures of candidates are worked out at the base only, at few shapes; promising ones are scanned closer.
+    explained_limit : float
+        Most chi-square a value that counts as explained when rivals are compared, and is taken for what equations that
+        are not exact may leave: where errors of the prediction are in the covariance, a model without a line is judged
+        by the noise alone, and rivals that have it by those errors.
     refitted, pairs, rivals : int
         Most candidates, pairs and rivals of the best set that are refitted whatever they promise.
     """
@@ -57,16 +61,18 @@ class Strategy:
     secondary_refits: bool = True
     pruning: bool = False
     reuses_signatures: bool = False
+    explained_limit: float = float("inf")
     refitted: int = 5
     pairs: int = 8
     rivals: int = 8
 
 
+NO_VERDICT = 20.0  # times the tolerances: 0.02 of chi-square, which no verdict shows
 TABLE = Strategy()
 
 
 def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
-    """Strategy of a problem over several observations; a frugal one for many rows.
+    """Strategy of a problem over several observations; a frugal one for many rows, or where one of them is.
 
     Parameters
     ----------
@@ -86,14 +92,17 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
     whole = Strategy(
         continuation=any(p.continuation for p in parts),
         linearised_covariance=any(p.linearised_covariance for p in parts),
+        exact_minimum=all(p.exact_minimum for p in parts),
+        tolerance=max((p.tolerance for p in parts), default=1.0),
+        explained_limit=min((p.explained_limit for p in parts), default=float("inf")),
     )
-    return frugal(whole) if n_data > MANY_ROWS else whole
+    return frugal(whole) if n_data > MANY_ROWS or any(p == frugal(p) for p in parts) else whole
 
 
 def frugal(strategy: Strategy) -> Strategy:
     """The same where an evaluation of the model is worth saving; no verdict shows the tolerance of chi-square."""
     return replace(
-        strategy, exact_minimum=False, tolerance=20.0, further_starts=False, secondary_refits=False,
+        strategy, exact_minimum=False, tolerance=NO_VERDICT, further_starts=False, secondary_refits=False,
         pruning=True, reuses_signatures=True, refitted=3, pairs=4, rivals=3,
     )  # fmt: skip
 
@@ -175,7 +184,7 @@ class Observation(Protocol):
 
     @property
     def kind(self) -> str:
-        """Kind of measurement; see `specan.study.measurement_kinds`."""
+        """Kind of measurement; see `specan.study.data.sources`."""
 
     @property
     def variables(self) -> Mapping[str, Variable]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly, Evaluation
-from specan.study.observation import Strategy, Variable
+from specan.study.observation import NO_VERDICT, Strategy, Variable
 from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to
 from specan.study.observation.window_leakage import Folding
 
@@ -73,6 +73,8 @@ class FrfObservation:
         Name of the model's observable; or one for each channel.
     line_correlation : tuple of float
         Correlation of the random errors of lines 0, 1, 2 ... apart; (1,) where lines are independent.
+    rough : bool
+        Down-weighted: nothing is concluded from its exact minimum.
     """
 
     name: str
@@ -95,6 +97,7 @@ class FrfObservation:
     quantities: tuple[str, ...] = ()
     observables: tuple[str, ...] = ("frf",)
     line_correlation: tuple[float, ...] = LINE_CORRELATION
+    rough: bool = False
     kind: ClassVar[str] = "frf"
 
     @property
@@ -235,7 +238,8 @@ class FrfObservation:
     @property
     def strategy(self) -> Strategy:
         """Narrow peaks, and a covariance about a fit where errors are declared that act through the field."""
-        return Strategy(continuation=True, linearised_covariance=self.declared is not None)
+        near = Strategy(continuation=True, linearised_covariance=self.declared is not None)
+        return replace(near, exact_minimum=False, tolerance=NO_VERDICT) if self.rough else near
 
     def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> FrfObservation:
         """The same with the declared errors where the model at these values says that they act.
@@ -329,6 +333,7 @@ class FrfObservation:
             declared=None,
             moved=None,
             offset=0.0,
+            rough=True,
         )
 
     def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:

@@ -177,11 +177,20 @@ class TableObservation:
     def _rows(self) -> dict[str, NDArray[np.bool_]]:
         return {name: self.observable == name for name in sorted(set(self.observable.tolist()))}
 
-    def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """What the model expects in every row."""
+    def predict(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
+        """What the model expects in every row; the table repeated `times` times, with values for each of its rows."""
         if rows_are_coupled(assembly, self.conditions):
             return self._in_order(assembly, values)
-        return self._evaluate(assembly, values)
+        quantities = self._quantities(assembly)
+        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+        values = self.by_row(assembly, values, times)
+        with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
+            found = assembly.evaluate(conditions, values, list(quantities.values()))
+        predicted = np.empty(self.n * times)
+        for name, rows in self._rows.items():
+            rows = np.tile(rows, times)
+            predicted[rows] = np.broadcast_to(np.asarray(found[quantities[name]], float), rows.shape)[rows]
+        return predicted
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values, all in one pass where the model's parts allow it.
@@ -196,7 +205,7 @@ class TableObservation:
         together = len(many) > 1 and all(vector.get(name, True) for name in varying)
         if together and not rows_are_coupled(assembly, self.conditions):
             try:
-                table = self._evaluate(assembly, self._spread(many, varying), len(many))
+                table = self.predict(assembly, self._spread(many, varying), len(many))
                 table = table.reshape(len(many), self.n).T
             except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
                 vector.update(dict.fromkeys(varying, False))
@@ -249,19 +258,6 @@ class TableObservation:
                 prepared[name] = np.tile(np.asarray(value, dtype=float)[self._recording], times)
         return prepared
 
-    def _evaluate(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
-        """Predictions for the conditions repeated `times` times."""
-        quantities = self._quantities(assembly)
-        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
-        values = self.by_row(assembly, values, times)
-        with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
-            found = assembly.evaluate(conditions, values, list(quantities.values()))
-        predicted = np.empty(self.n * times)
-        for name, rows in self._rows.items():
-            rows = np.tile(rows, times)
-            predicted[rows] = np.broadcast_to(np.asarray(found[quantities[name]], float), rows.shape)[rows]
-        return predicted
-
     def _quantities(self, assembly: Assembly) -> dict[str, str]:
         """The model's quantity of every observable of this table."""
         return {name: assembly.model.observables[name].quantity for name in self._rows}
@@ -302,26 +298,23 @@ def rows_are_coupled(assembly: Assembly, conditions: Mapping[str, Array]) -> boo
 
     Tried at the default values: every second row alone must give what it gives among the others.
     """
-    known = knowledge(assembly).coupled
+    known, model = knowledge(assembly).coupled, assembly.model
     for use in assembly.uses:
-        if use not in known:
-            known[use] = _is_coupled(assembly, use, conditions)
+        if use in known:
+            continue
+        half = {name: column[::2] for name, column in conditions.items()}
+        alone, changed = model.assemble([*model.base_effects, use]), model.effects[use.name].changes
+        try:
+            with np.errstate(all="ignore"):
+                whole, part = alone.evaluate(conditions, None, changed), alone.evaluate(half, None, changed)
+        except ComputationError:  # nothing is known where the defaults have no solution
+            known[use] = True
+            continue
+        pairs = [(np.asarray(whole[name]), np.asarray(part[name])) for name in changed
+                 if not model.quantities[name].collection]  # fmt: skip
+        known[use] = len(pairs) < len(changed) or not all(
+            np.allclose(one[..., ::2], two, rtol=1e-9, atol=0, equal_nan=True)
+            for one, two in pairs
+            if one.ndim
+        )
     return any(known[use] for use in assembly.uses)
-
-
-def _is_coupled(assembly: Assembly, use: Use, conditions: Mapping[str, Array]) -> bool:
-    alone = assembly.model.assemble([*assembly.model.base_effects, use])
-    changed = assembly.model.effects[use.name].changes
-    half = {name: column[::2] for name, column in conditions.items()}
-    try:
-        with np.errstate(all="ignore"):
-            whole, part = alone.evaluate(conditions, None, changed), alone.evaluate(half, None, changed)
-    except ComputationError:
-        return True  # nothing is known where the defaults have no solution
-    for name in changed:
-        if assembly.model.quantities[name].collection:
-            return True
-        one, two = np.asarray(whole[name]), np.asarray(part[name])
-        if one.ndim and not np.allclose(one[..., ::2], two, rtol=1e-9, atol=0, equal_nan=True):
-            return True
-    return False

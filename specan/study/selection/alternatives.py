@@ -4,13 +4,14 @@ D is the chi-square that a rival leaves on the noise-free data of another: the c
 (Atkinson & Fedorov 1975, Biometrika 62:57) on the measured design. With D = 9 one is mistaken for the other in
 7 % of cases, with D = 0 they are aliases.
 
-Catalogues and standards describe the same part differently (bearings: SKF, Palmgren). Which form a machine follows is
-not known beforehand, so a misfit that another form removes is no missing effect.
+Catalogues and standards describe the same part differently (bearings: SKF, Palmgren, ISO). Which form a machine
+follows is not known beforehand, so a misfit that another form removes is no missing effect.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -18,7 +19,9 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.fit import fit
+from specan.study.estimation.base_problem import without
+from specan.study.estimation.fit import Fit, describe, fit
+from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
 from specan.study.selection.acceptance import DECISIVE, complete
 from specan.study.selection.candidates import candidates, confounded_with
@@ -29,8 +32,6 @@ from specan.study.selection.starting_values import scan_shapes
 
 DISTINGUISHABLE = 10.0  # D below which two explanations are not distinguished
 WIDE = 30.0  # D of the linearised distance within which a rival is refitted
-
-FORM_STARTS = 3  # of the fit of each form
 
 
 def distance(truth: Refit, rival: Refit) -> float:
@@ -85,7 +86,7 @@ def refit_rivals(search: Search) -> None:
     strategy = search.best.problem.strategy
     limit = WIDE * best.dispersion
     if strategy.pruning:  # then the search has refitted few, and none for its place in the ranking
-        limit = max(limit, FORM_TOLERANCE**2 * (search.base.chi2 - search.best.chi2))
+        limit = max(limit, _left_by_form(search))
     near = [members for d, members in options[: strategy.rivals] if d < limit]
     if (
         strategy.reuses_signatures and len(search.best.uses) == 1
@@ -133,14 +134,19 @@ def _indistinguishable(search: Search, best: Refit, rival: Refit) -> bool:
     if complete(best, rival):
         return False
     behind = rival.bic(best.dispersion) - best.bic(best.dispersion)
-    explained = (search.base.chi2 - best.chi2) / best.dispersion
-    if behind < DECISIVE + FORM_TOLERANCE**2 * explained:
+    if behind < DECISIVE + _left_by_form(search) / best.dispersion:
         return True
     there, back = distance(best, rival) / best.dispersion, distance(rival, best) / best.dispersion
     off = (rival.chi2 - best.chi2) / best.dispersion
     return (there < DISTINGUISHABLE and off < _as_far_as(there)) or (
         back < DISTINGUISHABLE and behind < DISTINGUISHABLE
     )
+
+
+def _left_by_form(search: Search) -> float:
+    """Chi-square that an equation which is not exact may leave of what it explains."""
+    problem, explained = search.best.problem, search.base.chi2 - search.best.chi2
+    return FORM_TOLERANCE**2 * min(explained, problem.strategy.explained_limit * problem.n_effective)
 
 
 def _as_far_as(distance_there: float) -> float:
@@ -182,19 +188,34 @@ def other_forms(base: Refit) -> Iterator[OtherForm]:
     for chosen in product(*((part, *forms) for part, forms in there.items())):
         parts = {part: form for part, form in zip(there, chosen, strict=True) if form != part}
         start = _with(base, parts) if parts else None
-        if start is not None and base.bic(start.dispersion) - start.bic(start.dispersion) > DECISIVE:
+        if start is not None:
             found.append(OtherForm(parts, start))
     least = min((other.start.dispersion for other in found), default=1.0)
     yield from sorted(found, key=lambda other: other.start.bic(least))
 
 
 def _with(base: Refit, parts: Mapping[str, str]) -> Refit | None:
-    """The base with other forms of some parts; None where it cannot be fitted."""
+    """The base with other forms of some parts; None where that is not decisively better, or cannot be fitted."""
     other = base.problem
     for part, form in parts.items():
-        other = other.without(part).with_uses([form])
+        other = without(other, part).with_uses([form])
+    count = len(other.names) - len(base.problem.names)
+
+    def better(fitted: Fit) -> Refit | None:
+        form = Refit(frozenset(), other, fitted, count=count)
+        gain = base.bic(form.dispersion) - form.bic(form.dispersion)
+        return form if gain > DECISIVE else None
+
+    reached = []
+    for start in (base.fit.values, None):  # where the base is, and where forms are by default
+        with suppress(ComputationError):
+            reached.append(descend(other, other.start(start)))
+    if not reached:
+        return None
+    near = min(reached, key=lambda minimum: minimum.chi2)
+    if better(describe(other, near.theta, near.residual, near.jacobian)) is None:
+        return None
     try:
-        fitted = fit(other, starts=FORM_STARTS)
+        return better(fit(other, near.theta))
     except ComputationError:
         return None
-    return Refit(frozenset(), other, fitted, count=len(other.names) - len(base.problem.names))

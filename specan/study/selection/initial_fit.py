@@ -24,7 +24,7 @@ from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import FORM_TOLERANCE, POOR_FIT, PRUNING_FACTOR, EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, score
 from specan.study.selection.signatures import Known, signatures
-from specan.study.selection.starting_values import planned_points, promised, scan_promising, scan_shapes
+from specan.study.selection.starting_values import planned_points, scan_promising, scan_shapes
 
 SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
 REFITTED, PER_EFFECT = 4, 2  # of them that are refitted, and at most so many of one effect
@@ -138,7 +138,7 @@ def _tried(problem: Problem) -> list[Refit]:
 def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]]) -> Refit:
     """The best set with one effect more, of those that promise most and of what is easily taken for the best."""
     closer = scan_promising(best, scored, SCANNED)
-    queue = _of_several_names(sorted(closer, key=lambda use: promised(best, closer[use][0])))
+    queue = _of_several_names(sorted(closer, key=lambda use: best.promised(closer[use][0])))
     looked_at: set[Use] = set()
     better = best
     while queue and better.reduced > SURE and len(looked_at) < MOST_REFITTED:

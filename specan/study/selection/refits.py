@@ -135,6 +135,10 @@ class Refit:
         """Chi-square in units of `dispersion` plus the price of the added parameters."""
         return self.chi2 / dispersion + self.count * float(np.log(self.problem.n_effective))
 
+    def promised(self, item: Scored) -> float:
+        """Change of BIC that a signature promises."""
+        return -item.chi2_reduction / self.dispersion + item.count * float(np.log(self.problem.n_effective))
+
     def residual_like(self, other: Refit) -> Array:
         """Weighted residual with the rows of another set: pseudo-measurements that this one lacks count as met."""
         own, there = self.problem, other.problem

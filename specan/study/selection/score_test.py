@@ -62,6 +62,11 @@ class Scored:
         """Number of columns."""
         return self.projected.shape[1]
 
+    @property
+    def count(self) -> int:
+        """Number of parameters that it stands for: its amplitudes and shapes."""
+        return self.amplitudes + len(self.signature.shapes)
+
 
 def score(fit: Projection, found: Sequence[Signature], weights: Array) -> list[Scored]:
     """Score every signature; those collinear with its Jacobian are left out.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Use
+from specan.models.parameter import ParameterName
 from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision, complete
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.pulls import Pull, too_far
@@ -25,7 +26,7 @@ from specan.study.selection.signatures import (
     shape_grid,
     signatures,
 )
-from specan.study.selection.starting_values import promised, scan_promising
+from specan.study.selection.starting_values import scan_promising
 
 SCANNED = 6  # candidates with few signatures that are looked at closer before, beside the best place of every effect
 WINDOW = 10.0  # and all whose BIC lies within this of the best
@@ -176,18 +177,23 @@ class Search:
     def single(self) -> Refit | None:
         """The best single effect that passes, of those that are worth a refit."""
         step = self.step(self.base)
+        for use in self._singles_to_refit(step):
+            self.progress(f"refitting with {use}")
+            self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
+        return self._best_passed(self.refits.of_size(1))
+
+    def _singles_to_refit(self, step: Step) -> Iterator[Use]:
+        """Candidates that are worth a refit, in view of the sets that were fitted before each."""
         first = [use for use in self.likely if use in step.by_use]
-        for use in first:
-            self._extend(step, use)
-        if step.start.problem.strategy.reuses_signatures and not (self.only or self._met):
+        yield from first
+        strategy = step.start.problem.strategy
+        if strategy.reuses_signatures and not (self.only or self._met):
             self._look_closer(step)
         for use in _worth_refitting(step):
             if use not in first and not (self.only or self._pruned(step, use)):
-                self._extend(step, use)
-        if step.start.problem.strategy.pruning and not self._met:
-            for use in _outstanding(step):
-                self._extend(step, use)
-        return self._best_passed(self.refits.of_size(1))
+                yield use
+        if strategy.pruning and not self._met:
+            yield from _outstanding(step)
 
     @property
     def _met(self) -> bool:
@@ -205,11 +211,6 @@ class Search:
             return False
         found = min((r.chi2 for r in self.refits.of_size(1)), default=np.inf)
         return self.refits.beyond_pruning_bound(step.start.chi2 - step.by_use[use][0].chi2_reduction, found)
-
-    def _extend(self, step: Step, use: Use) -> Refit | None:
-        """Refit a set with one more effect."""
-        self.progress(f"refitting with {use}")
-        return self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
 
     def _best_passed(self, found: Sequence[Refit]) -> Refit | None:
         passed = [r for r in found if self.decision(r).accepted]
@@ -272,7 +273,7 @@ class Search:
         best: dict[EffectSet, tuple[float, Refit, list[Scored]]] = {}
         for pair in score_pairs(base.seen.linear, base.scored):
             members = [pair.first, pair.second]
-            cost = price * sum(_count(m) for m in members)
+            cost = price * sum(m.count for m in members)
             best[pair.uses] = (self.base.chi2 - pair.chi2_reduction + cost, base.seen, members)
         starts = self._starts_of_pairs(single)
         if starts:  # scored at the fit of one of them: better than at the base
@@ -280,7 +281,7 @@ class Search:
             for start in starts:
                 step = self.step(start)
                 for use, items in step.by_use.items():
-                    value = start.chi2 - items[0].chi2_reduction + price * (start.count + _count(items[0]))
+                    value = start.chi2 - items[0].chi2_reduction + price * (start.count + items[0].count)
                     uses = start.uses | {use}
                     if uses not in nearer or value < nearer[uses][0]:  # a refit from there falls deepest
                         nearer[uses] = (value, step.seen, [items[0]])
@@ -326,7 +327,12 @@ class Search:
             values = {
                 name: v for refit in parts for name, v in refit.problem.values_at(refit.fit.theta).items()
             }
-            own = {n: v for refit in parts for n, v in refit.fit.values.items() if _owned(n, refit.uses)}
+            own = {
+                n: v
+                for refit in parts
+                for n, v in refit.fit.values.items()
+                if ParameterName(n).owned_by(refit.uses)
+            }
             self.progress("refitting with " + _text(uses))
             self.refits.known = {**self.refits.known, uses: values | own}
             whole = self.refits.fit(step.seen, [[step.by_use[use][0] for use in sorted(uses)]])
@@ -342,10 +348,11 @@ class Search:
         passed = []
         for use, items in list(step.by_use.items())[:2]:
             if self._below_pruning_bound(
-                self.best, self.best.bic(1.0) - items[0].chi2_reduction + price * _count(items[0])
+                self.best, self.best.bic(1.0) - items[0].chi2_reduction + price * items[0].count
             ):
                 continue
-            refit = self._extend(step, use)
+            self.progress(f"refitting with {use}")
+            refit = self.refits.fit(step.seen, [[s] for s in different(items, STARTS)])
             if refit is None:
                 continue
             decision = step.acceptance.decision(refit)
@@ -380,10 +387,6 @@ def _outstanding(step: Step) -> list[Use]:
     return [use for at in order[:MOST_OUTSTANDING] for use in uses if use.at == at]
 
 
-def _owned(name: str, uses: EffectSet) -> bool:
-    return any(name.startswith(f"{use}.") for use in uses)
-
-
 def _excess(refit: Refit) -> float:
     """Chi-square that a set leaves beyond the noise; at least what the noise leaves in doubt."""
     return max(refit.lack_of_fit_chi2 - refit.dof, float(np.sqrt(2 * refit.dof)))
@@ -399,24 +402,14 @@ def _not_finite(start: Refit, found: Sequence[Candidate]) -> dict[str, str]:
     return reasons
 
 
-def _promised(step: Step, use: Use) -> float:
-    return promised(step.start, step.by_use[use][0])
-
-
-def _by_promise(step: Step) -> list[Use]:
-    return sorted(step.by_use, key=lambda use: _promised(step, use))
-
-
 def _worth_refitting(step: Step) -> list[Use]:
-    order = _by_promise(step)
+    """Candidates that promise most, in their order."""
+    bic = {use: step.start.promised(items[0]) for use, items in step.by_use.items()}
+    order = sorted(bic, key=lambda use: bic[use])
     # With pruning, what promises nothing is not refitted only because nothing else promises more.
     strategy = step.start.problem.strategy
-    limit = min(_promised(step, order[0]) + WINDOW, 0.0 if strategy.pruning else np.inf)
-    return [use for k, use in enumerate(order) if k < strategy.refitted or _promised(step, use) < limit]
-
-
-def _count(item: Scored) -> int:
-    return item.amplitudes + len(item.signature.shapes)
+    limit = min(bic[order[0]] + WINDOW, 0.0 if strategy.pruning else np.inf)
+    return [use for k, use in enumerate(order) if k < strategy.refitted or bic[use] < limit]
 
 
 def _text(uses: frozenset[Use] | set[Use]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -86,28 +87,22 @@ def signatures(
     `known` holds changes that were worked out at the same fit already.
     """
     known = {} if known is None else known
-    return [
-        signature
-        for candidate in found
-        if candidate.use in points
-        for signature in _of(problem, fit, candidate, points[candidate.use], known)
-    ]
-
-
-def _of(
-    problem: Problem, fit: Fit, candidate: Candidate, points: Sequence[Point], known: Known
-) -> Iterator[Signature]:
-    if candidate.without_prior:
-        yield _certificate(problem, fit, candidate)
-        yield from _beside_certificate(problem, fit, candidate)
-    elif len(candidate.amplitudes) > 1:
-        yield from _several_amplitudes(problem, fit, candidate, points)
-    else:
-        amplitude = candidate.amplitudes[0]
-        for point, column in zip(points, changes(problem, fit, candidate, points, known)):
-            if column is not None:
-                shapes = {name: value for name, value in point.items() if name != amplitude}
-                yield _signature(candidate, amplitude, point[amplitude], shapes, column)
+    made: list[Signature] = []
+    for candidate in found:
+        if candidate.use not in points:
+            continue
+        if candidate.without_prior:
+            made.append(_certificate(problem, fit, candidate))
+            made += _beside_certificate(problem, fit, candidate)
+        elif len(candidate.amplitudes) > 1:
+            made += _several_amplitudes(problem, fit, candidate, points[candidate.use])
+        else:
+            name, tried = candidate.amplitudes[0], points[candidate.use]
+            for point, column in zip(tried, changes(problem, fit, candidate, tried, known)):
+                if column is not None:
+                    shapes = {n: value for n, value in point.items() if n != name}
+                    made.append(_signature(candidate, name, point[name], shapes, column))
+    return made
 
 
 def carried(seen: Sequence[Signature], old: Problem, new: Problem, uses: Collection[Use]) -> list[Signature]:
@@ -309,12 +304,26 @@ def shape_grid(
     base = Projection.of(fit.residual, fit.jacobian)
     allowed = max(LEAST_EVALUATIONS, min(MOST_EVALUATIONS, MOST_EVALUATIONS * ROWS // problem.n_data))
     most = max(1, min(MOST_PLACES, allowed // max(len(found), 1)))
-    grids = {c.use: _ShapeGrid(problem, fit, base, c, most, known) for c in found}
-    return {use: points for use, grid_of in grids.items() if (points := grid_of.points())}
+    grids: dict[Use, list[Point]] = {}
+    for candidate in found:
+        own = _ShapeGrid(problem, fit, base, candidate, most, known)
+        if candidate.without_prior:
+            points = [own.defaults]
+        elif len(candidate.amplitudes) > 1:
+            points = own.places(default_value(candidate, candidate.amplitudes[0]))
+        else:
+            sizes, name = own.sizes(), candidate.amplitudes[0]
+            places = own.places(sizes[0]) if sizes else []
+            points = [{**place, name: size} for place in places for size in sizes]
+        if points:
+            grids[candidate.use] = points
+    return grids
 
 
 @dataclass(frozen=True, eq=False)
 class _ShapeGrid:
+    """Own elements of one candidate and their values, one mapping a point."""
+
     problem: Problem
     fit: Fit
     base: Projection
@@ -322,19 +331,9 @@ class _ShapeGrid:
     most: int
     known: Known
 
-    def points(self) -> list[Point]:
-        """Own elements and their values, one mapping a point."""
-        candidate = self.candidate
-        defaults: Point = {n: default_value(candidate, n) for n in candidate.shapes}
-        if candidate.without_prior:
-            return [defaults]
-        amplitude = candidate.amplitudes[0]
-        if len(candidate.amplitudes) > 1:
-            return self._places(amplitude, default_value(candidate, amplitude))
-        sizes = self._sizes(amplitude)
-        if not sizes:
-            return []
-        return [{**place, amplitude: v} for place in self._places(amplitude, sizes[0]) for v in sizes]
+    @cached_property
+    def defaults(self) -> Point:
+        return {n: default_value(self.candidate, n) for n in self.candidate.shapes}
 
     def _directions(self, points: Sequence[Point]) -> list[Array | None]:
         """Unit vectors that are left of the signatures; None where nothing is, or no finite value."""
@@ -351,36 +350,36 @@ class _ShapeGrid:
                 out.append(projected / np.linalg.norm(projected))
         return out
 
-    def _sizes(self, amplitude: str) -> list[float]:
+    def sizes(self) -> list[float]:
         """Values of the amplitude whose signatures differ in direction; the default first."""
-        candidate = self.candidate
+        candidate, amplitude = self.candidate, self.candidate.amplitudes[0]
         neutral = candidate.neutral(amplitude)
         low, high = candidate.plausible(amplitude)
         reach = max(abs(low), abs(high))
-        shapes: Point = {n: default_value(candidate, n) for n in candidate.shapes}
         kept: list[tuple[float, Array]] = []
         ends = [default_value(candidate, amplitude), high, low][: None if self.most >= FEW else 1]
         for values in (ends, [neutral + 0.1 * (v - neutral) for v in (high, low)]):
             if values is not ends and len(kept) <= 1:
                 break  # the same direction at both ends: it is the same in between
             apart = [v for v in dict.fromkeys(values) if abs(v - neutral) > 1e-9 * reach]
-            for value, unit in zip(apart, self._directions([{**shapes, amplitude: v} for v in apart])):
+            for value, unit in zip(apart, self._directions([{**self.defaults, amplitude: v} for v in apart])):
                 if unit is not None and all(abs(unit @ other) < SAME_DIRECTION for _, other in kept):
                     kept.append((value, unit))
         return [value for value, _ in kept]
 
-    def _places(self, amplitude: str, size: float) -> list[Point]:
+    def places(self, size: float) -> list[Point]:
         """Places of the shapes: each over its plausible range, closer where the signature turns quickly.
 
         Several shapes are moved one at a time from their defaults, and together on a coarse grid where
         there is space for it.
         """
-        candidate = self.candidate
-        defaults: Point = {n: default_value(candidate, n) for n in candidate.shapes}
+        candidate, defaults = self.candidate, self.defaults
         if not defaults:
             return [{}]
         each = max((self.most - 1) // len(defaults), 1)
-        rest = {n: candidate.neutral(n) for n in candidate.amplitudes} | {amplitude: size}
+        rest: dict[str, float] = {str(n): candidate.neutral(n) for n in candidate.amplitudes} | {
+            candidate.amplitudes[0]: size
+        }
         places = [defaults]
         for name in candidate.shapes:
             values = list(grid(*candidate.plausible(name), min(5, each))) if each > 1 else []

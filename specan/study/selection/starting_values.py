@@ -23,6 +23,7 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.measurement_kinds import PlacedEffects
 from specan.models.parameter import ParameterName
+from specan.study.estimation.base_problem import without
 from specan.study.estimation.continuation import JACOBIANS, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
@@ -61,7 +62,7 @@ def starting_values(
         return starts
     lean = problem
     for use in new:
-        lean = lean.without(use)
+        lean = without(lean, use)
     try:
         values = continuation_fit(lean, [known])
     except ComputationError:  # without what is new nothing fits: the declared values must do
@@ -92,23 +93,17 @@ def scan_promising(
 
     Few shapes may be what holds an effect back; and a low mode is much the same at the opposite end.
     """
-    order = sorted(scored, key=lambda use: promised(refit, scored[use][0]))
+    order = sorted(scored, key=lambda use: refit.promised(scored[use][0]))
     names: dict[str, Use] = {}
     for use in order:
         names.setdefault(use.name, use)
     found = scan_shapes(refit, [*order[:count], *names.values()])
     if not found:
         return found
-    best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: promised(refit, found[use][0])))
+    best = dict.fromkeys(use.name for use in sorted(found, key=lambda use: refit.promised(found[use][0])))
     return found | scan_shapes(
         refit, [use for use in order if use.name in [*best][:EVERYWHERE] and use not in found]
     )
-
-
-def promised(refit: Refit, item: Scored) -> float:
-    """Change of BIC that a signature promises."""
-    count = item.amplitudes + len(item.signature.shapes)
-    return -item.chi2_reduction / refit.dispersion + count * float(np.log(refit.problem.n_effective))
 
 
 def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:

@@ -40,6 +40,7 @@ EFFECTS = {
     "churning": Signature(torque=0),  # its exponents are its parameters
     "exponential-churning": Signature(torque=0, viscosity=0),
     "inlet-shear-heating": Signature(sign=-1),
+    "iso-bearings": Signature(torque=1.55, viscosity=0),
     "load-dependent-friction": Signature(speed=1, viscosity=0),
     "mesh-starvation": Signature(torque=1),
     "mesh-pocketing": Signature(torque=0, speed=2, viscosity=0),

@@ -10,7 +10,7 @@ CATALOGUE = 1.84e-9
 
 @effect(
     "inlet-shear-heating",
-    scales=("bearing_rolling_moment", "viscous_loss"),
+    scales=("bearing_rolling_moment", "bearing_oil_moment", "viscous_loss"),
     neutral={"strength": 0.0},
     aliases=("starvation", "oil-heating", "shear-thinning"),
     separate_by="cold oil at the highest speed, bearings alone if possible",
@@ -38,4 +38,8 @@ def inlet_shear_heating(
     factor = 1.0 / (
         1.0 + strength * CATALOGUE * rpm_mm**1.28 * (1e6 * np.asarray(kinematic_viscosity)) ** 0.64
     )
-    return {"bearing_rolling_moment": factor, "viscous_loss": without_load(factor, share)}
+    return {
+        "bearing_rolling_moment": factor,
+        "bearing_oil_moment": factor,
+        "viscous_loss": without_load(factor, share),
+    }

@@ -14,7 +14,7 @@ NO_LOAD = 0.02  # of the reference load: keeps the law finite where the flanks h
     adds_to="friction_coefficient",
     neutral={"change": 0.0},
     valid={"friction_coefficient": (0.0, 1.0, "1")},
-    aliases=("bearing-friction",),
+    aliases=("bearing-friction", "iso-bearings"),
     separate_by="torque over a decade at one speed and temperature",
     reference="exponents: 0.2 for steel gears (Schlenk, in ISO/TR 14179-2:2001); of an elastohydrodynamic film at "
     "most that of the Hertz pressure, 1.03, which is load^0.5 on a line, and less as the film heats (Xu, "

@@ -14,7 +14,8 @@ from specan.models.worm_gear.bearings import WHEEL, WORM
     "Bearing Analysis; SKF General Catalogue 1989; ISO/TR 14179-2), f0 = 2 in an oil bath, z = 0.0009",
 )
 def palmgren_bearings(
-    bearing_palmgren_moment,
+    bearing_load_moment,
+    bearing_oil_moment,
     *,
     scale=Parameter(1.0, "1", min=0.3, max=1.5, lower=0.0, upper=4.0, doc="measured over calculated moment"),
 ):
@@ -24,7 +25,8 @@ def palmgren_bearings(
     proportional to (viscosity x speed)^(2/3) and independent of load, and one proportional to the load to
     the power 1.55 and independent of speed and oil.
     """
+    moment = bearing_load_moment + bearing_oil_moment
     return {
-        "worm_bearing_torque": scale * bearing_palmgren_moment[WORM].sum(axis=0),
-        "wheel_bearing_torque": scale * bearing_palmgren_moment[WHEEL].sum(axis=0),
+        "worm_bearing_torque": scale * moment[WORM].sum(axis=0),
+        "wheel_bearing_torque": scale * moment[WHEEL].sum(axis=0),
     }

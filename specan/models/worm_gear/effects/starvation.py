@@ -11,7 +11,7 @@ OIL_BATH = 3e-8
 
 @effect(
     "starvation",
-    scales=("bearing_rolling_moment", "viscous_loss"),
+    scales=("bearing_rolling_moment", "bearing_oil_moment", "viscous_loss"),
     neutral={"strength": 0.0},
     aliases=("inlet-shear-heating", "oil-heating", "shear-thinning"),
     separate_by="a series of oil levels at high speed",
@@ -50,4 +50,8 @@ def starvation(
     geometry = (bore + outside) * np.sqrt(K_Z / (2 * (outside - bore)))
     reach = 1e6 * RPM * kinematic_viscosity * (bearing_speed.T * geometry).T
     factor = np.exp(-strength * OIL_BATH * oil_level**-level_exponent * reach)
-    return {"bearing_rolling_moment": factor, "viscous_loss": without_load(factor, share)}
+    return {
+        "bearing_rolling_moment": factor,
+        "bearing_oil_moment": factor,
+        "viscous_loss": without_load(factor, share),
+    }

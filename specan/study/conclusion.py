@@ -1,0 +1,286 @@
+"""What a search amounts to: the verdict, the reason for it in one sentence, and whether something unknown is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from specan.study.estimation.problem import Problem
+from specan.study.localisation.by_blocks import MOST_ROWS
+from specan.study.localisation.localise import localise
+from specan.study.selection.acceptance import DECISIVE
+from specan.study.selection.doubtful_data import WHOLE, suspect_rows
+from specan.study.selection.pulls import ODDS, DataAlone, Pull, data_alone, stretched, what_would_tell
+from specan.study.selection.refits import FORM_TOLERANCE, Refit
+from specan.study.selection.residual_law import residual_law
+from specan.study.selection.search import Search
+from specan.study.selection.significance import LACK_OF_FIT
+from specan.study.verdict import parameters_of
+
+MOST_PULLS = 3  # values or rivals in one sentence
+MOST_SECOND = 3  # effects that may be there too, of which one is told
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """Verdict, the reason in one sentence, and whether something unknown would explain the data as well."""
+
+    kind: str
+    reason: str
+    doubt: bool = False
+    values: tuple[Pull, ...] = ()  # that another fit takes, on which the verdict rests
+
+    @property
+    def nothing_left(self) -> bool:
+        """Whether the model meets the data, with nothing left to explain."""
+        return self.kind == "nothing-missing" and not self.doubt
+
+
+def conclude(search: Search, sets: Sequence[Refit]) -> Conclusion:
+    """The verdict on a finished search and the sets that the data cannot tell from its best."""
+    base, best = search.base, search.best
+    if not best.uses:
+        return _of_base(search)
+    names = _names(sets)
+    if search.third is not None:
+        return Conclusion(
+            "unknown-effect", "three effects or more would be needed; one unknown is likelier", True
+        )
+    if best.lack_of_fit_p_beyond(FORM_TOLERANCE**2 * (base.chi2 - best.chi2)) < LACK_OF_FIT:
+        return Conclusion("unknown-effect", f"{names} explains a part, and much is left", True)
+    contradicted = search.too_far(best)
+    if contradicted:
+        return Conclusion(
+            "fits-only-if", f"with {names} it fits only with {_values(contradicted)}{_telling(best)}", True
+        )
+    return Conclusion("effect" if len(sets) == 1 else "group", "")
+
+
+def _with_doubts(explained: Explained) -> Conclusion:
+    """What speaks against an effect or a group that was found."""
+    search, sets, found = explained.search, explained.sets, explained.found
+    if found.kind not in ("effect", "group"):
+        return found
+    base, best = search.base, search.best
+    left = best.lack_of_fit < WHOLE or bool(search.extensions) or _fails_somewhere(best)
+    left = left or (len(best.uses) == 1 and _follows_a_law(best))
+    several = len(best.uses) > 1 and not search.of_one_instrument(best)
+    reasons = []
+    if left:
+        reasons.append("something is left: its form is not exact, or another effect is there too")
+    elif several:
+        reasons.append("one unknown effect would explain the data as well")
+    second = [] if left else _second_possible(search)
+    if second:
+        reasons.append(f"a second effect may be there too, such as {' or '.join(second)}")
+    if stretched(best):
+        reasons.append(
+            f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well"
+        )
+    if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
+        reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
+    suspect = bool(suspect_rows(base) or stretched(best) or better_but_too_far(search, sets))
+    return replace(found, reason="; ".join(reasons), doubt=left or bool(second) or several or suspect)
+
+
+def _second_possible(search: Search) -> list[str]:
+    """Effects that improve a single one decisively by BIC and in cross-validation, but too little to be named.
+
+    The family-wise probability is above the level of a name and below `WHOLE`, above which the rest is called whole.
+    """
+    best = search.best
+    if len(best.uses) != 1:
+        return []
+    found = [
+        (decision.p_value, ", ".join(sorted(map(str, refit.uses - best.uses))))
+        for refit in search.refits.of_size(2)
+        if best.uses < refit.uses
+        and (decision := search.decision(refit)).p_value < WHOLE
+        and decision.delta_bic > DECISIVE
+        and decision.held_out_gain > 0
+    ]
+    return [f"{name} (p = {p:.1g})" for p, name in sorted(found)[:MOST_SECOND]]
+
+
+def _of_base(search: Search) -> Conclusion:
+    """The verdict where no effect of the catalogue improves the model."""
+    base = search.base
+    contradicted = search.too_far(base)
+    if base.lack_of_fit < LACK_OF_FIT:
+        reason = "the model does not fit, and no effect of the catalogue explains it"
+        if contradicted:
+            reason += f"; even so it takes {_values(contradicted)}"
+        return Conclusion("unknown-effect", reason, True)
+    if contradicted:
+        return Conclusion(
+            "fits-only-if", f"the model fits only with {_values(contradicted)}{_telling(base)}", True
+        )
+    other = data_alone(base)
+    if other.contradicts:
+        return Conclusion(
+            "fits-only-if",
+            f"the model fits only with {_values(other.values)}{_beside(other)}{_telling(base)}",
+            True,
+            other.values,
+        )
+    if other.values and other.likelier:
+        reason = (
+            f"the model fits within what is known (p = {base.lack_of_fit:.2g}), and no effect of the catalogue "
+            f"improves it; it fits better with {_values(other.values)}{_beside(other)}{_telling(base)}"
+        )
+        return Conclusion("nothing-missing", reason, True)
+    return Conclusion("nothing-missing", "the model fits, and no effect of the catalogue improves it")
+
+
+def _names(sets: Sequence[Refit]) -> str:
+    return " or ".join(" with ".join(sorted(map(str, r.uses))) for r in sets)
+
+
+def _in_form(form: str) -> str:
+    return f"with {form}" if form else "with the declared form"
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """A finished search, the sets that are left, and what they amount to."""
+
+    search: Search
+    sets: list[Refit]
+    found: Conclusion
+
+
+@dataclass(frozen=True, eq=False)
+class OfForms:
+    """The likeliest search over published forms of the base, the form that it rests on, and those as likely."""
+
+    best: Explained
+    form: str
+    rivals: Mapping[str, Explained]
+
+    def others(self) -> list[str]:
+        """What is missing with a form that is as likely, where that is not what the verdict says."""
+        named = {r.uses for r in self.best.sets} or {frozenset()}
+        return [
+            f"{_in_form(form)} {_names(rival.sets) or 'nothing'} would be missing"
+            for form, rival in self.rivals.items()
+            if rival.search.best.uses not in named
+        ]
+
+    def sizes(self, named: Mapping[str, Mapping[str, Any]]) -> list[str]:
+        """Values of the named effects that lie outside their intervals with a form that is as likely."""
+        said = []
+        for form, rival in self.rivals.items():
+            if rival.search.best.uses != self.best.search.best.uses:
+                continue
+            for name, there in parameters_of(rival.search.best).items():
+                if not named[name]["low"] <= there["value"] <= named[name]["high"]:
+                    unit = "" if there["unit"] == "1" else f" {there['unit']}"
+                    said.append(f"{name} is {there['value']:.2g}{unit} {_in_form(form)}, which fits as well")
+        return said
+
+
+def likeliest_form(tried: Mapping[str, Explained]) -> OfForms:
+    """The search with the form of the base that a verdict rests on: as declared unless another is decisively better.
+
+    What needs no effect comes first, unless an effect is decisively better than every form without one: that something
+    is missing is tested against all published forms together.
+    """
+    chosen = ""
+    for form, one in tried.items():
+        if _ahead(one.search.best, tried[chosen].search.best) > DECISIVE:
+            chosen = form
+    lead = tried[chosen].search.best
+    whole = [
+        form
+        for form, one in tried.items()
+        if one.found.kind == "nothing-missing" and _ahead(lead, one.search.best) <= DECISIVE
+    ]
+    chosen = min(whole, key=lambda form: -_ahead(tried[form].search.best, lead), default=chosen)
+    best = tried[chosen]
+    rivals = {form: one for form, one in tried.items() if form != chosen and _as_likely(one, best)}
+    return OfForms(best, chosen, rivals)
+
+
+def _ahead(one: Refit, other: Refit) -> float:
+    """BIC by which one fit is likelier than another, chi-square in units of the smaller dispersion."""
+    dispersion = min(one.dispersion, other.dispersion)
+    return other.bic(dispersion) - one.bic(dispersion)
+
+
+def _as_likely(one: Explained, best: Explained) -> bool:
+    """Whether the data admit a verdict with another form of the base as well as the best one.
+
+    The same rule as between effects: behind by less than what is decisive and what the equation of the effects that
+    are named may be off. What does not fit, or only with values that are not known, explains nothing.
+    """
+    explained = (best.search.base.chi2 - best.search.best.chi2) / best.search.best.dispersion
+    behind = _ahead(best.search.best, one.search.best)
+    return (
+        one.found.kind in ("nothing-missing", "effect", "group")
+        and behind < DECISIVE + FORM_TOLERANCE**2 * explained
+    )
+
+
+def with_forms(forms: OfForms) -> Conclusion:
+    """The verdict with the form of a part that it rests on; a doubt only where another form would change it."""
+    found, others = _with_doubts(forms.best), forms.others()
+    said = f"with {forms.form}, another published form of the same part" if forms.form else ""
+    reason = ": ".join(text for text in (said, found.reason) if text)
+    if found.kind not in ("nothing-missing", "effect", "group") or not others:
+        return replace(found, reason=reason)
+    said = f"the form of the base is not certain, and {' and '.join(others)}"
+    return replace(found, reason="; ".join(text for text in (reason, said) if text), doubt=True)
+
+
+def better_but_too_far(search: Search, sets: list[Refit]) -> tuple[str, ...]:
+    """Sets that meet the data decisively better than the best, with values that contradict what is known."""
+    best = search.best
+    if not best.uses or not search.believable(best):
+        return ()
+    paid = best.bic(best.dispersion) - best.pulled / best.dispersion
+    found = []
+    for refit in search.refits.done.values():
+        if not refit.uses or refit in sets or refit.uses > best.uses or len(refit.uses) > len(best.uses):
+            continue
+        gain = paid - (refit.bic(best.dispersion) - refit.pulled / best.dispersion)
+        if gain > DECISIVE and search.too_far(refit):
+            names = " with ".join(sorted(map(str, refit.uses)))
+            found.append((gain, f"{names} fits better, but only with {_values(search.too_far(refit))}"))
+    return tuple(text for _, text in sorted(found, reverse=True)[:MOST_PULLS])
+
+
+def _values(contradicted: Sequence[Pull]) -> str:
+    """``mu = 0.22, known 0.01 to 0.12, and exponent = 3.2, known 0.8 to 2.2``."""
+    return ", and ".join(pull.text for pull in contradicted[:MOST_PULLS])
+
+
+def _beside(other: DataAlone) -> str:
+    said = f"; held to what is known chi-square is higher by {other.gain:.1f} (p = {other.p_value:.2g})"
+    if other.predicts > ODDS:
+        odds = float(f"{np.exp(min(other.predicts / 2, 30.0)):.1g}")
+        said += f", and conditions that are left out are predicted worse (odds of {odds:,.0f} to 1)"
+    return said
+
+
+def _telling(refit: Refit) -> str:
+    wanted = what_would_tell(refit)
+    return f"; what would tell: {wanted}" if wanted else ""
+
+
+def _fails_somewhere(best: Refit) -> bool:
+    """Whether blocks of conditions stand out of what a set leaves."""
+    return _has_independent_rows(best.problem) and bool(localise(best.problem, best.fit).fails_at)
+
+
+def _follows_a_law(best: Refit) -> bool:
+    """Whether what a set leaves goes with powers of the operating variables; seen before the whole misfits."""
+    law = residual_law(best) if _has_independent_rows(best.problem) else None
+    return law is not None and law.p_value < LACK_OF_FIT
+
+
+def _has_independent_rows(problem: Problem) -> bool:
+    """Whether rows can be looked at one by one: those of tables, not lines of a transfer function."""
+    return problem.n_data <= MOST_ROWS and problem.n_effective >= problem.n_data
