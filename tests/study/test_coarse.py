@@ -15,6 +15,7 @@ from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import candidates, confounded_with
+from specan.study.selection.initial_fit import _screened
 from specan.study.selection.refits import Refit
 from specan.study.selection.score_test import best_of_each, score
 from specan.study.selection.signatures import shape_grid, signatures
@@ -169,6 +170,17 @@ def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     assert {use.at for use in found} == {use.at for use in scored}
     best = min(found, key=lambda use: promised(base, found[use][0]))
     assert str(best) == "leak@z1"
+
+
+def test_a_few_steps_tell_a_strong_lining_from_what_promises_as_much(model):
+    true = {"wall-impedance@z1.conductance": 0.7}
+    problem = base_problem(model, [recorded(model, ["wall-impedance@z1"], true)])
+    values = continuation_fit(problem)
+    view = down_weighted(problem, values=values)
+    base = Refit(frozenset(), view, fit(view, start=values))
+    uses = [Use.parse(name) for name in ("leak@z1", "wall-impedance@x1", "wall-impedance@z1")]
+    found = scan_shapes(base, uses)
+    assert str(_screened(base, {use: found[use] for use in uses})[0]) == "wall-impedance@z1"
 
 
 def test_a_small_resonator_is_found_behind_what_does_something_everywhere(model):
