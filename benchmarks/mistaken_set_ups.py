@@ -25,7 +25,8 @@ from room_search import KINDS, drawn
 from specan.models.catalogue import load_model
 from specan.study.data.open_recordings import open_data
 from specan.study.data.sources import DataFile, MeasuredFiles
-from specan.study.estimation.problem import Problem, base_problem
+from specan.study.estimation.base_problem import base_problem
+from specan.study.estimation.problem import Problem
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
 from truth.room import RoomCase, simulate, write
 from truth.room.box import WALLS

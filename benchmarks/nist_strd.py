@@ -23,8 +23,8 @@ import numpy as np
 
 from specan.errors import SpecanError
 from specan.models import Model
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import base_problem
 from specan.study.observation.table import TableObservation
 
 MOST_DIGITS = 11.0  # to which NIST certifies

@@ -18,8 +18,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from specan.models import Model
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import base_problem
 from specan.study.observation.table import TableObservation
 from specan.study.selection.law_search import LawSearch, search_laws
 from specan.study.selection.refits import Refit

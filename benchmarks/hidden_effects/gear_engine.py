@@ -12,8 +12,9 @@ from specan.models.planetary_gear.build import build
 from specan.study.data.open_orders import open_data
 from specan.study.data.sources import DataFile, MeasuredFiles
 from specan.study.diagnose import diagnose as find_missing
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import Problem, base_problem
+from specan.study.estimation.problem import Problem
 from truth.planetary_gear import Gear
 
 

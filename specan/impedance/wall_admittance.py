@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError, RequestError, SpecanError
 from specan.models import Assembly, Parameter, Use, effect
+from specan.study.estimation.base_problem import without
 from specan.study.estimation.continuation import down_weighted
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
@@ -177,7 +178,7 @@ class Space:
             raise RequestError("the study holds no recordings", expected="transfer functions of microphones")
         for use in problem.assembly.uses:
             if set(model.effects[use.name].changes) == {"wall_admittance"}:
-                problem = problem.without(use)
+                problem = without(problem, use)
         problem = problem.holding({"wall_admittance.common": 0.0})
         assembly = model.with_effect(free_walls).assemble({*problem.assembly.uses, USE})
         known = {n: v for n, v in start.items() if n not in problem.priors}

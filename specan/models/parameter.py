@@ -6,6 +6,7 @@ A parameter is known by the quantity or use of an effect that owns it, its name 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -193,6 +194,10 @@ class ParameterName(str):
     def owner(self) -> str:
         """Use of an effect as it is written (``wall-impedance@z1``), or a quantity."""
         return self.partition("[")[0].rpartition(".")[0]
+
+    def owned_by(self, uses: Iterable[object]) -> bool:
+        """Whether it is a parameter of one of some uses."""
+        return self.owner in map(str, uses)
 
     @property
     def own(self) -> str:

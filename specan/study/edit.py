@@ -16,6 +16,7 @@ from specan.models.catalogue import effects_from_file
 from specan.result import Result
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
+from specan.study.estimation.base_problem import without
 from specan.study.estimation.fit import NORMAL_95, fit, profile_interval
 from specan.study.history import History, Step, changing, commit, line_of
 from specan.study.study import STARTS, Study
@@ -329,10 +330,10 @@ def _superfluous(old: Study, new: Study) -> list[str]:
 def _can_go(study: Study, name: str) -> bool:
     """Whether the fit without an effect is no worse than its parameters' price (BIC)."""
     try:
-        lean = study.problem.without(name)
-        without = fit(lean, start=study.best.values, starts=STARTS)
+        lean = without(study.problem, name)
+        refitted = fit(lean, start=study.best.values, starts=STARTS)
     except SpecanError:  # without it there is no fit: it is needed
         return False
     scale = max(study.best.reduced_chi2, 1.0)
     spared = len(study.problem.names) - len(lean.names)
-    return (without.chi2 - study.best.chi2) / scale < spared * np.log(study.problem.n_effective)
+    return (refitted.chi2 - study.best.chi2) / scale < spared * np.log(study.problem.n_effective)

@@ -18,6 +18,7 @@ from specan.models.rig import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.data.sources import DataFile, MeasuredFiles, open_data
+from specan.study.estimation.base_problem import grouped_by
 from specan.study.estimation.continuation import continuation_fit, linearised
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.prediction_error import (
@@ -26,7 +27,7 @@ from specan.study.estimation.prediction_error import (
     held_out_error,
     observable_errors,
 )
-from specan.study.estimation.problem import Problem, grouped_by
+from specan.study.estimation.problem import Problem
 from specan.study.history import History, Step, changing, commit, line_of, recover
 from specan.study.kept_results import KeptResults, keep_diagnosis
 from specan.study.localisation.by_blocks import Localisation

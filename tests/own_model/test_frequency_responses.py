@@ -17,7 +17,7 @@ from specan.models.catalogue import load_model
 from specan.study.data.sources import DataFile, MeasuredFiles, kind_of, open_data
 from specan.study.data.transfer_file import read_transfer_file
 from specan.study.diagnose import diagnose
-from specan.study.estimation.problem import base_problem
+from specan.study.estimation.base_problem import base_problem
 from specan_cli.main import main
 from truth.three_masses import ThreeMasses, as_text, simulate
 

@@ -10,8 +10,8 @@ from specan.errors import InputError, RequestError
 from specan.models import Model, Parameter, effect
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import base_problem
 from specan_cli.main import main
 
 SLOPES = {"No. 1": 2.0, "No. 2": 2.3, "No. 3": 1.9}  # N/mm

@@ -5,8 +5,8 @@ import pytest
 from nist_strd import DATA, ENOUGH, read, residual_sd, scored, with_scipy, with_specan
 
 from specan.models import Model
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import base_problem
 from specan.study.observation.table import TableObservation
 
 NAMES = sorted(path.stem for path in DATA.glob("*.dat"))

@@ -14,7 +14,7 @@ from specan.models import (
     effect,
     quantity,
 )
-from specan.study.estimation.problem import base_problem
+from specan.study.estimation.base_problem import base_problem
 from specan.study.observation.table import TableObservation
 
 

@@ -8,9 +8,9 @@ import pytest
 from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.measurement_kinds import ReceiverErrors
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import base_problem
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
@@ -21,7 +21,6 @@ from specan.study.selection.score_test import best_of_each, score
 from specan.study.selection.signatures import shape_grid, signatures
 from specan.study.selection.starting_values import (
     kept_values,
-    promised,
     scan_promising,
     scan_shapes,
     starting_values,
@@ -168,7 +167,7 @@ def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     scored = best_of_each(score(base.linear, signatures(problem, base.fit, leaks, points), base.weights))
     found = scan_promising(base, scored, 1)
     assert {use.at for use in found} == {use.at for use in scored}
-    best = min(found, key=lambda use: promised(base, found[use][0]))
+    best = min(found, key=lambda use: base.promised(found[use][0]))
     assert str(best) == "leak@z1"
 
 

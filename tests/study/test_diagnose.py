@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 from specan.errors import ComputationError
 from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import base_problem
 from specan.study.localisation.localise import localise
 from specan.study.selection.acceptance import (
     AcceptanceTest,

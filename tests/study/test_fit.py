@@ -5,8 +5,8 @@ import pytest
 
 from specan.errors import ComputationError, RequestError
 from specan.models import Condition, Model, Nuisance, Observable, Parameter, Use, effect, quantity
+from specan.study.estimation.base_problem import base_problem, without
 from specan.study.estimation.fit import fit, profile_interval
-from specan.study.estimation.problem import base_problem
 from specan.study.observation import Observation
 from specan.study.observation.table import TableObservation
 
@@ -179,7 +179,7 @@ def test_a_candidate_starts_at_its_default_and_keeps_what_is_fixed():
     assert "power-law.size" in problem.names
     assert "power-law.by" not in problem.names
     assert problem.start()[problem.names.index("power-law.size")] == 0.2
-    assert problem.without("power-law").names == base_problem(MODEL, problem.observations).names
+    assert without(problem, "power-law").names == base_problem(MODEL, problem.observations).names
 
 
 def test_a_nuisance_named_as_candidate_loses_its_certificate_and_gets_it_back():
@@ -191,7 +191,7 @@ def test_a_nuisance_named_as_candidate_loses_its_certificate_and_gets_it_back():
     assert free.n_priors == 0
     assert fit(free).values["zero.offset"] == pytest.approx(0.5, abs=0.3)
     assert abs(fit(problem).values["zero.offset"]) < 0.1
-    assert free.without("zero").priors == problem.priors
+    assert without(free, "zero").priors == problem.priors
 
 
 def test_parameters_per_recording_have_one_element_each():

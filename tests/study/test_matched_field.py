@@ -9,9 +9,9 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import describe
-from specan.study.estimation.problem import base_problem
 from specan.study.observation import Strategy
 from specan.study.selection.acceptance import complete
 from specan.study.selection.candidates import candidates

@@ -10,7 +10,7 @@ from specan.models.catalogue import load_model
 from specan.study.data.open_recordings import open_data
 from specan.study.data.sources import DataFile, MeasuredFiles
 from specan.study.diagnose import diagnose
-from specan.study.estimation.problem import base_problem
+from specan.study.estimation.base_problem import base_problem
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
 from truth.room import simulate, write
 

@@ -9,7 +9,7 @@ from specan.models import Condition, Model, Observable
 from specan.models.measurement_kinds import OrderLines, Tacho
 from specan.models.quantity import constant
 from specan.study.data.open_orders import like
-from specan.study.estimation.problem import base_problem
+from specan.study.estimation.base_problem import base_problem
 from specan.study.observation import Observation
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors
 

@@ -12,8 +12,8 @@ from specan.models.room import EXAMPLE_RIG
 from specan.models.room.mode_names import mode_names
 from specan.study.design.operating_points import explore, propose
 from specan.study.design.receiver_places import _separations, _views, best_places
+from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import base_problem
 from specan.study.localisation.by_band_and_channel import Cells
 from specan.study.localisation.by_blocks import LeftOut
 from specan.study.localisation.frf_errors import assurance, frf_errors

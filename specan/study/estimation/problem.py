@@ -2,7 +2,7 @@
 
 This is what every other part of the study engine works on. In short::
 
-    problem = base_problem(model, observations)          # base effects, nuisances with their priors
+    problem = base_problem(model, observations)          # specan.study.estimation.base_problem
     result = fit(problem)                                # specan.study.estimation.fit
     richer = problem.with_uses([Use("seal-drag")])       # its parameters free, at their defaults
     problem.residual(theta)       # V^(-1/2) (predicted - measured), then priors and known ranges
@@ -25,8 +25,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import RequestError, nearest
-from specan.models import Assembly, Model, Use, varying
-from specan.models.groups import grouped
+from specan.models import Assembly, Use, varying
 from specan.models.parameter import ParameterName
 from specan.study.estimation.linear import chosen_stencil, usual_stencil
 from specan.study.estimation.pseudo_measurements import KnownRanges, PseudoMeasurements
@@ -339,36 +338,14 @@ class Problem:
         new = [Use.parse(u) if isinstance(u, str) else u for u in uses]
         assembly = self.assembly.model.assemble({*self.assembly.uses, *new})
         varied = varying(o.conditions for o in self.observations)
-        own = [n for n in assembly.free(varied) if _owned(n, new)]
+        own = [n for n in assembly.free(varied) if ParameterName(n).owned_by(new)]
         return replace(
             self,
             assembly=assembly,
             free=tuple(dict.fromkeys([*self.free, *(n for n in own if n not in self.links)])),
-            priors={n: p for n, p in self.priors.items() if not _owned(n, new)},
+            priors={n: p for n, p in self.priors.items() if not ParameterName(n).owned_by(new)},
             nuisances=self.nuisances - set(new),
         )
-
-    def without(self, use: Use | str) -> Problem:
-        """Take an effect out; an instrument error gets its prior back."""
-        use = Use.parse(use) if isinstance(use, str) else use
-        if use not in self.assembly.uses:
-            raise RequestError(
-                f"{use} is not in the model", remedy=nearest(str(use), map(str, self.assembly.uses))
-            )
-        model = self.assembly.model
-        kept = {n: v for n, v in self.values.items() if not _owned(n, [use])}
-        out = replace(
-            self,
-            assembly=model.assemble(u for u in self.assembly.uses if u != use),
-            free=tuple(n for n in self.free if not _owned(n, [use])),
-            values=kept,
-            priors={n: p for n, p in self.priors.items() if not _owned(n, [use])},
-            domains={n: d for n, d in self.domains.items() if not _owned(n, [use])},
-            links={n: o for n, o in self.links.items() if not _owned(n, [use]) and not _owned(o, [use])},
-            nuisances=self.nuisances - {use},
-        )
-        has_prior = use not in self.nuisances and any(str(use) == n.effect for n in model.nuisances)
-        return _with_nuisances(out, only=use) if has_prior else out
 
     def holding(self, values: Mapping[str, float]) -> Problem:
         """Hold parameters at given SI values instead of fitting them."""
@@ -387,71 +364,3 @@ class Problem:
 def range_of(name: str) -> str:
     """Name of the pseudo-measurement that a parameter's known range is."""
     return f"range of {name}"
-
-
-def base_problem(
-    model: Model, observations: Sequence[Observation], uses: Iterable[Use | str] | None = None
-) -> Problem:
-    """Model with its base effects (or `uses`), every parameter free, its nuisances under their priors.
-
-    Parameters
-    ----------
-    model : Model
-    observations : sequence of Observation
-    uses : iterable of Use or str, optional
-        Effects instead of the model's base effects.
-    """
-    model = grouped_by(model, observations)
-    assembly = model.assemble(model.base_effects if uses is None else uses)
-    free = assembly.free(varying(o.conditions for o in observations))
-    return _with_nuisances(Problem(assembly, tuple(observations), free))
-
-
-def grouped_by(model: Model, observations: Iterable[Observation]) -> Model:
-    """The model with the names of the groups that the observations hold."""
-    names: dict[str, dict[str, None]] = {}
-    for one in observations:
-        for axis, own in getattr(one, "groups", {}).items():
-            names.setdefault(axis, {}).update(dict.fromkeys(own))
-    return grouped(model, {axis: tuple(own) for axis, own in names.items()})
-
-
-def _with_nuisances(problem: Problem, only: Use | None = None) -> Problem:
-    """Add the model's instrument errors that have a prior and are not in the problem yet.
-
-    An error that the data cannot show at all (its conditions are missing) stays out.
-    """
-    model = problem.assembly.model
-    available = set().union(*(o.available for o in problem.observations)) if problem.observations else set()
-    untestable = model.not_testable(available)
-    priors, free, new = dict(problem.priors), list(problem.free), set()
-    values = dict(problem.values)
-    for nuisance in model.nuisances:
-        use = Use.parse(nuisance.effect)
-        if use in problem.assembly.uses or use.name in untestable or (only and use != only):
-            continue
-        effect = model.effects[use.name]
-        parameter = effect.parameters[nuisance.parameter]
-        mean = effect.neutral_si[nuisance.parameter]
-        sd = abs(parameter.to_si(effect.neutral[nuisance.parameter] + nuisance.prior_sd) - mean)
-        name = ParameterName.of(use, nuisance.parameter)
-        priors[name], values[name] = (mean, sd), mean
-        free.append(name)
-        new.add(use)
-    for use in new:  # parameters without a prior rest where the effect vanishes
-        for own, value in model.effects[use.name].neutral_si.items():
-            values.setdefault(ParameterName.of(use, own), value)
-    return replace(
-        problem,
-        assembly=model.assemble({*problem.assembly.uses, *new}),
-        free=tuple(free),
-        values=values,
-        priors=priors,
-        nuisances=problem.nuisances | new,
-    )
-
-
-def _owned(name: str, uses: Sequence[Use]) -> bool:
-    """Whether a parameter's full name belongs to one of the uses."""
-    owner = ParameterName(name).owner
-    return any(owner == str(use) for use in uses)

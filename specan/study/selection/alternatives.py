@@ -19,6 +19,7 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.study.estimation.base_problem import without
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
@@ -192,7 +193,7 @@ def _with(base: Refit, parts: Mapping[str, str]) -> Refit | None:
     """The base with other forms of some parts; None where that is not decisively better, or cannot be fitted."""
     other = base.problem
     for part, form in parts.items():
-        other = other.without(part).with_uses([form])
+        other = without(other, part).with_uses([form])
     count = len(other.names) - len(base.problem.names)
 
     def better(fitted: Fit) -> Refit | None:

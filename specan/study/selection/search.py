@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Use
+from specan.models.parameter import ParameterName
 from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision, complete
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.pulls import Pull, too_far
@@ -326,7 +327,12 @@ class Search:
             values = {
                 name: v for refit in parts for name, v in refit.problem.values_at(refit.fit.theta).items()
             }
-            own = {n: v for refit in parts for n, v in refit.fit.values.items() if _owned(n, refit.uses)}
+            own = {
+                n: v
+                for refit in parts
+                for n, v in refit.fit.values.items()
+                if ParameterName(n).owned_by(refit.uses)
+            }
             self.progress("refitting with " + _text(uses))
             self.refits.known = {**self.refits.known, uses: values | own}
             whole = self.refits.fit(step.seen, [[step.by_use[use][0] for use in sorted(uses)]])
@@ -379,10 +385,6 @@ def _outstanding(step: Step) -> list[Use]:
     }
     order = sorted((at for at, off in excess.items() if off > STANDS_OUT), key=lambda at: -excess[at])
     return [use for at in order[:MOST_OUTSTANDING] for use in uses if use.at == at]
-
-
-def _owned(name: str, uses: EffectSet) -> bool:
-    return any(name.startswith(f"{use}.") for use in uses)
 
 
 def _excess(refit: Refit) -> float:

@@ -377,7 +377,9 @@ class _ShapeGrid:
         if not defaults:
             return [{}]
         each = max((self.most - 1) // len(defaults), 1)
-        rest = {n: candidate.neutral(n) for n in candidate.amplitudes} | {candidate.amplitudes[0]: size}
+        rest: dict[str, float] = {str(n): candidate.neutral(n) for n in candidate.amplitudes} | {
+            candidate.amplitudes[0]: size
+        }
         places = [defaults]
         for name in candidate.shapes:
             values = list(grid(*candidate.plausible(name), min(5, each))) if each > 1 else []

@@ -23,6 +23,7 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.measurement_kinds import PlacedEffects
 from specan.models.parameter import ParameterName
+from specan.study.estimation.base_problem import without
 from specan.study.estimation.continuation import JACOBIANS, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
@@ -61,7 +62,7 @@ def starting_values(
         return starts
     lean = problem
     for use in new:
-        lean = lean.without(use)
+        lean = without(lean, use)
     try:
         values = continuation_fit(lean, [known])
     except ComputationError:  # without what is new nothing fits: the declared values must do
