@@ -171,6 +171,21 @@ def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     assert str(best) == "leak@z1"
 
 
+def test_an_object_is_looked_for_all_over_the_room(model):
+    true = {"volume": 2.6e-3, "x": 0.23, "y": 0.89, "z": 0.09}
+    problem = base_problem(
+        model, [recorded(model, ["scatterer"], {f"scatterer.{name}": value for name, value in true.items()})]
+    )
+    values = continuation_fit(problem)
+    view = down_weighted(problem, values=values)
+    base = Refit(frozenset(), view, fit(view, start=values))
+    use = Use.parse("scatterer")
+    best = scan_shapes(base, [use])[use][0]
+    assert [best.signature.shapes[f"scatterer.{name}"] for name in "xyz"] == pytest.approx(
+        [true[name] for name in "xyz"], abs=0.08
+    )
+
+
 def test_a_few_steps_tell_a_strong_lining_from_what_promises_as_much(model):
     true = {"wall-impedance@z1.conductance": 0.7}
     problem = base_problem(model, [recorded(model, ["wall-impedance@z1"], true)])
