@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +51,7 @@ def command(
     specan info sample_data/recordings/knock.tdms --plot waveforms.png
     """
     from specan.analysis.excitation import recognise
+    from specan.analysis.quality import rms_and_quality
     from specan.errors import InputError, RequestError
     from specan.io.open import open_recording
 
@@ -63,7 +64,7 @@ def command(
         try:
             recording = open_recording(item.path, label=item.label, **opening)
             excitation = recognise(recording)
-            quality = _levels(recording) if levels else {}
+            quality = rms_and_quality(recording) if levels else {}
         except InputError as fault:
             if len(found) == 1:
                 raise
@@ -81,27 +82,6 @@ def command(
     if as_json:
         emit_json({"files": seen, "failures": failures})
     return 1 if failures else 0
-
-
-def _levels(recording: Recording) -> dict[int, tuple[float, Quality]]:
-    """RMS and quality by the place of a channel; channels of one rate and length are read together."""
-    import numpy as np
-
-    from specan.analysis.quality import BLOCK, QualityAccumulator
-
-    together: dict[tuple[float, int], list[int]] = {}
-    for place, channel in enumerate(recording.channels):
-        together.setdefault((channel.sampling_rate, channel.n_samples), []).append(place)
-    found: dict[int, Any] = {}
-    for (_, n_samples), places in together.items():
-        channels = [recording.channels[p] for p in places]
-        quality, energy = QualityAccumulator(channels), np.zeros(len(channels))
-        for block in recording.blocks(channels, BLOCK):
-            quality.add(block)
-            energy += np.einsum("ij,ij->i", block, block)
-        rms = np.sqrt(energy / n_samples).tolist()
-        found.update(zip(places, zip(rms, quality.result(), strict=True), strict=True))
-    return found
 
 
 def _show(
@@ -263,67 +243,18 @@ def _text(value: Any, whole: bool) -> str:
 def _content(
     recording: Recording, path: Path, excitation: Excitation, quality: dict[int, tuple[float, Quality]]
 ) -> dict[str, Any]:
-    return {
-        "file": recording.label,
-        "size_bytes": path.stat().st_size,
-        "flags": recording.flags,
-        "notes": recording.notes,
-        "excitation": {
-            "kind": excitation.kind,
-            "frequency_hz": excitation.frequency_hz,
-            "reason": excitation.reason,
-        },
-        "properties": _plain(recording.properties),
-        "groups": {group: _plain(p) for group, p in recording.group_properties.items()},
-        "channels": [_channel(c, quality.get(k)) for k, c in enumerate(recording.channels)],
-        "set_aside": dict(recording.set_aside),
+    found = {**recording.to_json(), "size_bytes": path.stat().st_size}
+    found["excitation"] = {
+        "kind": excitation.kind,
+        "frequency_hz": excitation.frequency_hz,
+        "reason": excitation.reason,
     }
-
-
-def _channel(channel: Channel, quality: tuple[float, Quality] | None) -> dict[str, Any]:
-    content = {
-        "name": channel.name,
-        "group": channel.group,
-        "role": channel.role,
-        "unit": channel.unit,
-        "sampling_rate_hz": channel.sampling_rate,
-        "n_samples": channel.n_samples,
-        "duration_s": channel.duration_s,
-        "start_offset_s": channel.start_offset_s,
-        "sample_unit": channel.raw_unit,
-        "gain": channel.gain,
-        "u_gain_percent": channel.u_gain_percent,
-        "derivatives": channel.derivatives,
-        "delay_s": channel.delay_s,
-        "u_delay_s": channel.u_delay_s,
-        "full_scale": channel.full_scale,
-        "phase": None,
-        "decisions": dict(channel.decisions),
-        "properties": _plain(channel.properties),
-    }
-    if channel.phase is not None:
-        content["phase"] = {
-            "frequency_hz": channel.phase.frequency_hz,
-            "phase_deg": channel.phase.phase_deg,
-            "u_phase_deg": channel.phase.u_phase_deg,
-            "model": channel.phase.model,
-            "group": channel.phase.group,
-        }
-    if quality is not None:
-        rms, found = quality
-        content |= {
+    for place, (rms, seen) in quality.items():
+        found["channels"][place] |= {
             "rms": rms,
-            "minimum": found.minimum,
-            "maximum": found.maximum,
-            "n_not_finite": found.n_not_finite,
-            "flags": found.flags,
+            "minimum": seen.minimum,
+            "maximum": seen.maximum,
+            "n_not_finite": seen.n_not_finite,
+            "flags": seen.flags,
         }
-    return content
-
-
-def _plain(properties: Mapping[str, Any]) -> dict[str, Any]:
-    """Properties as JSON values; time stamps as ISO 8601."""
-    return {
-        key: value if isinstance(value, (str, int, float, bool)) else str(value)
-        for key, value in properties.items()
-    }
+    return found

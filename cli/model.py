@@ -198,10 +198,9 @@ def _check_whole(model: Model, file: Path, as_json: bool) -> None:
 
 
 def _model(name: str, rig: Path | None) -> Model:
-    from specan.models.catalogue import example_model, load_model
-    from specan.models.rig import read_rig_file
+    from specan.api.models import load_model
 
-    return load_model(name, read_rig_file(rig)) if rig else example_model(name)
+    return load_model(name, rig)
 
 
 def _print_model(model: Mapping[str, Any]) -> None:

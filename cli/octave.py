@@ -9,7 +9,7 @@ import click
 
 from specan_cli.figure_output import plot_option
 from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
-from specan_cli.options import FRACTIONS, weighting_option
+from specan_cli.options import FRACTIONS, level_options, weighting_option
 from specan_cli.output import table
 from specan_cli.recording_input import given, opened, quantity_option, say_notes, section_options
 from specan_cli.results import deliver, result_options
@@ -71,16 +71,7 @@ class _Averaging(click.ParamType):
     metavar="FILE",
     help="Subtract the levels of this recording of the background.",
 )
-@click.option(
-    "--velocity-reference",
-    type=click.Choice(["1 nm/s", "50 nm/s"]),
-    help="0 dB of velocity.  [default: 1 nm/s]",
-)
-@click.option(
-    "--settling",
-    type=click.Choice(["left-out", "counted"]),
-    help="The cut at the ends of the section, in linear averages.  [default: left-out]",
-)
+@level_options("linear averages")
 @limit_option()
 @plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")

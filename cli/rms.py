@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.figure_output import plot_option
-from specan_cli.options import weighting_option
+from specan_cli.options import level_options, weighting_option
 from specan_cli.output import table
 from specan_cli.recording_input import given, opened, say_notes, section_options
 from specan_cli.results import deliver, result_options
@@ -31,16 +31,7 @@ if TYPE_CHECKING:
     help="Level exceeded during N % of the time; repeatable.  [default: 5, 10, 50, 90, 95]",
 )  # fmt: skip
 @section_options
-@click.option(
-    "--velocity-reference",
-    type=click.Choice(["1 nm/s", "50 nm/s"]),
-    help="0 dB of velocity.  [default: 1 nm/s]",
-)
-@click.option(
-    "--settling",
-    type=click.Choice(["left-out", "counted"]),
-    help="The cut at the ends of the section, in equivalent levels.  [default: left-out]",
-)
+@level_options("equivalent levels")
 @plot_option()
 @result_options()
 def command(

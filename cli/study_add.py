@@ -6,16 +6,12 @@ from pathlib import Path
 
 import click
 
-from specan_cli.figure_output import plot_option
 from specan_cli.output_file import Verb
-from specan_cli.study_output import study_options
+from specan_cli.study_change_output import change_options
 
 
 @click.command("add", cls=Verb)
-@study_options
-@click.argument("effect_name", metavar="EFFECT")
-@click.option("--because", default="", metavar="TEXT", help="Why, for the history.")
-@plot_option("measured and model as it is then")
+@change_options
 def command(
     directory: Path,
     effect_name: str,

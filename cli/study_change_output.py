@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
 from specan_cli.results import draw
-from specan_cli.study_output import parameter_table
+from specan_cli.study_output import parameter_table, study_options
 
 if TYPE_CHECKING:
     from specan.study.edit import Change
+
+
+def change_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Study, effect, reason and figure of a step that changes the model."""
+    for decorate in (
+        plot_option("measured and model as it is then"),
+        click.option("--because", default="", metavar="TEXT", help="Why, for the history."),
+        click.argument("effect_name", metavar="EFFECT"),
+        study_options,
+    ):
+        command = decorate(command)
+    return command
 
 
 def show_change(change: Change, as_json: bool, plot: Path | None) -> None:

@@ -47,22 +47,17 @@ def command(
     if kept is not None:
         say(f"The study was changed since its last step: kept as step {kept.step}.")
     recorded = study.frf_errors()
-    shown = recorded[0].number(channel) if recorded else None
+    if plot is not None:
+        from specan.report.figure_style import save_figure
+        from specan.report.figures_study import figure_comparison
+
+        save_figure(figure_comparison(study, channel), plot)
     if as_json:
         recordings = {"recordings": [one.as_dict() for one in recorded]} if recorded else {}
         emit_json(_content(study, found) | recordings)
     else:
         _print(study, found)
         _print_recordings(study, recorded)
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_room import figure_errors
-        from specan.report.figures_study import figure_compare
-
-        if shown is None or study.model.receivers is None:
-            save_figure(figure_compare(study, channel), plot)
-        else:
-            save_figure(figure_errors(study, recorded[0], shown), plot)
 
 
 def _content(study: Study, found: Comparison) -> dict[str, Any]:

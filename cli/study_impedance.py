@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -54,20 +54,10 @@ def command(
         progress("what would determine the rest")
     advice = advise(shown)
     if as_json:
-        emit_json(_content(shown, advice))
+        emit_json({**shown.to_json(), "advice": [one.as_dict() for one in advice]})
     else:
         _print(shown, advice)
     draw(shown, plot)
-
-
-def _content(found: Impedance, advice: tuple[Advice, ...]) -> dict[str, Any]:
-    return {
-        "rows": [row.as_dict() for row in found.rows],
-        "criterion": found.criterion,
-        "reduced_chi2": found.fit.reduced_chi2,
-        "sentences": found.sentences(),
-        "advice": [a.as_dict() for a in advice],
-    }
 
 
 def _print(found: Impedance, advice: tuple[Advice, ...]) -> None:

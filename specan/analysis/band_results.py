@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.analysis.octave_settings import OctaveSettings
 from specan.data.band_levels import BandLevels, LevelHistory, OtherSettling
 from specan.data.channel import Channel
 from specan.data.levels import Quality
@@ -15,7 +16,7 @@ from specan.dsp import bands
 from specan.dsp.band_energy import EnergySpectrum
 from specan.dsp.band_history import Histories
 from specan.dsp.record_ends import Fade
-from specan.dsp.weighting import WEIGHTINGS, Weighting
+from specan.dsp.weighting import WEIGHTINGS
 from specan.units import VELOCITY_50_NM_S, LevelReference, level_reference
 
 Real = NDArray[np.float64]
@@ -44,37 +45,10 @@ MIN_SETTLING = (
 )
 
 
-class BandSettings(Protocol):
-    """What the bands of a result rest on; see `specan.analysis.octave.Octave`, whose fields these are."""
-
-    @property
-    def fraction(self) -> Literal[1, 3, 6, 12, 24]: ...  # noqa: D102
-    @property
-    def weighting(self) -> Weighting: ...  # noqa: D102
-    @property
-    def hold(self) -> Literal["max", "min"] | None: ...  # noqa: D102
-    @property
-    def settling(self) -> Literal["left-out", "counted"]: ...  # noqa: D102
-    @property
-    def start_s(self) -> float: ...  # noqa: D102
-    @property
-    def velocity_reference(self) -> str: ...  # noqa: D102
-    @property
-    def averaging_name(self) -> str: ...  # noqa: D102
-    @property
-    def percentiles(self) -> tuple[float, ...]: ...  # noqa: D102
-    @property
-    def time_constant(self) -> float: ...  # noqa: D102
-
-    def bands(self, sampling_rate: float) -> NDArray[np.int64]: ...  # noqa: D102
-    def reading_interval(self, duration: float) -> float: ...  # noqa: D102
-    def model_dump(self, *, mode: str) -> dict[str, Any]: ...  # noqa: D102
-
-
 def band_levels(
     spectrum: EnergySpectrum,
     channels: Sequence[Channel],
-    settings: BandSettings,
+    settings: OctaveSettings,
     *,
     label: str = "",
     file_flags: Sequence[str] = (),
@@ -89,7 +63,7 @@ def band_levels(
         Linear average over a section; see `OctaveAccumulator.spectrum`.
     channels : sequence of Channel
         In the order of its rows.
-    settings : BandSettings
+    settings : OctaveSettings
         The fraction, weighting and range to use; `averaging` does not count.
     """
     index = settings.bands(spectrum.sampling_rate)
@@ -121,7 +95,7 @@ def band_levels(
 
 
 def _levels_of(
-    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: BandSettings, index: NDArray[np.int64]
+    spectrum: EnergySpectrum, channels: Sequence[Channel], settings: OctaveSettings, index: NDArray[np.int64]
 ) -> tuple[Real, dict[str, Real]]:
     """Levels of the bands and of the whole."""
     quantity = _as_quantity(channels, spectrum.frequencies)
@@ -142,7 +116,7 @@ def weighted_levels(
     duration: float,
     sampling_rate: float,
     channels: Sequence[Channel],
-    settings: BandSettings,
+    settings: OctaveSettings,
     *,
     label: str = "",
     file_flags: Sequence[str] = (),
@@ -235,7 +209,7 @@ def scatter_of_noise(bandwidth: Real, duration: float | Real) -> Real:
     return 10.0 / np.log(10.0) / np.sqrt(bandwidth * duration)
 
 
-def channel_reference(channel: Channel, settings: BandSettings) -> LevelReference:
+def channel_reference(channel: Channel, settings: OctaveSettings) -> LevelReference:
     """What 0 dB is for a channel."""
     if channel.target_unit == "m/s" and settings.velocity_reference == "50 nm/s":
         return VELOCITY_50_NM_S
@@ -253,7 +227,7 @@ def quality_flags(
 def _common(
     index: NDArray[np.int64],
     channels: Sequence[Channel],
-    settings: BandSettings,
+    settings: OctaveSettings,
     label: str,
     file_flags: Sequence[str],
     quality: Sequence[Quality] | None,
@@ -279,7 +253,7 @@ def _common(
     }
 
 
-def _zero(channels: Sequence[Channel], settings: BandSettings) -> Real:
+def _zero(channels: Sequence[Channel], settings: OctaveSettings) -> Real:
     return np.array([channel_reference(channel, settings).value ** 2 for channel in channels])
 
 

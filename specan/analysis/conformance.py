@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.levels import Levels
-from specan.analysis.octave import Fraction, Octave
+from specan.analysis.octave import Octave
+from specan.analysis.octave_settings import Fraction
 from specan.analysis.tone import Tone
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording

@@ -19,7 +19,7 @@ from specan.data.channel import Channel
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording
 from specan.dsp.band_energy import BandEnergy, EnergySpectrum
-from specan.dsp.band_history import BandHistory
+from specan.dsp.band_history import BandHistoryAccumulator
 from specan.dsp.history_filters import weighting_filter
 from specan.dsp.multirate import MultirateTransform
 from specan.dsp.statistics import exceeded
@@ -110,7 +110,8 @@ class LevelsAccumulator:
         self._filters = [weighting_filter(self._weighting), weighting_filter("Z")]
         rows = len(self.channels)
         self._energy = BandEnergy(rows, self.sampling_rate, self.stop - self.start)
-        self._history = BandHistory(
+        self._constant = constant_part(recording, self.channels, self.start, self.stop)
+        self._history = BandHistoryAccumulator(
             rows,
             self.sampling_rate,
             self.stop - self.start,
@@ -118,11 +119,9 @@ class LevelsAccumulator:
             settings.time_constant,
             None,
             self._times(),
+            offset=self._constant,
         )
-        self._constant = constant_part(recording, self.channels, self.start, self.stop)
-        self._transform = MultirateTransform(
-            rows, self.sampling_rate, [self._energy, self._history], self._constant
-        )
+        self._transform = MultirateTransform(rows, self.sampling_rate, [self._energy], self._constant)
         self._quality = QualityAccumulator(self.channels)
         self._c_peak = WeightedPeak(int(self._pressure.sum()), self.sampling_rate, "C")
 
@@ -138,6 +137,7 @@ class LevelsAccumulator:
         self._quality.add(samples)
         with np.errstate(invalid="ignore", over="ignore"):  # a channel may hold NaN: its levels will be
             self._transform.add(samples)
+            self._history.add(samples)
             if self._pressure.any():
                 self._c_peak.add((samples - self._constant[:, None])[self._pressure])
 
@@ -148,7 +148,7 @@ class LevelsAccumulator:
             self._transform.finish()
             spectrum = self._energy.result()
             rms = np.sqrt(spectrum.alternating_mean_square)
-        histories = self._history.result()
+            histories = self._history.result()
         references = tuple(self._reference(channel) for channel in self.channels)
         zero = np.array([reference.value**2 for reference in references])
         low, high = (np.array([getattr(q, name) for q in quality]) for name in ("minimum", "maximum"))

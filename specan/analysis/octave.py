@@ -6,38 +6,28 @@ Decisions: docs/decisions/bands.md.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
 
 from specan.analysis.accumulator import read_through
 from specan.analysis.band_results import band_levels, weighted_levels
 from specan.analysis.channel_groups import joined, slices
+from specan.analysis.octave_settings import OctaveSettings
 from specan.analysis.quality import Watched
 from specan.analysis.section import constant_part, section, weightable
 from specan.data.band_levels import BandLevels
 from specan.data.levels import Quality
 from specan.data.recording import Recording
-from specan.dsp import bands
 from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
 from specan.dsp.band_history import BandHistoryAccumulator
 from specan.dsp.history_filters import band_filter, weighting_filter
-from specan.dsp.multirate import LOWEST_BAND
-from specan.dsp.time_weighting import FAST, IMPULSE, IMPULSE_DECAY, SLOW
-from specan.dsp.weighting import WEIGHTINGS, Weighting
-from specan.errors import RequestError
-from specan.schema import Settings
-
-Fraction = Literal[1, 3, 6, 12, 24]
-Settling = Literal["left-out", "counted"]
-AUDIO_RANGE = (20.0, 20000.0)
-TIME_CONSTANTS = {"fast": FAST, "slow": SLOW, "impulse": IMPULSE}
-READINGS = 1000  # of a history, unless an interval is asked for
+from specan.dsp.time_weighting import IMPULSE_DECAY
+from specan.dsp.weighting import WEIGHTINGS
 
 
-class Octave(Settings):
+class Octave(OctaveSettings):
     """Settings of a fractional-octave analysis.
 
     Attributes
@@ -84,59 +74,6 @@ class Octave(Settings):
     ([[60.0]], [60.0], '20 uPa')
     """
 
-    fraction: Fraction = 3
-    weighting: Weighting = "Z"
-    averaging: Literal["linear", "fast", "slow", "impulse"] | float = "linear"
-    hold: Literal["max", "min"] | None = None
-    interval_s: float | None = Field(default=None, gt=0.0)
-    percentiles: tuple[Annotated[float, Field(gt=0.0, lt=100.0)], ...] = ()
-    fmin: float | None = Field(default=None, ge=LOWEST_BAND)
-    fmax: float | None = Field(default=None, gt=0.0)
-    band: float | None = Field(default=None, ge=LOWEST_BAND)
-    channels: tuple[str, ...] = ()
-    start_s: float = Field(default=0.0, ge=0.0)
-    stop_s: float | None = Field(default=None, gt=0.0)
-    velocity_reference: Literal["1 nm/s", "50 nm/s"] = "1 nm/s"
-    settling: Settling = "left-out"
-
-    @field_validator("averaging", mode="before")
-    @classmethod
-    def _known_averaging(cls, value: object) -> object:
-        # Of a union, pydantic would report each member's fault.
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if (number and 0.0 < float(str(value)) < np.inf) or value in ("linear", *TIME_CONSTANTS):
-            return value
-        raise ValueError("linear, fast, slow, impulse, or a time constant in s above 0")
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Octave:
-        if self.band is not None and (self.fmin is not None or self.fmax is not None):
-            raise ValueError("one band or a range from fmin to fmax can be chosen, not both")
-        if self.averaging == "linear" and (self.hold or self.interval_s is not None or self.percentiles):
-            raise ValueError(
-                "hold, interval and percentiles are for an exponential average: fast, slow, impulse or seconds"
-            )
-        if self.fmin is not None and self.fmax is not None and self.fmin > self.fmax:
-            raise ValueError(f"fmin ({self.fmin:g} Hz) is above fmax ({self.fmax:g} Hz)")
-        return self
-
-    @property
-    def time_constant(self) -> float:
-        """Of the exponential average, in s."""
-        return TIME_CONSTANTS[self.averaging] if isinstance(self.averaging, str) else self.averaging
-
-    @property
-    def averaging_name(self) -> str:
-        """The averaging in words."""
-        return self.averaging if isinstance(self.averaging, str) else f"{self.averaging:g} s"
-
-    def reading_interval(self, duration: float) -> float:
-        """Distance in s of the readings of a history over `duration` seconds."""
-        if self.interval_s is not None:
-            return self.interval_s
-        step = max(self.time_constant, FAST) if self.averaging == "impulse" else self.time_constant
-        return step * max(1, int(np.ceil(duration / step / READINGS)))
-
     def accumulator(self, recording: Recording) -> OctaveAccumulator:
         """For a pass over the recording that serves several analyses."""
         return OctaveAccumulator(recording, self)
@@ -149,34 +86,6 @@ class Octave(Settings):
     def __call__(self, recording: Recording) -> BandLevels:
         """Read the recording (once in 32 channels) and return the band levels."""
         return joined_levels([read_through(part, recording) for part in self.groups(recording)])
-
-    def bands(self, sampling_rate: float) -> NDArray[np.int64]:
-        """Numbers of the bands; see `specan.dsp.bands`.
-
-        Raises
-        ------
-        RequestError
-            A band that was asked for reaches above half the sampling rate.
-        """
-        nyquist = sampling_rate / 2.0
-        if self.band is not None:
-            low = high = self.band
-        else:
-            low = AUDIO_RANGE[0] if self.fmin is None else self.fmin
-            high = AUDIO_RANGE[1] if self.fmax is None else self.fmax
-        index = bands.band_range(min(low, high), high, self.fraction)
-        fits = bands.band_edges(index, self.fraction)[1] <= nyquist
-        stated = self.band is not None or self.fmax is not None
-        if not fits.any() or (stated and not fits[-1]):
-            top = bands.band_at(nyquist, self.fraction)
-            top -= 0 if float(bands.band_edges(top, self.fraction)[1]) <= nyquist else 1
-            raise RequestError(
-                f"the 1/{self.fraction} octave band at {high if stated else low:g} Hz reaches above half the "
-                f"sampling rate of {sampling_rate:g} Hz",
-                expected=f"bands up to {bands.nominal_frequency(top, self.fraction):g} Hz",
-                remedy="choose a lower frequency",
-            )
-        return index[fits]
 
 
 class OctaveAccumulator:
@@ -249,31 +158,26 @@ class OctaveAccumulator:
 
     def result(self, quality: Sequence[Quality] | None = None) -> BandLevels:
         """Band levels of what was added; call it once. `quality` gives the channels' flags."""
-        label, flags = self.recording.label, self.recording.flags
+        about: dict[str, Any] = {
+            "label": self.recording.label,
+            "file_flags": self.recording.flags,
+            "quality": quality,
+            "notes": self.notes,
+        }
         if isinstance(self._at_work, BandEnergyAccumulator):
-            return band_levels(
-                self.spectrum(self.settings.fraction),
-                self.channels,
-                self.settings,
-                label=label,
-                file_flags=flags,
-                quality=quality,
-                notes=self.notes,
-            )
+            return band_levels(self.spectrum(self.settings.fraction), self.channels, self.settings, **about)
         with np.errstate(invalid="ignore", over="ignore"):
             histories = self._at_work.result()
+        times = self.settings.start_s + self._times
         return weighted_levels(
             histories,
             self._overall,
-            self.settings.start_s + self._times,
+            times,
             self._duration,
             self.sampling_rate,
             self.channels,
             self.settings,
-            label=label,
-            file_flags=flags,
-            quality=quality,
-            notes=self.notes,
+            **about,
         )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from specan.data.recording import Recording
+from specan.errors import RequestError
 from specan.io.open import open_recording
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def read(
     Parameters
     ----------
     path : str or Path
-        A file in TDMS or WAV.
+        A file in TDMS, WAV, UFF, MAT, HDF5 or CSV.
     channel_table : path, optional
         Roles, units and sensitivities; by default ``channels.toml`` or ``channels.csv`` beside the file.
     calibration : Calibration or path, optional
@@ -366,7 +367,13 @@ def batch(
 
 
 def _opened(recording: Source) -> Recording:
-    return recording if isinstance(recording, Recording) else read(recording)
+    if isinstance(recording, (str, Path)):
+        return read(recording)
+    if not isinstance(recording, Recording):
+        raise RequestError(
+            f"a {type(recording).__name__} is no recording", expected="a Recording, or the path of one file"
+        )
+    return recording
 
 
 def _settings(kind: type[Settings], where: str, **given: Any) -> Any:

@@ -15,6 +15,7 @@ from specan.study.study import Study as OpenedStudy
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from specan.impedance.surface_impedance import Impedance
     from specan.models import Model
     from specan.study.edit import Change
     from specan.study.history import History
@@ -211,23 +212,27 @@ class Study:
 
         return self._changed(add_effect(self._opened, str(effect), because))
 
-    def drop(self, effect: str, because: str = "") -> Change:
-        """Take an effect out, refit and keep the step.
+    def drop(self, effect: str, because: str = "") -> Change | None:
+        """Take an effect out, refit and keep the step; or take out an effect file of your own.
 
         Parameters
         ----------
         effect : str
-            Name, with its place where it acts at one.
+            Name, with its place where it acts at one; or an effect file that the study took in.
         because : str
             Reason, for the history.
 
         Returns
         -------
-        Change
-            Errors before and after, remarks.
+        Change or None
+            Errors before and after, remarks; None for a file, which was only a candidate.
         """
-        from specan.study.edit import drop_effect
+        from specan.study.edit import drop_effect, drop_effect_file, is_effect_file
 
+        if is_effect_file(self.directory, effect):
+            drop_effect_file(self.directory, effect)
+            self._now(OpenedStudy(self.directory))
+            return None
         return self._changed(drop_effect(self._opened, effect, because))
 
     def history(self) -> History:
@@ -263,6 +268,39 @@ class Study:
 
         return propose_laws(self._opened)
 
+    def impedance(
+        self,
+        wall: str | None = None,
+        *,
+        accuracy: float = 0.1,
+        progress: Callable[[str], None] | None = None,
+    ) -> Impedance:
+        """Surface impedance and absorption of every wall of a room, per third octave.
+
+        Parameters
+        ----------
+        wall : str, optional
+            This wall alone: ``x0``, ``x1``, ``y0`` ...
+        accuracy : float
+            Half-width of the 95 % interval up to which absorption counts as determined.
+        progress : callable, optional
+            Told in a few words what is being done.
+
+        Returns
+        -------
+        Impedance
+            One row for each wall and third octave, with 95 % intervals.
+
+        Raises
+        ------
+        RequestError
+            The study is of no room, or the room has no such wall.
+        """
+        from specan.impedance.surface_impedance import study_impedance
+
+        found = study_impedance(self._opened, accuracy, progress)
+        return found if wall is None else found.only(wall)
+
     def report(self, path: str | Path) -> Path:
         """Write everything on one self-contained HTML page.
 
@@ -293,23 +331,23 @@ class Study:
         return path
 
     def plot(self, path: str | Path | None = None, *, channel: str | None = None) -> Figure:
-        """Measured and model, as ``specan study compare --plot`` draws them; of recordings, one channel.
+        """Measured and model, as ``specan study compare --plot`` draws them.
 
         Parameters
         ----------
         path : str or Path, optional
             Also save it there: .png, .svg or .pdf.
         channel : str, optional
-            Of recordings, the channel that is drawn.
+            Of recordings, the channel whose curves are drawn.
 
         Returns
         -------
         matplotlib.figure.Figure
             Not shown; that is up to the caller.
         """
-        from specan.report.figures_study import figure_compare
+        from specan.report.figures_study import figure_comparison
 
-        return saved(figure_compare(self._opened, channel), path)
+        return saved(figure_comparison(self._opened, channel), path)
 
     def __repr__(self) -> str:
         return repr(self._opened)

@@ -105,6 +105,37 @@ class Channel:
     properties: Mapping[str, Any] = field(default_factory=dict)
     decisions: Mapping[str, str] = field(default_factory=dict)
 
+    def content(self) -> dict[str, Any]:
+        """What the JSON of a recording says of the channel."""
+        phase = self.phase
+        return {
+            "name": self.name,
+            "group": self.group,
+            "role": self.role,
+            "unit": self.unit,
+            "sampling_rate_hz": self.sampling_rate,
+            "n_samples": self.n_samples,
+            "duration_s": self.duration_s,
+            "start_offset_s": self.start_offset_s,
+            "sample_unit": self.raw_unit,
+            "gain": self.gain,
+            "u_gain_percent": self.u_gain_percent,
+            "derivatives": self.derivatives,
+            "delay_s": self.delay_s,
+            "u_delay_s": self.u_delay_s,
+            "full_scale": self.full_scale,
+            "phase": phase
+            and {
+                "frequency_hz": phase.frequency_hz,
+                "phase_deg": phase.phase_deg,
+                "u_phase_deg": phase.u_phase_deg,
+                "model": phase.model,
+                "group": phase.group,
+            },
+            "decisions": dict(self.decisions),
+            "properties": plain_properties(self.properties),
+        }
+
     @property
     def duration_s(self) -> float:
         """Length in seconds."""
@@ -150,6 +181,14 @@ class Channel:
         f = np.asarray(frequency_hz, dtype=float)
         late = 360.0 * f * self.u_delay_s
         return np.hypot(late, self.phase.u_at(f)) if self.phase is not None else late
+
+
+def plain_properties(properties: Mapping[str, Any]) -> dict[str, Any]:
+    """Properties as JSON values; time stamps as ISO 8601."""
+    return {
+        key: value if isinstance(value, (str, int, float, bool)) else str(value)
+        for key, value in properties.items()
+    }
 
 
 def channels_meant(name: str, channels: Sequence[Channel]) -> tuple[Channel, ...]:

@@ -1,122 +1,191 @@
-"""At which rate, in which sections and on which lines a filter of a time-weighted level works."""
+"""At which rate, with how many samples and on which lines a filter of a time-weighted level works."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.dsp.history_filters import SETTLINGS_IN_A_BLOCK, Filter
 from specan.dsp.multirate import LENGTH, Stage
-from specan.dsp.sections import Shape, shape_for
+from specan.dsp.sections import Shape
 from specan.dsp.smooth_step import falling_step
-from specan.dsp.time_weighting import TimeWeighting
 
 # What a filter attenuates by more than 100 dB is left out.
 _NOTHING = 1e-5
-# What a band filter makes of the cut at the record's beginning has fallen by 60 dB after 2 times 3 / B: 10 dB
-# in every 1 / B.
-_SETTLINGS_OF_A_CUT = 2.0
+# An envelope is sampled at a rate that holds what the filter attenuates by up to 80 dB; what is left of the skirts
+# is folded on it: their energy is kept, and products with the band itself are below -80 dB.
+_FOLDED = 1e-4
 _PER_TIME_CONSTANT = 64.0
-# Squares are averaged over intervals as long as this many of them still make a time constant.
+# Squares are averaged over intervals as long as this many of them still make a time constant ...
 _INTERVALS = 256.0
+# ... or longer behind a narrow filter: the weighted level y has y'' of up to 2 pi B y / tau, and its largest value
+# between two readings h apart is not more than y'' h^2 / 8 above them. This many dB are allowed.
+_UNSEEN = 0.001
 # From so many cycles in a time constant on, the ripple of a squared tone is less than 0.002 dB.
 _CYCLES_WITHOUT_RIPPLE = 200.0
 # A thinned output is faithful up to this part of half its rate.
 _FAITHFUL = 0.8
-
-# How a filter gets its spectra: from sections of a shape, from pairs of blocks, or it needs none.
-Way = Shape | None | Literal["none"]
+# Up to so many numbers are added column by column: a sum over an axis so short costs more.
+_FEW = 6
+# Rows whose transforms numpy computes side by side in single precision, and points of an inverse transform that stay
+# in the cache with what they are made from.
+_SIDE_BY_SIDE, _POINTS = 4, 1 << 16
 
 
 @dataclass
 class FilterAtWork:
     """One filter at work on its stage.
 
-    Its output is sampled at every `thinning`-th sample of the stage, and squared; intervals of `together`
-    samples of the stage are averaged before the time weighting. It sees sections of the blocks, or pairs
-    of blocks where there is no `shape`. With `envelope` the output is the complex one of the lines that
-    matter, shifted to frequency zero: what is narrow needs few samples, and half the square of the modulus is the
-    square without its ripple at twice the frequency.
+    Its output has `kept` samples in each interval of `together` samples of the stage, whose squares are averaged.
+    With `envelope` the output is the complex one of the lines that matter, shifted to frequency zero: what is narrow
+    needs few samples, and half the square of the modulus is the square without its ripple at twice the frequency.
+
+    Attributes
+    ----------
+    low : int
+        The first line that matters.
+    values : complex array
+        The response from this line on, with the factors of the inverse transform.
     """
 
-    stage: Stage
-    shape: Shape | None
-    envelope: bool
-    thinning: int
     together: int
+    kept: int
+    envelope: bool
     low: int
     values: NDArray[np.complex128]
-    weighting: TimeWeighting
-    peaks: TimeWeighting | None
-    silent: int
-    start: int
-    end: int
-    settled: int
-    place: NDArray[np.float64]
-    last: NDArray[np.float64]
-    position: int = 0
-    reading: int = 0
-    before_start: NDArray[np.float64] | None = None
-    last_interval: int = -1
-    last_samples: int = 1
 
     @classmethod
-    def of(
-        cls,
-        one: Filter,
-        stage: Stage,
-        rows: int,
-        time_constant: float,
-        decay: float | None,
-        settled: float,
-        end: float,
-        times: NDArray[np.float64],
-    ) -> FilterAtWork:
-        """Put a filter to work; `settled`, `end` and `times` in s."""
+    def of(cls, one: Filter, stage: Stage, points: int, time_constant: float) -> FilterAtWork:
+        """Put a filter to work on transforms of so many samples."""
         together = _power_of_two(stage.rate * time_constant / _INTERVALS)
-        thinning = min(together, _power_of_two(stage.rate * _FAITHFUL / 2.0 / one.upper))
-        shape = shape_for(one.ringing * stage.rate)
-        starts = max(one.silent, 0.0 if one.sampled else _SETTLINGS_OF_A_CUT * one.settling)
-        size = LENGTH if shape is None else sum(shape) // 2
-        low, values = _lines(one, stage, size, thinning)
-        whole = _lines(one, stage, size, 1)
-        narrow = min(together, _power_of_two(2 * size / whole[1].size))
-        envelope = one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE and narrow > 2 * thinning
-        if envelope:
-            thinning, low, values = narrow, whole[0], whole[1] * (math.sqrt(2.0) / narrow)
+        if one.identity:
+            return cls(together, together, False, 0, np.empty(0, dtype=np.complex128))
+        fits = math.ceil(2.0 * together * min(one.upper, stage.rate) / (_FAITHFUL * stage.rate))
+        kept = min(_quick(fits), together)
+        if one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE:
+            found = cls._as_envelope(one, stage, points, time_constant)
+            if 2 * found.kept * together <= kept * found.together:
+                return found
+        top = stage.rate / 2.0 * kept / together
+        size = points // together * kept // 2
+        if one.sampled is not None:
+            return cls(together, kept, False, 0, one.sampled(stage.rate, size + 1))
+        low, values = _lines(one, stage.rate / points, size)
+        if kept < together:
+            frequency = (low + np.arange(values.size)) * stage.rate / points
+            values = values * falling_step(frequency, _FAITHFUL * top, top)
+        return cls(together, kept, False, low, values * kept / together)
 
-        def place(time: NDArray[np.float64]) -> NDArray[np.float64]:
-            # A sample stands for half a sampling interval on either side of it; an average is known at
-            # the end of its interval.
-            last = (stage.lead + end * stage.rate + 0.5) / together - 1.0
-            here = (stage.lead + time * stage.rate + 0.5 * thinning) / together - 1.0
-            return np.minimum(here, last)
+    @classmethod
+    def _as_envelope(cls, one: Filter, stage: Stage, points: int, time_constant: float) -> FilterAtWork:
+        bandwidth = 3.0 / one.settling  # see `band_filter`
+        unseen = math.log(10.0) / 10.0 * _UNSEEN
+        longest = math.sqrt(8.0 * unseen * time_constant / (2.0 * math.pi * bandwidth))
+        together = _power_of_two(stage.rate * max(time_constant / _INTERVALS, longest))
+        low, values = _lines(one, stage.rate / points, points // 2)
+        wide = np.flatnonzero(np.abs(values) > _FOLDED)
+        kept = _quick(math.ceil((wide[-1] - wide[0] + 1) * together / points))
+        # Half the square of the modulus, in samples so much fewer than those of the stage.
+        values = values * (math.sqrt(2.0) * kept / together)
+        return cls(together, kept, True, low, values)
 
-        samples = math.floor(stage.lead + end * stage.rate + 1e-6) + 1
-        return cls(
-            stage,
-            shape,
-            envelope,
-            thinning,
-            together,
-            low,
-            values,
-            TimeWeighting(rows, stage.rate / together, time_constant, decay),
-            TimeWeighting(rows, stage.rate / together, time_constant, decay) if decay and starts else None,
-            math.ceil((stage.lead + one.silent * stage.rate) / together) if one.silent else 0,
-            math.ceil((stage.lead + starts * stage.rate) / together),
-            math.floor(float(place(np.array(end))) + 1e-6) + 1,
-            math.ceil((stage.lead + settled * stage.rate) / together),
-            place(np.minimum(times, end)),
-            np.zeros((rows, 1)),
-            last_interval=samples // together,
-            last_samples=max(samples % together, 1),
+    def squares(
+        self,
+        spectrum: NDArray[Any],
+        shape: Shape,
+        count: int,
+        scratch: Scratch,
+        cut: tuple[int, int] | None = None,
+    ) -> NDArray[np.float32]:
+        """Mean square of the output over each of `count` intervals from the first new sample on.
+
+        Computed in the precision of `spectrum`. `cut` is an interval and how many of its samples of the stage belong
+        to the record.
+        """
+        rows, size = spectrum.shape[0], shape.points // self.together * self.kept
+        width = (2 if self.envelope else 1) * self.kept
+        values = self.values.astype(spectrum.dtype)
+        first = shape.before // self.together
+        square = np.empty((rows, count), dtype=np.float32)
+        step = max(1, _POINTS // (size * _SIDE_BY_SIDE)) * _SIDE_BY_SIDE
+        for start in range(0, rows, step):
+            # At the end some rows again: that is faster than fewer rows.
+            some = min(step, -(-(rows - start) // _SIDE_BY_SIDE) * _SIDE_BY_SIDE, rows)
+            top = min(start, rows - some)
+            part = spectrum[top : top + some]
+            output = (self._envelope if self.envelope else self._real)(part, values, size, scratch)
+            mine = output[:, first * width : (first + count) * width].reshape(part.shape[0], count, width)
+            if cut is not None:  # what comes after the end of the record is not part of it
+                inside = -(-cut[1] * self.kept // self.together)
+                mine[:, cut[0], width * inside // self.kept :] = 0.0
+                mine[:, cut[0]] *= math.sqrt(self.kept / inside)
+            _sum_of_squares(mine, square[top : top + some])
+        square /= self.kept
+        return square
+
+    def _real(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Scratch) -> NDArray[Any]:
+        """`size` samples of the filter's output."""
+        product = scratch.lines(part.shape[0], size // 2 + 1, part.dtype)
+        lines = slice(self.low, self.low + values.size)
+        product[:, : lines.start] = 0.0
+        product[:, lines.stop :] = 0.0
+        np.multiply(part[:, lines], values, out=product[:, lines])
+        return np.fft.irfft(product, size, out=scratch.output(part.shape[0], size, part.dtype))
+
+    def _envelope(
+        self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Scratch
+    ) -> NDArray[Any]:
+        """`size` complex samples of the filter's output, each as two real numbers."""
+        product, used = scratch.lines(part.shape[0], size, part.dtype), values.size
+        product[:, used:] = 0.0
+        for begin in range(0, used, size):
+            some = values[begin : begin + size]
+            lines = part[:, self.low + begin : self.low + begin + some.size]
+            if begin == 0:
+                np.multiply(lines, some, out=product[:, : some.size])
+            else:
+                product[:, : some.size] += lines * some
+        output = scratch.output(part.shape[0], 2 * size, part.dtype)
+        np.fft.ifft(product, out=output.view(part.dtype))
+        return output
+
+
+class Scratch:
+    """Memory used again and again: fresh memory costs more than the arithmetic."""
+
+    def __init__(self) -> None:
+        self._lines = self._output = np.empty(0, dtype=np.uint8)
+
+    def lines(self, rows: int, count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """Complex numbers of any value."""
+        if self._lines.size < rows * count * dtype.itemsize:
+            self._lines = np.empty(rows * count * dtype.itemsize, dtype=np.uint8)
+        return self._lines[: rows * count * dtype.itemsize].view(dtype).reshape(rows, count)
+
+    def output(self, rows: int, count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """Real numbers of any value, in the precision of a complex type."""
+        size = rows * count * dtype.itemsize // 2
+        if self._output.size < size:
+            self._output = np.empty(size, dtype=np.uint8)
+        return (
+            self._output[:size].view(np.float32 if dtype == np.complex64 else np.float64).reshape(rows, count)
         )
+
+
+def _sum_of_squares(numbers: NDArray[Any], result: NDArray[np.float32]) -> None:
+    """Sum over the last axis; the numbers are lost."""
+    if numbers.shape[2] > _FEW:
+        np.einsum("ijk,ijk->ij", numbers, numbers, out=result, casting="same_kind")
+        return
+    np.multiply(numbers, numbers, out=numbers)
+    result[...] = numbers[:, :, 0]
+    for column in range(1, numbers.shape[2]):
+        result += numbers[:, :, column]
 
 
 def stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> Stage:
@@ -131,23 +200,26 @@ def stage_for(one: Filter, stages: Sequence[Stage], time_constant: float) -> Sta
     return fine[-1] if fine else (lasting or possible[-1:])[0]
 
 
-def _lines(one: Filter, stage: Stage, size: int, thinning: int) -> tuple[int, NDArray[np.complex128]]:
-    """The response at the lines of a transform of 2 `size` samples as far as it matters, and the first of these lines.
+def _lines(one: Filter, step: float, last: int) -> tuple[int, NDArray[np.complex128]]:
+    """The response at the lines that matter, of those up to `last`, `step` Hz apart; and the first of them."""
+    # A look at each 64th line at high frequencies, and at all of them at low ones, says where to look closely.
+    look = np.unique(
+        np.concatenate([np.arange(min(128, last + 1)), np.geomspace(1, last, 512).astype(int), [last]])
+    )
+    seen = np.flatnonzero(np.abs(one.response(look * step)) > _NOTHING)
+    first, end = look[max(seen[0] - 1, 0)], look[min(seen[-1] + 1, look.size - 1)] + 1
+    values = one.response(np.arange(first, end) * step)
+    used = np.flatnonzero(np.abs(values) > _NOTHING)
+    return int(first + used[0]), values[used[0] : used[-1] + 1]
 
-    For a thinned output it is cut off smoothly below half the output's rate, and scaled for the
-    shorter inverse transform.
-    """
-    top = stage.rate / 2.0 / thinning
-    frequency = np.linspace(0.0, top, size // thinning + 1)
-    if one.sampled is not None:
-        return 0, one.sampled(stage.rate, frequency.size)
-    values = one.response(frequency) / thinning
-    if thinning > 1:
-        values *= falling_step(frequency, _FAITHFUL * top, top)
-    used = np.flatnonzero(np.abs(values) > _NOTHING / thinning)
-    return int(used[0]), values[used[0] : used[-1] + 1].copy()
+
+def _quick(count: int) -> int:
+    """The least number that is not smaller and has only small prime factors."""
+    while any(count % prime == 0 for prime in (11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)):
+        count += 1
+    return count
 
 
 def _power_of_two(limit: float) -> int:
-    """The largest power of two up to `limit` that divides a block; 1 at least."""
+    """The largest power of two up to `limit`, from 1 to 64."""
     return 1 << min(max(math.floor(math.log2(limit)), 0), 6) if limit > 0.0 else 1

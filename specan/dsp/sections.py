@@ -1,4 +1,4 @@
-"""A stream cut into sections with what goes before and after them: short transforms for filters that ring shortly."""
+"""A stream cut into sections with what goes before and after them, transformed, and thinned out to one eighth."""
 
 from __future__ import annotations
 
@@ -8,7 +8,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.multirate import ROWS
+from specan.dsp.decimator import FACTOR, low_pass
+from specan.dsp.multirate import LENGTH
+
+# Everything is a multiple of this, so that intervals of up to 64 samples, and these in sixteens, fill a section.
+_GRAIN = 1024
+# Samples after a section: as many as a response that is cut off smoothly at half a rate rings ahead, to -100 dB of
+# what is left of it there.
+_AFTER = 1024
+# The thinned stream is this much behind the section, which gives its low-pass room to ring ahead. Its slope is
+# exp(-(12 f / w)^2) with w = 1/80 of the rate (`decimator.PASS`, `STOP`): after 1912 samples it is below 1e-17.
+LATE, _RINGS = 2048, 2048
+# With ten times the ringing nine tenths of a transform are results. On lower rates, with fewer samples, memory counts.
+_TIMES, _LONGEST, _LONGEST_BELOW = 10, 160 * _GRAIN, 80 * _GRAIN
+# Rows transformed together: enough to share the twiddle factors, few enough to stay in the cache.
+_ROWS = 4
 
 
 class Shape(NamedTuple):
@@ -22,70 +36,172 @@ class Shape(NamedTuple):
     hop: int
     after: int
 
-
-# A filter that rings for a whole block throws half of every transform away; these waste less. The third holds A, B and
-# C at 51.2 kHz.
-SHAPES = (Shape(2048, 7680, 512), Shape(8192, 15360, 1024), Shape(8448, 31488, 1024))
-
-
-def shape_for(samples: float) -> Shape | None:
-    """The shape for a filter that rings for this many samples; None where it takes a whole block."""
-    return next((shape for shape in SHAPES if samples <= shape.before), None)
+    @property
+    def points(self) -> int:
+        """Samples of the transform."""
+        return self.before + self.hop + self.after
 
 
-class Sections:
-    """Transforms of the sections of a stream that comes in blocks of `LENGTH` samples.
-
-    Its results are `after` samples late, until `rest` gives the last ones. Several may write to one `spectrum`, if the
-    transform of one has been used before another is asked for.
+def shape_for(ringing: float, samples: int, stage: int = 0) -> Shape:
+    """The shape for filters that ring for so many samples, in a stream of so many, on a stage.
 
     Examples
     --------
-    >>> sections = Sections(1, Shape(2048, 7680, 512))
-    >>> [(length, spectrum.shape) for length, spectrum in sections.of(np.ones((1, 10000)))]
-    [(7680, (1, 5121))]
-    >>> [length for length, spectrum in sections.rest()]
-    [2320]
+    >>> shape_for(8200.0, 10**6)
+    Shape(before=9216, hop=81920, after=1024)
+    >>> shape_for(8200.0, 51200).points  # a short record
+    65536
+    """
+    before = LENGTH if ringing > LENGTH else -(-max(round(ringing), LATE + _RINGS) // _GRAIN) * _GRAIN
+    whole = -(-(before + samples + LATE + _RINGS + _AFTER) // _GRAIN)
+    points = min(_TIMES * before, _GRAIN * _fast(whole), _LONGEST_BELOW if stage else _LONGEST)
+    return Shape(before, points - before - _AFTER, _AFTER)
+
+
+def _fast(count: int) -> int:
+    """The least 2^a 3^b 5^c that is not smaller: transforms of such lengths are fast."""
+    while True:
+        rest = count
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return count
+        count += 1
+
+
+class Sections:
+    """Transforms of the sections of a stream.
+
+    Its results are `after` samples late, until `rest` gives the last ones.
+
+    Parameters
+    ----------
+    rows : int
+        Number of channels.
+    shape : Shape
+    factor : ndarray, shape (rows, points / 2 + 1), optional
+        Multiplies the transforms (not the thinned stream).
+    filtered, thinned : bool
+        Whether transforms are wanted, and the stream at one eighth of the rate.
+    store : list, optional
+        Memory that several streams use for `spectrum`, if each has been used before another goes on.
+
+    Attributes
+    ----------
+    spectrum : complex64 array, shape (rows, points / 2 + 1)
+        Transform of the section, each row over its `scale`, by which its numbers are between -1 and 1. Single precision
+        leaves an error of 1e-7 of each line.
+    scale : ndarray, shape (rows,)
+        Powers of two.
+    low : ndarray, shape (rows, hop / 8)
+        The thinned stream, `LATE` samples behind the section's new ones.
+
+    Examples
+    --------
+    >>> sections = Sections(1, Shape(2048, 7168, 1024), filtered=True)
+    >>> [(length, sections.spectrum.shape) for length in sections.of(np.ones((1, 10000)))]
+    [(7168, (1, 5121))]
+    >>> [length for length in sections.rest()]
+    [2832]
     """
 
-    def __init__(self, rows: int, shape: Shape, spectrum: NDArray[np.complex128] | None = None) -> None:
-        self.shape = shape
-        self._points = sum(shape)
-        self._known = np.zeros((rows, self._points))
+    def __init__(
+        self,
+        rows: int,
+        shape: Shape,
+        factor: NDArray[np.complex128] | None = None,
+        *,
+        filtered: bool = False,
+        thinned: bool = False,
+        store: list[NDArray[np.complex64]] | None = None,
+    ) -> None:
+        self.shape, self._factor = shape, factor
+        self._filtered, self._thinned = filtered, thinned
+        self._known = np.zeros((rows, shape.points))
         self._filled = shape.before
-        lines = self._points // 2 + 1
-        self.spectrum = np.empty((rows, lines), dtype=np.complex128) if spectrum is None else spectrum
+        lines = shape.points // 2 + 1
+        self._store = [] if store is None else store
+        self._shared = (rows if filtered else 0, lines)
+        if not self._store or self._store[0].size < self._shared[0] * lines:
+            self._store[:] = [np.empty(self._shared[0] * lines, dtype=np.complex64)]
+        self.scale = np.ones(rows)
+        self.low = np.empty((rows if thinned else 0, shape.hop // FACTOR))
+        self._exact: NDArray[np.complex128] | None = None
+        self._lines = np.empty((min(rows, _ROWS), lines), dtype=np.complex128)
 
-    def of(self, block: NDArray[np.float64]) -> Iterator[tuple[int, NDArray[np.complex128]]]:
-        """New samples and transform of each section; the next one is written over it.
+    @property
+    def spectrum(self) -> NDArray[np.complex64]:
+        """Transform of the section."""
+        rows, lines = self._shared
+        return self._store[0][: rows * lines].reshape(rows, lines)
 
-        The new samples are behind `before` others.
-        """
-        known, hop, taken = self._known, self.shape.hop, 0
-        while taken < block.shape[1]:
-            piece = block[:, taken : taken + self._points - self._filled]
-            known[:, self._filled : self._filled + piece.shape[1]] = piece
+    def exact(self) -> NDArray[np.complex128]:
+        """`spectrum` in double precision, for the few sections that need it."""
+        if self._exact is None:
+            self._exact = np.fft.rfft(self._known)
+            if self._factor is not None:
+                self._exact *= self._factor
+            self._exact /= self.scale[:, None]
+        return self._exact
+
+    @property
+    def fresh(self) -> NDArray[np.float64]:
+        """The section's new samples, silence behind the last ones."""
+        return self._known[:, self.shape.before : self.shape.before + self.shape.hop]
+
+    def of(self, samples: NDArray[np.float64]) -> Iterator[int]:
+        """How many new samples there are in each section that samples (rows, n) complete."""
+        taken = 0
+        while taken < samples.shape[1]:
+            piece = samples[:, taken : taken + self.shape.points - self._filled]
+            self._known[:, self._filled : self._filled + piece.shape[1]] = piece
             self._filled += piece.shape[1]
             taken += piece.shape[1]
-            if self._filled == self._points:
-                yield hop, self._transform()
+            if self._filled == self.shape.points:
+                self._transform()
+                yield self.shape.hop
                 self._move_on()
 
-    def rest(self) -> Iterator[tuple[int, NDArray[np.complex128]]]:
+    def rest(self) -> Iterator[int]:
         """The same for the samples after the last complete section, with silence behind them."""
-        while self._filled > self.shape.before:
+        left = self._filled + (LATE + _RINGS if self._thinned else 0) - self.shape.before
+        while left > 0:
             self._known[:, self._filled :] = 0.0
-            yield min(self.shape.hop, self._filled - self.shape.before), self._transform()
+            self._transform()
+            yield min(self.shape.hop, left)
             self._move_on()
+            left -= self.shape.hop
 
     def _move_on(self) -> None:
-        known, hop = self._known, self.shape.hop
-        for row in known:  # overlaps itself: numpy makes a copy of what it moves
+        hop, self._exact = self.shape.hop, None
+        for row in self._known:  # overlaps itself: numpy makes a copy of what it moves
             row[:-hop] = row[hop:]
         self._filled = max(self._filled - hop, 0)
 
-    def _transform(self) -> NDArray[np.complex128]:
-        for top in range(0, self._known.shape[0], ROWS):
-            rows = slice(top, top + ROWS)
-            np.fft.rfft(self._known[rows], out=self.spectrum[rows])
-        return self.spectrum
+    def _transform(self) -> None:
+        if not (self._filtered or self._thinned):
+            return
+        for top in range(0, self._known.shape[0], _ROWS):
+            rows = slice(top, top + _ROWS)
+            known = self._known[rows]
+            lines = np.fft.rfft(known, out=self._lines[: known.shape[0]])
+            if self._thinned:
+                self.low[rows] = self._thin(lines)
+            if self._filtered:
+                self._round(lines, rows)
+
+    def _thin(self, lines: NDArray[np.complex128]) -> NDArray[np.float64]:
+        low = self.shape.points // (2 * FACTOR)
+        first = (self.shape.before - LATE) // FACTOR
+        thin = np.fft.irfft(lines[:, : low + 1] * low_pass(low), 2 * low)
+        return thin[:, first : first + self.shape.hop // FACTOR]
+
+    def _round(self, lines: NDArray[np.complex128], rows: slice) -> None:
+        if self._factor is not None:
+            lines *= self._factor[rows]
+        numbers = lines.view(np.float64)
+        largest = np.maximum(numbers.max(axis=1), -numbers.min(axis=1))
+        usable = np.isfinite(largest) & (largest > 0.0)
+        self.scale[rows] = np.where(usable, 2.0 ** np.frexp(np.where(usable, largest, 1.0))[1], 1.0)
+        np.multiply(lines, 1.0 / self.scale[rows][:, None], out=self.spectrum[rows], casting="same_kind")

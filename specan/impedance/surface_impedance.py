@@ -25,6 +25,7 @@ from specan.impedance.absorption import diffuse_absorption, normal_absorption
 from specan.impedance.wall_admittance import WallFit, wall_fit
 from specan.models.parameter import ParameterName
 from specan.models.room.places import wall_areas
+from specan.result import Result, counted
 from specan.study.build_problem import assemble
 from specan.study.observation import Array
 from specan.study.observation.frf import nominal_third
@@ -108,8 +109,8 @@ class WallBand:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class Impedance:
+@dataclass(frozen=True, eq=False, repr=False)
+class Impedance(Result):
     """All walls and bands of a room.
 
     Attributes
@@ -124,6 +125,35 @@ class Impedance:
     rows: tuple[WallBand, ...]
     accuracy: float
     fit: WallFit
+
+    dimensions = ("wall", "third_octave_hz")
+
+    def summary(self) -> str:
+        """How many walls and bands, and how many of them the data determine."""
+        known = sum(row.determined for row in self.rows)
+        return f"{counted(len(self.walls), 'wall')}, {known} of {len(self.rows)} bands determined"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each wall and third octave, with the ends of the 95 % intervals."""
+        found: dict[str, Any] = {
+            name: [getattr(row, name) for row in self.rows]
+            for name in ("wall", "third_octave_hz", "determined")
+        }
+        for name in FUNCTIONS:
+            spans: list[Interval] = [getattr(row, name) for row in self.rows]
+            found[name] = [span.value for span in spans]
+            found[f"{name}_low"] = [span.low for span in spans]
+            found[f"{name}_high"] = [span.high for span in spans]
+        return found
+
+    def content(self) -> dict[str, Any]:
+        """What `to_json` gives, with arrays in it."""
+        return {
+            "rows": [row.as_dict() for row in self.rows],
+            "criterion": self.criterion,
+            "reduced_chi2": self.fit.reduced_chi2,
+            "sentences": self.sentences(),
+        }
 
     @property
     def walls(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Lock
@@ -17,6 +18,8 @@ from specan.inspect.kept_overview import keep, load, place_of
 STEP = 1024  # samples behind one pair of the overview
 PIECE = STEP * 512
 DIRECT = 2_000_000  # samples that are read for a view; above that the overview serves
+# Places at which a long channel is looked at before it is read: half the columns of a wide screen.
+LOOKS = 750
 
 
 @dataclass
@@ -44,6 +47,19 @@ class Overview:
     def finished(self) -> bool:
         """Whether the whole channel was read."""
         return self.read_to >= self.channel.n_samples
+
+    @property
+    def looked_at(self) -> bool:
+        """Whether there is something for every part of the channel."""
+        return self.read_to > 0 or bool(np.isfinite(self.low[-1:]).all())
+
+    def look(self, parts: list[NDArray[np.float64]]) -> None:
+        """Take samples in the middle of equal parts of the channel for the whole of each, until it is read."""
+        edges = np.linspace(0, self.low.size, len(parts) + 1).astype(int)
+        with self._lock:
+            for first, last, samples in zip(edges, edges[1:], parts, strict=False):
+                self.low[first:last] = np.fmin.reduce(samples)
+                self.high[first:last] = np.fmax.reduce(samples)
 
     def read_on(self) -> None:
         """Read the next piece."""
@@ -100,9 +116,29 @@ class Waveform:
         return first, min(max(int(np.ceil(stop_s * rate)) + 1, first), length)
 
 
+def look(waveforms: list[Waveform]) -> None:
+    """A first picture of long channels from few samples: what lies between them is not seen yet."""
+    together: dict[tuple[int, int], list[Waveform]] = defaultdict(list)
+    for waveform in waveforms:
+        if not waveform.overview.looked_at and waveform.channel.n_samples > LOOKS * PIECE // 16:
+            together[id(waveform.recording), waveform.channel.n_samples].append(waveform)
+    for (_, length), alike in together.items():
+        recording, channels = alike[0].recording, [w.channel for w in alike]
+        middles = ((np.arange(LOOKS) + 0.5) * (length - STEP) / LOOKS).astype(int)
+        read = [recording.read(channels, m, m + STEP) for m in middles.tolist()]
+        for row, waveform in enumerate(alike):
+            waveform.overview.look([samples[row] for samples in read])
+
+
 def read_overviews(waveforms: list[Waveform], tell: Callable[[float], bool]) -> None:
-    """Read what the overviews lack, piece by piece; `tell` hears the part done and says whether to go on."""
+    """Read what the overviews lack, piece by piece; `tell` hears the part done and says whether to go on.
+
+    It hears 0 when there is a first picture of channels that take long to read.
+    """
     total = max(sum(w.channel.n_samples for w in waveforms), 1)
+    look(waveforms)
+    if not tell(sum(w.overview.read_to for w in waveforms) / total):
+        return
     while waiting := [w for w in waveforms if not w.overview.finished]:
         for waveform in waiting:
             waveform.overview.read_on()

@@ -41,6 +41,19 @@ class _Panel:
     title: str
 
 
+def figure_comparison(study: Study, channel: str | None = None) -> Figure:
+    """What ``study compare --plot`` draws: where the model has receivers, their errors and the curves of one.
+
+    Otherwise see `figure_compare`.
+    """
+    from specan.report.figures_room import figure_errors
+
+    recorded = study.frf_errors()
+    if not recorded or study.model.receivers is None:
+        return figure_compare(study, channel)
+    return figure_errors(study, recorded[0], recorded[0].number(channel))
+
+
 @styled
 def figure_compare(study: Study, channel: str | None = None) -> Figure:
     """Measured values with two standard uncertainties beside the fitted model, and what is between them.

@@ -69,7 +69,8 @@ def test_other_bands_from_the_same_pass() -> None:
     spectrum = accumulator.spectrum()
     for settings in (Octave(fraction=24, weighting="A"), Octave(fraction=1, fmin=60)):
         again = band_levels(spectrum, accumulator.channels, settings)
-        assert np.array_equal(again.level_dB, settings(source).level_dB)
+        # A short record is transformed no longer than its widest bands need: equal far below the printed digits.
+        np.testing.assert_allclose(again.level_dB, settings(source).level_dB, rtol=0, atol=1e-8)
 
 
 def test_a_displacement_becomes_a_velocity() -> None:

@@ -5,6 +5,7 @@ import io
 import json
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,9 @@ import pytest
 from click.testing import CliRunner
 
 import specan
-from specan.api import drawing
 from specan.data.recording import ArraySource, Channel
 from specan.errors import RequestError
+from specan.report.figures import FIGURES
 from specan_cli.main import main
 
 ROOT = Path(__file__).parents[2]
@@ -171,7 +172,7 @@ def test_results_are_short_on_the_screen_and_can_be_drawn():
         assert len(repr(found)) < 200
         assert name in found._repr_html_()
         assert len(found._repr_html_()) < 10_000
-        if name in drawing.FIGURES:
+        if name in FIGURES:
             assert found.plot().axes
     with pytest.raises(RequestError, match="no figure of a ToneTable"):
         specan.tones(recording()).plot()
@@ -192,6 +193,29 @@ def test_json_is_that_of_the_verb(verb, options, settings):
     path = SAMPLES / "knock.tdms"
     done = CliRunner().invoke(main, [verb, str(path), *options, "--json"])
     assert json.loads(done.stdout) == getattr(specan, verb)(path, **settings).to_json()
+
+
+def test_json_of_a_recording_is_that_of_info():
+    path = SAMPLES / "knock.tdms"
+    done = CliRunner().invoke(main, ["info", str(path), "--json"])
+    said = json.loads(done.stdout)["files"][0]
+    assert {k: v for k, v in said.items() if k not in ("size_bytes", "excitation")} == specan.read(
+        path
+    ).to_json()
+
+
+def test_a_model_is_built_from_a_rig_file_its_content_or_the_example(tmp_path):
+    with (ROOT / "sample_data/worm_gear/rig.toml").open("rb") as file:
+        said = tomllib.load(file)
+    by_path = specan.load_model("worm-gear", str(ROOT / "sample_data/worm_gear/rig.toml"))
+    assert by_path.settings == specan.load_model("worm-gear", said).settings
+    assert specan.load_model("room").name == "room"
+
+
+@pytest.mark.parametrize("wrong", [3, ["a.tdms"], None])
+def test_what_is_no_recording_is_said(wrong):
+    with pytest.raises(RequestError, match="is no recording; expected a Recording, or the path"):
+        specan.rms(wrong)
 
 
 def test_views_are_those_of_the_options():

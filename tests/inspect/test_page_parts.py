@@ -19,7 +19,7 @@ from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp.extremes import low_and_high
 from specan.errors import InputError, RequestError
-from specan.inspect.envelope import DIRECT, STEP, Waveform, read_overviews
+from specan.inspect.envelope import DIRECT, LOOKS, STEP, Waveform, read_overviews
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.level_history import LevelCurves
 from specan.inspect.opened import Opened, watched
@@ -107,13 +107,29 @@ def test_an_hour_is_read_once_and_then_pans_without_reading_it_again():
     waveform = Waveform(one, one.channels[0])
     assert waveform.needs_overview(0.0, 3600.0)
     read_overviews([waveform], go_on)
-    assert source.read_samples == one.channels[0].n_samples
+    looked = LOOKS * STEP
+    assert source.read_samples == one.channels[0].n_samples + looked
     times, values = waveform.part(0.0, 3600.0, 1500)
-    assert source.read_samples == one.channels[0].n_samples
+    assert source.read_samples == one.channels[0].n_samples + looked
     assert times.size == 3000
     assert values.min() == pytest.approx(-1, abs=1e-5)
     waveform.part(1000.0, 1010.0, 1500)
-    assert source.read_samples - one.channels[0].n_samples <= 10 * RATE + 2
+    assert source.read_samples - one.channels[0].n_samples <= looked + 10 * RATE + 2
+
+
+def test_the_first_picture_of_an_hour_needs_a_fortieth_of_its_samples():
+    one, source = hour()
+    waveform = Waveform(one, one.channels[0])
+    read_overviews([waveform], lambda part: False)  # stopped after the first picture
+    assert source.read_samples <= one.channels[0].n_samples / 37
+    assert not waveform.overview.finished
+    times, values = waveform.part(0.0, 3600.0, 1500)
+    assert np.isfinite(values).all()
+    # What was looked at is drawn where it is: the largest sample that it shows there is in that part of the recording.
+    place = int(np.argmax(values))
+    first = max(int((times[place] - 5.0) * RATE), 0)
+    around = one.read([one.channels[0]], first, first + 10 * RATE)[0]
+    assert around.min() <= values[place] <= around.max()
 
 
 def test_what_is_not_read_yet_is_a_gap():

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.integrate import quad
 
+import specan
 from specan.errors import RequestError
 from specan.impedance.absorption import diffuse_absorption, normal_absorption
 from specan.impedance.surface_impedance import impedance
@@ -168,6 +169,17 @@ def test_what_is_not_determined_is_said_with_what_would(soft):
 
 def test_a_figure_is_drawn_beside(soft):
     assert soft[1].read_bytes().startswith(b"\x89PNG")
+
+
+def test_python_gives_the_rows_of_the_verb(soft):
+    _, plot, said = soft
+    frame = specan.Study(plot.parent / "study").impedance("y1").to_dataframe()
+    expected = [row for row in said["rows"] if row["wall"] == "y1"]
+    assert frame["third_octave_hz"].tolist() == [row["third_octave_hz"] for row in expected]
+    assert frame["determined"].tolist() == [row["determined"] for row in expected]
+    np.testing.assert_allclose(
+        frame["absorption_normal_high"], [row["absorption_normal"]["high"] for row in expected]
+    )
 
 
 def test_the_table_shows_one_wall_when_asked(capsys):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -61,6 +61,11 @@ def _round(
     jobs: int,
 ) -> Generator[tuple[int, Result], None, tuple[list[int], list[int]]]:
     """Work until done or until a process dies; returns what was not begun and what was in work then."""
+    # Loaded here: a batch in one process does without.
+    import multiprocessing
+    from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+    from concurrent.futures.process import BrokenProcessPool
+
     waiting = list(positions)[::-1]
     running: dict[Future[Result], int] = {}
     if not waiting:
@@ -97,6 +102,8 @@ def _begin(prepare: Callable[..., None], *context: Any) -> None:
 
 
 def _end_with_parent() -> None:
+    import multiprocessing
+
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
