@@ -154,9 +154,9 @@ def _at_places(refit: Refit, candidate: Candidate, places: Sequence[Found], know
 
 
 def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
-    """Where the search leads from the best of all places and some sizes, for what may be anywhere in a room.
+    """Where the search leads from the best of all places and some sizes, for what may be anywhere within three edges.
 
-    What moves every mode by more than its width leads nowhere from a place that is wrong along two edges.
+    What moves every resonance by more than its width leads nowhere from a place that is wrong along two edges.
     """
     places = [name for name in candidate.shapes if ParameterName(name).own in PLACES]
     if len(places) < 3 or candidate.without_prior:
