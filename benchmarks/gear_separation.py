@@ -4,7 +4,8 @@
 
 For plans of torques and harmonics, on lines of the planetary-gear model itself: the numerical rank of the joint
 Jacobian of all of them, the standard uncertainty of a position error and of a load share when the others are free, and
-how much of the trace of a position error (in chi-square) load shares cannot take over, declared uncertainties included.
+how much of the trace of a position error (in chi-square) load shares cannot take over. All beside the noise alone: what
+a model is declared not to know is relative to lines that vanish here.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from specan.models.model import Model
 from specan.models.planetary_gear.build import build
-from specan.study.observation.order_lines import OrderLinesObservation, declared_errors
+from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
 
 RIG = Path(__file__).parents[1] / "sample_data" / "planetary_gear" / "rig.toml"
 NOISE = 1e-4  # m/s^2, standard uncertainty of either part of a line
@@ -73,7 +74,8 @@ def observations(model: Model, plan: Plan, noise: float) -> list[OrderLinesObser
                 name=f"{torque:g} N m", recording=f"{torque:g} N m", quantity="order_lines",
                 channels=tuple(model.axes["sensor"]), order=known.order[mine], harmonic=known.harmonic[mine],
                 family=np.array(known.family)[mine], amplitude=lines, noise=np.full(lines.shape, noise),
-                shared=declared_errors(lines, known.order[mine], known.offset[mine], known.discrepancy, known.path),
+                relative=declared_errors(known.order[mine], known.offset[mine], known.discrepancy, known.path),
+                common=response_errors(np.zeros(lines.shape, dtype=bool), known.harmonic[mine], known.response),
                 kept=np.ones(lines.shape, dtype=bool), order_condition="order", point=point,
             )
         )  # fmt: skip

@@ -38,8 +38,9 @@ def chosen(bench: Bench, arguments: argparse.Namespace) -> list[Case]:
     rig = {key: float(value) for key, _, value in (word.partition("=") for word in arguments.rig)}
     noise: dict[str, object] = {} if arguments.noise is None else {"noise_percent": arguments.noise}
     noise |= {"drawn": True} if arguments.drawn else {}
+    noise |= {"rig": rig} if rig else {}
     return [
-        replace(case, rig=rig, **noise)
+        replace(case, **noise)
         for kind in asked
         for case in bench.planned(
             kind, arguments.first + counts[kind], reserved=arguments.reserved, only=only

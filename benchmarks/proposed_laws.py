@@ -92,7 +92,22 @@ def draw_factor(
     return name, *kinds[name]
 
 
-def case(seed: int, null: bool) -> tuple[LawSearch, Hidden, dict[str, float]]:
+@dataclass(frozen=True)
+class Sealed:
+    """A data set, the model that is known, and the law that is hidden in it (size 0: none)."""
+
+    base: Callable[..., np.ndarray]
+    truth: dict[str, float]
+    hidden: Hidden
+    table: dict[str, np.ndarray]
+    measured: np.ndarray
+    noise: float
+    fresh: dict[str, np.ndarray]
+    target: np.ndarray  # on fresh rows, without noise
+
+
+def draw(seed: int, null: bool) -> Sealed:
+    """The case of a seed."""
     rng = np.random.default_rng(seed)
     base = BASES[rng.integers(len(BASES))]
     spans = {"load": (1.0, float(rng.uniform(4, 40))), "speed": (0.5, float(rng.uniform(5, 50)))}
@@ -114,35 +129,34 @@ def case(seed: int, null: bool) -> tuple[LawSearch, Hidden, dict[str, float]]:
         visible = law - basis @ (basis.T @ law)
         if np.linalg.norm(visible) > LEAST_VISIBLE * np.linalg.norm(law):
             break
-    model = Model.from_function(
-        base,
-        conditions={v: ("1", *span) for v, span in spans.items()},
-        observables={"y": ("1", 0.1)},
-        parameters=dict.fromkeys(truth, (1.0, 0.01, 10.0)),
-    )
     noise = 0.01 * float(np.std(clean))
     strength = float(np.exp(rng.uniform(*np.log(SIZE))))
     size = 0.0 if null else strength * noise / float(np.sqrt(np.mean(visible**2)))
     measured = clean + size * law + noise * rng.standard_normal(clean.size)
-    observed = TableObservation(
-        "sealed",
-        np.full(clean.size, "y"),
-        measured,
-        table,
-        np.diag(np.full(clean.size, noise**2)),
-        labels=table,
+    return Sealed(base, truth, hidden, table, measured, noise, fresh, clean_fresh + size * law_fresh)
+
+
+def case(seed: int, null: bool) -> tuple[LawSearch, Hidden, dict[str, float]]:
+    """What the search finds in the case of a seed, and its errors beside those of the true law."""
+    s = draw(seed, null)
+    model = Model.from_function(
+        s.base,
+        conditions={v: ("1", float(x.min()), float(x.max())) for v, x in s.table.items()},
+        observables={"y": ("1", 0.1)},
+        parameters=dict.fromkeys(s.truth, (1.0, 0.01, 10.0)),
     )
+    n = s.measured.size
+    covariance = np.diag(np.full(n, s.noise**2))
+    observed = TableObservation("sealed", np.full(n, "y"), s.measured, s.table, covariance, labels=s.table)
     problem = base_problem(model, [observed])
     start = Refit(frozenset(), problem, fit(problem, starts=3))
     began = time.process_time()
     found = search_laws(start)
-    spent = time.process_time() - began
-    target = clean_fresh + size * law_fresh
-    errors = {"cpu_s": spent}
+    errors = {"cpu_s": time.process_time() - began}
     if found.laws:
-        errors["held_out"] = held_out(base, truth, found, table, measured, fresh, target)
-        errors["of_truth"] = of_truth(base, truth, hidden, table, measured, fresh, target)
-    return found, hidden, errors
+        errors["held_out"] = held_out(s.base, s.truth, found, s.table, s.measured, s.fresh, s.target)
+        errors["of_truth"] = of_truth(s)
+    return found, s.hidden, errors
 
 
 def fitted_error(columns: np.ndarray, fresh: np.ndarray, measured: np.ndarray, target: np.ndarray) -> float:
@@ -156,18 +170,18 @@ def base_columns(base, truth: dict[str, float], v: dict[str, np.ndarray]) -> np.
     return np.stack([base(**v, **{**zero, name: 1.0}) for name in truth], axis=1)
 
 
-def of_truth(base, truth, hidden: Hidden, table, measured, fresh, target) -> float:
+def of_truth(s: Sealed) -> float:
     """With its numbers fitted, as those of a proposed law are."""
-    own, there = base_columns(base, truth, table), base_columns(base, truth, fresh)
+    own, there = base_columns(s.base, s.truth, s.table), base_columns(s.base, s.truth, s.fresh)
 
     def left(shapes: np.ndarray) -> np.ndarray:
-        columns = np.column_stack([own, hidden.of(table, *shapes)])
-        solution, *_ = np.linalg.lstsq(columns, measured, rcond=None)
-        return columns @ solution - measured
+        columns = np.column_stack([own, s.hidden.of(s.table, *shapes)])
+        solution, *_ = np.linalg.lstsq(columns, s.measured, rcond=None)
+        return columns @ solution - s.measured
 
-    shapes = least_squares(left, hidden.shapes, x_scale=np.abs(hidden.shapes)).x
-    here, new = hidden.of(table, *shapes), hidden.of(fresh, *shapes)
-    return fitted_error(np.column_stack([own, here]), np.column_stack([there, new]), measured, target)
+    shapes = least_squares(left, s.hidden.shapes, x_scale=np.abs(s.hidden.shapes)).x
+    here, new = s.hidden.of(s.table, *shapes), s.hidden.of(s.fresh, *shapes)
+    return fitted_error(np.column_stack([own, here]), np.column_stack([there, new]), s.measured, s.target)
 
 
 def held_out(base, truth, found: LawSearch, table, measured, fresh, target) -> float:

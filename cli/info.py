@@ -51,6 +51,7 @@ def command(
     specan info sample_data/recordings/knock.tdms --plot waveforms.png
     """
     from specan.analysis.excitation import recognise
+    from specan.analysis.quality import rms_and_quality
     from specan.errors import InputError, RequestError
     from specan.io.open import open_recording
 
@@ -63,7 +64,7 @@ def command(
         try:
             recording = open_recording(item.path, label=item.label, **opening)
             excitation = recognise(recording)
-            quality = _levels(recording) if levels else {}
+            quality = rms_and_quality(recording) if levels else {}
         except InputError as fault:
             if len(found) == 1:
                 raise
@@ -81,27 +82,6 @@ def command(
     if as_json:
         emit_json({"files": seen, "failures": failures})
     return 1 if failures else 0
-
-
-def _levels(recording: Recording) -> dict[int, tuple[float, Quality]]:
-    """RMS and quality by the place of a channel; channels of one rate and length are read together."""
-    import numpy as np
-
-    from specan.analysis.quality import BLOCK, QualityAccumulator
-
-    together: dict[tuple[float, int], list[int]] = {}
-    for place, channel in enumerate(recording.channels):
-        together.setdefault((channel.sampling_rate, channel.n_samples), []).append(place)
-    found: dict[int, Any] = {}
-    for (_, n_samples), places in together.items():
-        channels = [recording.channels[p] for p in places]
-        quality, energy = QualityAccumulator(channels), np.zeros(len(channels))
-        for block in recording.blocks(channels, BLOCK):
-            quality.add(block)
-            energy += np.einsum("ij,ij->i", block, block)
-        rms = np.sqrt(energy / n_samples).tolist()
-        found.update(zip(places, zip(rms, quality.result(), strict=True), strict=True))
-    return found
 
 
 def _show(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -10,6 +12,15 @@ from typing import Any
 import click
 
 _COLLECTED = "specan_cli.collected"
+# What makes rich treat standard output as a terminal, or of another width.
+_OF_A_TERMINAL = (
+    "FORCE_COLOR",
+    "TTY_COMPATIBLE",
+    "TTY_INTERACTIVE",
+    "JUPYTER_COLUMNS",
+    "JUPYTER_LINES",
+)
+_WIDTH = "80"  # of a file or a pipe
 
 
 @contextmanager
@@ -36,6 +47,10 @@ def emit_json(content: Any) -> None:
 
 def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
     """Print a table that fits the terminal; numbers to the right, NO_COLOR respected."""
+    rows = [["" if cell is None else cell for cell in row] for row in rows]
+    if (lines := plain_lines(title, header, rows)) is not None:
+        click.echo("\n".join(lines))
+        return
     from rich.console import Console
     from rich.table import Table
 
@@ -44,9 +59,8 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
             raise BrokenPipeError  # rich would end the process itself
 
     sheet = Table(title=title or None, title_justify="left", box=None, pad_edge=False, header_style="bold")
-    rows = [["" if cell is None else cell for cell in row] for row in rows]
     for index, name in enumerate(header):
-        numeric = bool(rows) and all(isinstance(row[index], (int, float)) or row[index] == "" for row in rows)
+        numeric = _numeric(rows, index)
         # Names of effects and parameters are copied into commands: they are never broken over two lines.
         words = [word for row in rows for word in str(row[index]).split()] if index == 0 else []
         least = max(map(len, words), default=1)
@@ -59,6 +73,39 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
         # Text, not markup: a channel may be called "[bold]".
         sheet.add_row(*(Text(str(cell)) for cell in row))
     Sheet(soft_wrap=False).print(sheet)
+
+
+def plain_lines(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str] | None:
+    """The lines that rich prints into a file or a pipe, without loading it; None where it is more than that.
+
+    It is more for a terminal, for a table that does not fit in, and for letters that are not one column wide.
+    """
+    if sys.stdout.isatty() or any(name in os.environ for name in _OF_A_TERMINAL):
+        return None
+    if any(mark in name for name in (title, *header) for mark in "[:\\"):  # rich takes it for markup
+        return None
+    cells = [list(header), *([str(cell) for cell in row] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    width = sum(widths) + 2 * (len(widths) - 1)
+    every = [title, *(cell for row in cells for cell in row)]
+    columns = os.environ.get("COLUMNS", "")
+    if width > int(columns if columns.isdecimal() else _WIDTH) or len(title) > width:
+        return None
+    if not all(cell.isascii() and cell.isprintable() and cell == cell.strip() for cell in every):
+        return None
+    right = [_numeric(rows, index) for index in range(len(header))]
+    lines = [
+        "  ".join(
+            cell.rjust(w) if to_the_right else cell.ljust(w)
+            for cell, w, to_the_right in zip(row, widths, right, strict=True)
+        )
+        for row in cells
+    ]
+    return [title.ljust(width), *lines] if title else lines
+
+
+def _numeric(rows: Sequence[Sequence[Any]], index: int) -> bool:
+    return bool(rows) and all(isinstance(row[index], (int, float)) or row[index] == "" for row in rows)
 
 
 def say(text: str) -> None:

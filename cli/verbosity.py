@@ -14,22 +14,13 @@ def add_options(command: click.Command) -> None:
     """Give a verb ``-q`` and ``-v``, once."""
     if isinstance(command, click.Group) or any(p.name == "quiet" for p in command.params):
         return
-    command.params += [
-        click.Option(
-            ["-q", "--quiet"],
-            is_flag=True,
-            expose_value=False,
-            callback=_keep,
-            help="No notes and no progress; warnings and errors only.",
-        ),
-        click.Option(
-            ["-v", "--verbose"],
-            is_flag=True,
-            expose_value=False,
-            callback=_keep,
-            help="Print also what is read and how long it takes.",
-        ),
-    ]
+    for names, text in (
+        (["-q", "--quiet"], "No notes and no progress; warnings and errors only."),
+        (["-v", "--verbose"], "Print also what is read and how long it takes."),
+    ):
+        command.params.append(
+            click.Option(names, is_flag=True, expose_value=False, callback=_keep, help=text)
+        )
 
 
 def is_quiet() -> bool:

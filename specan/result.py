@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -108,13 +109,15 @@ class Result:
 
 
 def finite(value: Any) -> Any:
-    """Plain JSON values; numpy becomes Python, what is not finite becomes None.
+    """Plain JSON values; numpy becomes Python, a data class its fields, what is not finite None.
 
     Examples
     --------
     >>> finite({"level_dB": (1.5, float("nan"))})
     {'level_dB': [1.5, None]}
     """
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: finite(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, set)):

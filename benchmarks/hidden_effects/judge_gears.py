@@ -26,13 +26,20 @@ def same_lines(record: Record) -> bool:
     return bool(first == truth or (first <= _SAME_LINES and truth <= _SAME_LINES))
 
 
+def wrongly_named(record: Record) -> bool:
+    """Something is named, and the truth is not among the alternatives."""
+    return names_something(record) and record["verdict"]["verdict"] != "unknown-effect" and not among(record)
+
+
 ROWS = (
     Row("null: something named", is_null, names_something),
     Row("single, lambda >= 100: first", is_single(100), truth_first),
     Row("  or the one with the same lines", is_single(100), same_lines),
     Row("  truth among the alternatives", is_single(100), among),
+    Row("  another named, and not the truth", is_single(100), wrongly_named),
     Row("  'or one unknown' added", is_single(100), doubted),
     Row("single, lambda < 100: first", is_single(0, 100), truth_first),
+    Row("absorbed by the gains: another named", lambda r: r["kind"] == "unseen", wrongly_named),
     Row("pair: exact", lambda r: r["kind"] == "pair", among),
     Row("bearing defect: something named or unknown", lambda r: r["kind"] == "unknown", names_something),
     Row("bearing defect: recognised as unknown", lambda r: r["kind"] == "unknown", unknown_recognised),

@@ -15,8 +15,8 @@ READ_BLOCK = 1 << 16  # samples of a channel that are read at once
 Found = TypeVar("Found", covariant=True)
 
 
-class Accumulator(Protocol[Found]):
-    """An analysis of samples `start` to `stop` of `channels`."""
+class Reader(Protocol):
+    """What takes samples `start` to `stop` of `channels`."""
 
     channels: tuple[Channel, ...]
     start: int
@@ -25,6 +25,10 @@ class Accumulator(Protocol[Found]):
     def add(self, samples: NDArray[np.float64], /) -> None:
         """Take the next samples (channels, m), as many as there are."""
         ...
+
+
+class Accumulator(Reader, Protocol[Found]):
+    """An analysis of these samples."""
 
     def result(self) -> Found:
         """What was found."""

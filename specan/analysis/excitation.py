@@ -16,6 +16,7 @@ from specan.data.excitation import Excitation, ExcitationKind
 from specan.data.recording import Recording
 from specan.dsp.frequency_track import path, track
 from specan.dsp.randomness import narrow_band_is_noise, scatters_as_noise
+from specan.dsp.statistics import median
 from specan.dsp.tonality import TONE_SHARE, Appearance, appearance, tonal_share
 from specan.errors import RequestError, nearest
 
@@ -232,7 +233,7 @@ def _verdict(
     where = f"{channel.role} channel {channel.name!r}"
     kinds = {look.look for look in looks}
     frequencies = [look.frequency_hz for look in looks]
-    low, high, middle = min(frequencies), max(frequencies), float(np.median(frequencies))
+    low, high, middle = min(frequencies), max(frequencies), median(frequencies)
     share = 100 * min(look.share for look in looks)
     if kinds == {"tone"} and high - low <= max(0.1 / SECTION_S, 2e-4 * high):
         amplitudes = np.array([look.amplitude for look in looks])

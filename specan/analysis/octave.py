@@ -6,6 +6,7 @@ Decisions: docs/decisions/bands.md.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,31 +158,26 @@ class OctaveAccumulator:
 
     def result(self, quality: Sequence[Quality] | None = None) -> BandLevels:
         """Band levels of what was added; call it once. `quality` gives the channels' flags."""
-        label, flags = self.recording.label, self.recording.flags
+        about: dict[str, Any] = {
+            "label": self.recording.label,
+            "file_flags": self.recording.flags,
+            "quality": quality,
+            "notes": self.notes,
+        }
         if isinstance(self._at_work, BandEnergyAccumulator):
-            return band_levels(
-                self.spectrum(self.settings.fraction),
-                self.channels,
-                self.settings,
-                label=label,
-                file_flags=flags,
-                quality=quality,
-                notes=self.notes,
-            )
+            return band_levels(self.spectrum(self.settings.fraction), self.channels, self.settings, **about)
         with np.errstate(invalid="ignore", over="ignore"):
             histories = self._at_work.result()
+        times = self.settings.start_s + self._times
         return weighted_levels(
             histories,
             self._overall,
-            self.settings.start_s + self._times,
+            times,
             self._duration,
             self.sampling_rate,
             self.channels,
             self.settings,
-            label=label,
-            file_flags=flags,
-            quality=quality,
-            notes=self.notes,
+            **about,
         )
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.analysis.accumulator import Reader
 from specan.data.channel import Channel
 from specan.data.levels import Quality
+from specan.data.recording import Recording
 from specan.dsp.block_grid import BlockGrid
 from specan.dsp.clipping import is_cut_off, longest_run
 
@@ -137,16 +139,17 @@ def _rests(
 Result = TypeVar("Result", covariant=True)
 
 
-class FlaggedAccumulator(Protocol[Result]):
-    """An analysis that takes its samples in pieces and wants to know their quality at the end."""
+class QualityPass:
+    """Dead, clipped and missing samples of the channels that another analysis reads anyway."""
 
-    channels: tuple[Channel, ...]
-    start: int
-    stop: int
+    def __init__(self, like: Reader) -> None:
+        self.channels, self.start, self.stop = like.channels, like.start, like.stop
+        self._quality = QualityAccumulator(like.channels)
+        self.add, self.result = self._quality.add, self._quality.result
 
-    def add(self, samples: NDArray[np.float64]) -> None:
-        """Take the next samples."""
-        ...
+
+class FlaggedAccumulator(Reader, Protocol[Result]):
+    """An analysis that wants to know the quality of its samples at the end."""
 
     def result(self, quality: Sequence[Quality] | None = None) -> Result:
         """The result, with flags for the quality."""
@@ -169,3 +172,20 @@ class Watched(Generic[Result]):
     def result(self) -> Result:
         """The accumulator's result, with flags; call it once."""
         return self._accumulator.result(self._quality.result())
+
+
+def rms_and_quality(recording: Recording) -> dict[int, tuple[float, Quality]]:
+    """RMS and quality by the place of a channel; channels of one rate and length are read together."""
+    together: dict[tuple[float, int], list[int]] = {}
+    for place, channel in enumerate(recording.channels):
+        together.setdefault((channel.sampling_rate, channel.n_samples), []).append(place)
+    found: dict[int, Any] = {}
+    for (_, n_samples), places in together.items():
+        channels = [recording.channels[p] for p in places]
+        quality, energy = QualityAccumulator(channels), np.zeros(len(channels))
+        for block in recording.blocks(channels, BLOCK):
+            quality.add(block)
+            energy += np.einsum("ij,ij->i", block, block)
+        rms = np.sqrt(energy / n_samples).tolist()
+        found.update(zip(places, zip(rms, quality.result(), strict=True), strict=True))
+    return found

@@ -15,6 +15,7 @@ from specan.analysis.accumulator import READ_BLOCK
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
+from specan.dsp.statistics import median
 from specan.dsp.transfer_function import arrivals, estimate
 from specan.dsp.welch import CrossSpectra, SpectralMatrix, effective_averages, hop_of
 from specan.dsp.windows import WindowName, window_correlation
@@ -158,7 +159,7 @@ def _foreign(coherence: Real, averages: float) -> float:
     known = coherence[np.isfinite(coherence)]
     if not known.size or averages <= 1:
         return float("nan")
-    seen = float(np.median(known))
+    seen = median(known)
     seen = (seen - 1 / averages) / (1 - 1 / averages)
     return 1 - seen if seen > _DRIVEN else float("nan")
 

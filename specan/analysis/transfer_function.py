@@ -23,6 +23,7 @@ from specan.data.channel import Channel
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
 from specan.data.recording import Recording
 from specan.dsp.leakage import leakage_bias
+from specan.dsp.statistics import median
 from specan.dsp.transfer_function import Estimate, Estimator, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix
 from specan.dsp.windows import WindowName, line_correlation
@@ -349,7 +350,7 @@ class TransferFunctionAccumulator:
         worst = [
             row
             for row, (taken, u) in enumerate(zip(lost, found.u_relative, strict=True))
-            if np.median(leaking(100 * taken, 100 * np.hypot(u, taken))) > 0.5
+            if median(leaking(100 * taken, 100 * np.hypot(u, taken))) > 0.5
         ]
         if not worst:
             return remarks
@@ -431,11 +432,11 @@ def _flags(
         return ["no-reference"]
     flags = []
     with np.errstate(invalid="ignore"):
-        if not np.median(100 * u_relative[row]) <= LOW_SNR_PERCENT:
+        if not median(100 * u_relative[row]) <= LOW_SNR_PERCENT:
             flags.append("low-snr")
-        if np.median(found.coherence[row]) < LOW_COHERENCE:
+        if median(found.coherence[row]) < LOW_COHERENCE:
             flags.append("low-coherence")
-    if np.median(leaking(100 * lost[row], 100 * u_relative[row])) > 0.5:
+    if median(leaking(100 * lost[row], 100 * u_relative[row])) > 0.5:
         flags.append("leakage")
     return flags
 

@@ -1,35 +1,12 @@
-"""Figures of results: which function of `specan.report` draws which class."""
+"""Figures of results."""
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from specan.errors import RequestError
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-# class, and the view of it -> where its figure is drawn; by name, so that neither matplotlib nor the class is loaded.
-FIGURES = {
-    "Recording": "specan.report.figures_waveforms:figure_waveforms",
-    "BandLevels": "specan.report.figures_bands:figure_band_levels",
-    "BandLevels history": "specan.report.figures_bands:figure_level_history",
-    "Spectrum": "specan.report.figures_spectra:figure_spectrum",
-    "Spectrogram": "specan.report.figures_spectra:figure_spectrogram",
-    "FrequencyResponse": "specan.report.figures_spectra:figure_frequency_response",
-    "SignalLevels": "specan.report.figures_levels:figure_levels",
-    "OrderSpectrum": "specan.report.figures_orders:figure_orders",
-    "OrderSpectrum map": "specan.report.figures_orders:figure_order_map",
-    "ImpulseResponses": "specan.report.figures_waveforms:figure_impulse_responses",
-    "DecayTimes": "specan.report.figures_decay:figure_decay",
-    "Calibration": "specan.report.figures_calibration:figure_calibration",
-    "Change": "specan.report.figures_change:figure_change",
-    "History": "specan.report.figures_history:figure_history",
-    "Impedance": "specan.report.figures_room:figure_impedance",
-    "Diagnosis": "specan.report.figures_diagnosis:figure_diagnosis",
-}
 
 
 def plot(result: Any, path: str | Path | None = None, *, view: str = "", **options: Any) -> Figure:
@@ -56,17 +33,9 @@ def plot(result: Any, path: str | Path | None = None, *, view: str = "", **optio
     RequestError
         There is no figure of it.
     """
-    kinds = [f"{kind.__name__} {view}".rstrip() for kind in type(result).__mro__]
-    name = next((kind for kind in kinds if kind in FIGURES), None)
-    if name is None:
-        raise RequestError(
-            f"there is no figure of a {kinds[0]}",
-            expected="one of " + ", ".join(FIGURES),
-            remedy="use its data frame",
-        )
-    module, _, function = FIGURES[name].partition(":")
-    figure: Figure = getattr(importlib.import_module(module), function)(result, **options)
-    return saved(figure, path)
+    from specan.report.figures import figure_of
+
+    return saved(figure_of(result, view, **options), path)
 
 
 def saved(figure: Figure, path: str | Path | None) -> Figure:

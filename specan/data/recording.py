@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from specan.data.channel import Channel, channels_meant, matches, plain_properties
+from specan.data.channel import Channel, Role, channels_meant, matches, plain_properties
+from specan.data.sensor import si_unit
 from specan.errors import InputError, RequestError, nearest
 from specan.result import Result, counted, full_names
 from specan.units import MOTION, Quantity
@@ -72,6 +73,65 @@ class Recording(Result):
     flags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     set_aside: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        samples: Mapping[str, ArrayLike],
+        sampling_rate: float,
+        *,
+        units: Mapping[str, str] | None = None,
+        roles: Mapping[str, Role] | None = None,
+        label: str = "arrays",
+    ) -> Recording:
+        """A recording of arrays in memory.
+
+        Parameters
+        ----------
+        samples : mapping of str to array (n,)
+            By the names of the channels.
+        sampling_rate : float
+            In hertz, of all channels.
+        units : mapping of str to str, optional
+            Of the samples: ``Pa``, ``mV``, ``m/s^2``; no unit by default. An unknown unit stays as it is.
+        roles : mapping of str to str, optional
+            ``microphone``, ``vibrometer``, ``generator``, ``accelerometer``, ``tacho`` ...; by default
+            ``microphone`` for a sound pressure and ``other`` for the rest.
+        label : str
+            What results say that they are of.
+
+        Returns
+        -------
+        Recording
+            With one channel for each array.
+
+        Raises
+        ------
+        RequestError
+            An array has more than one dimension.
+
+        Examples
+        --------
+        >>> tone = np.sin(2 * np.pi * 100 * np.arange(8000) / 8000)
+        >>> Recording.from_arrays({"Mic 1": tone}, 8000, units={"Mic 1": "Pa"})
+        <Recording: arrays, 1 channel, 1 s at 8000 Hz>
+        """
+        arrays = {name: np.asarray(values, dtype=np.float64) for name, values in samples.items()}
+        channels = []
+        for name, values in arrays.items():
+            if values.ndim != 1:
+                raise RequestError(
+                    f"{name!r} is an array of the shape {values.shape}", expected="one channel for each array"
+                )
+            unit, scale = si_unit((units or {}).get(name, "1"))
+            role = (roles or {}).get(name, "microphone" if unit == "Pa" else "other")
+            channels.append(
+                Channel(
+                    name, unit=unit, role=role, sampling_rate=float(sampling_rate), n_samples=values.size,
+                    raw_unit=unit, raw_scale=scale, gain=scale,
+                )
+            )  # fmt: skip
+        return cls(label, tuple(channels), ArraySource(list(arrays.values())))
 
     def summary(self) -> str:
         """What it is, on one line.

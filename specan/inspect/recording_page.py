@@ -33,6 +33,7 @@ from specan.inspect.tabs.tab import Found, Tab, text_of
 from specan.inspect.view import View
 from specan.inspect.waveform_view import WaveformView
 from specan.inspect.work import Work
+from specan.report.figures import figure_of
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -343,14 +344,8 @@ class RecordingPage:
             if tab.name not in self.writers:
                 raise RequestError(f"there are no numbers of {tab.title} to save")
             return text_of(self.writers[tab.name], result)
-        figure = tab.picture(result)
-        if figure is None:
-            raise RequestError(
-                f"{tab.title} is saved as a picture with the tool beside the figure, as PNG",
-                remedy="press the disk there",
-            )
         stream = io.BytesIO()
-        figure.savefig(stream, format=kind, dpi=150)
+        figure_of(result, tab.figure_view).savefig(stream, format=kind, dpi=150)
         return stream.getvalue()
 
 

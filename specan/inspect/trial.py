@@ -113,6 +113,6 @@ def try_effects(study: Study, now: Fit, uses: Sequence[str]) -> Trial:
 
 
 def _trial(uses: tuple[str, ...], problem: Problem, best: Fit) -> Trial:
-    predictions = problem.predictions(best.theta)
+    predictions = problem.plain(best.theta)
     errors = observable_errors(problem, problem.observations, predictions)
     return Trial(uses, problem, best, tuple(errors), tuple(predictions), residual_map(problem, best))

@@ -183,16 +183,22 @@ class OfForms:
 
 
 def likeliest_form(tried: Mapping[str, Explained]) -> OfForms:
-    """The search, with a part of the base in another published form where that explains the data better.
+    """The search with the form of the base that a verdict rests on: as declared unless another is decisively better.
 
-    What needs no effect comes first where it is as likely by BIC; otherwise another form than the declared one, which
-    comes first, has to be decisively better.
+    What needs no effect comes first, unless an effect is decisively better than every form without one: that something
+    is missing is tested against all published forms together.
     """
     chosen = ""
-    for form, new in tried.items():
-        likelier = DECISIVE if new.search.best.uses or new.found.kind != "nothing-missing" else 0.0
-        if _ahead(new.search.best, tried[chosen].search.best) > likelier:
+    for form, one in tried.items():
+        if _ahead(one.search.best, tried[chosen].search.best) > DECISIVE:
             chosen = form
+    lead = tried[chosen].search.best
+    whole = [
+        form
+        for form, one in tried.items()
+        if one.found.kind == "nothing-missing" and _ahead(lead, one.search.best) <= DECISIVE
+    ]
+    chosen = min(whole, key=lambda form: -_ahead(tried[form].search.best, lead), default=chosen)
     best = tried[chosen]
     rivals = {form: one for form, one in tried.items() if form != chosen and _as_likely(one, best)}
     return OfForms(best, chosen, rivals)

@@ -7,6 +7,7 @@ best, accept or reject them; compare what is left; see where the model fails; pr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -192,7 +193,7 @@ def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
         smallest_visible=visible,
         not_testable=search.step(base).not_testable,
         other_form=forms.form,
-        next_measurement=tuple(p.to_json() for p in _next(search, sets, found.kind, fails_at)),
+        next_measurement=tuple(asdict(p) for p in _next(search, sets, found.kind, fails_at)),
         pulls=shown(found.values or pulls(best)),
         error=error_fall(base, best),
         remarks=tuple(

@@ -29,7 +29,6 @@ import specan
 from specan import __version__
 from specan.errors import RequestError
 from specan.models.catalogue import ENTRY_POINTS, MODEL_ENTRY_POINTS
-from specan.result import finite
 from specan.study.history import changing
 
 if TYPE_CHECKING:
@@ -175,7 +174,7 @@ def keep_diagnosis(directory: Path, hashes: Mapping[str, Any], found: Diagnosis)
 
     Nothing is kept in a directory that cannot be written to, or that another command is changing.
     """
-    diagnosis = finite(found.to_json())
+    diagnosis = found.to_json()
     if diagnosis_of(directory, hashes) == diagnosis:
         return
     content = {"version": __version__, "hashes": hashes, "diagnosis": diagnosis}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -182,7 +182,7 @@ def propose_laws(study: Study) -> ProposedLaws:
         error_before=before.rms,
         left_out_before=None if left_out is None else left_out.rms,
         unit=before.unit,
-        next_measurement=tuple(p.to_json() for p in following),
+        next_measurement=tuple(asdict(p) for p in following),
     )
 
 

@@ -296,7 +296,7 @@ class Study:
     @cached_property
     def errors(self) -> tuple[ObservableError, ...]:
         """Errors on the fitted data."""
-        predictions = self.problem.predictions(self.shown.theta)
+        predictions = self.problem.plain(self.shown.theta)
         return tuple(observable_errors(self.problem, self.problem.observations, predictions))
 
     @cached_property

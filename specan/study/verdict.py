@@ -63,20 +63,10 @@ class Ranked:
     pulls: tuple[Pull, ...] = ()
     level_after_dB: float | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
+    def content(self) -> dict[str, Any]:
+        """What JSON says of it; no level where there is none."""
         return {
-            "effects": list(self.effects),
-            "at": {name: list(places) for name, places in self.at.items()},
-            "delta_bic": self.delta_bic,
-            "p_value": self.p_value,
-            "held_out_gain": self.held_out_gain,
-            "error_after": self.error_after,
-            **({} if self.level_after_dB is None else {"level_after_dB": self.level_after_dB}),
-            "parameters": {name: dict(row) for name, row in self.parameters.items()},
-            "plausible": self.plausible,
-            "at_bound": self.at_bound,
-            "pulls": [pull.to_json() for pull in self.pulls],
+            name: value for name, value in vars(self).items() if (name, value) != ("level_after_dB", None)
         }
 
 
@@ -203,43 +193,32 @@ class Diagnosis(Result):
         """Names in any of the alternatives."""
         return tuple(sorted({name for names in self.alternatives for name in names}))
 
-    def to_json(self) -> dict[str, Any]:
-        """The contract of ``specan study diagnose --json``; plain values."""
+    def content(self) -> dict[str, Any]:
+        """The contract of ``specan study diagnose --json``."""
         lack, law = self.lack_of_fit, self.residual_law
+        names = ("reduced_chi2", "p_value", "n_effective")
         return {
             "verdict": self.verdict,
             "reason": self.reason,
-            "alternatives": [list(names) for names in self.alternatives],
-            "effects": list(self.effects),
-            "at": {name: list(places) for name, places in self.at.items()},
+            "alternatives": self.alternatives,
+            "effects": self.effects,
+            "at": self.at,
             "unknown_possible": self.unknown_possible,
-            "pulls": [pull.to_json() for pull in self.pulls],
+            "pulls": self.pulls,
             "error": None if self.error is None else self.error.to_json(),
-            "remarks": list(self.remarks),
+            "remarks": self.remarks,
             "other_form": self.other_form,
-            "ranking": [row.to_json() for row in self.ranking],
-            "lack_of_fit": {
-                "reduced_chi2": lack.reduced_chi2 if lack else None,
-                "p_value": lack.p_value if lack else None,
-                "n_effective": lack.n_effective if lack else None,
-            },
+            "ranking": [row.content() for row in self.ranking],
+            "lack_of_fit": dict.fromkeys(names) if lack is None else lack,
             "model_discrepancy_percent": self.model_discrepancy_percent,
-            "fails_at": [_plain(place) for place in self.fails_at],
+            "fails_at": self.fails_at,
             "residual_law": None
             if law is None
             else {"text": law.text, "exponents": law.exponents, "low": law.low, "high": law.high},
-            "smallest_visible": {n: None if v is None else dict(v) for n, v in self.smallest_visible.items()},
-            "not_testable": dict(self.not_testable),
-            "next_measurement": [_plain(row) for row in self.next_measurement],
+            "smallest_visible": self.smallest_visible,
+            "not_testable": self.not_testable,
+            "next_measurement": self.next_measurement,
         }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(name): _plain(item) for name, item in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_plain(item) for item in value]
-    return value.item() if hasattr(value, "item") else value
 
 
 def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
@@ -307,7 +286,7 @@ def error_fall(base: Refit, best: Refit) -> ErrorFall:
 def _main_error(refit: Refit) -> ObservableError:
     """Error of the observable with most values, in its unit."""
     problem = refit.problem
-    predicted = problem.predictions(refit.fit.theta)
+    predicted = problem.plain(refit.fit.theta)
     return observable_errors(problem, problem.observations, predicted)[0]
 
 

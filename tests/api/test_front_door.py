@@ -14,9 +14,9 @@ import pytest
 from click.testing import CliRunner
 
 import specan
-from specan.api import drawing
 from specan.data.recording import ArraySource, Channel
 from specan.errors import RequestError
+from specan.report.figures import FIGURES
 from specan_cli.main import main
 
 ROOT = Path(__file__).parents[2]
@@ -172,7 +172,7 @@ def test_results_are_short_on_the_screen_and_can_be_drawn():
         assert len(repr(found)) < 200
         assert name in found._repr_html_()
         assert len(found._repr_html_()) < 10_000
-        if name in drawing.FIGURES:
+        if name in FIGURES:
             assert found.plot().axes
     with pytest.raises(RequestError, match="no figure of a ToneTable"):
         specan.tones(recording()).plot()

@@ -133,3 +133,20 @@ def test_exact_names_come_first_and_patterns_may_be_in_other_letters() -> None:
     assert [c.name for c in recording.select(["MIC *"])] == ["mic 1", "Mic 1", "Mic 2"]
     assert [c.name for c in recording.select(["Mic *"])] == ["Mic 1", "Mic 2"]
     assert [c.name for c in recording.select(["Mic 2", "MIC 1"])] == ["mic 1", "Mic 1", "Mic 2"]
+
+
+def test_arrays_are_a_recording_in_si_units():
+    one = Recording.from_arrays(
+        {"Mic": [1.0, 2.0, 3.0], "Tacho": [0.0, 5.0]}, 10, units={"Mic": "mPa"}, roles={"Tacho": "tacho"}
+    )
+    mic, tacho = one.channels
+    assert (mic.role, mic.unit, mic.n_samples, tacho.role, tacho.unit) == (
+        "microphone",
+        "Pa",
+        3,
+        "tacho",
+        "1",
+    )
+    np.testing.assert_allclose(one.read([mic], 1), [[2e-3, 3e-3]])
+    with pytest.raises(RequestError, match="one channel for each array"):
+        Recording.from_arrays({"Mic": [[1.0, 2.0]]}, 10)

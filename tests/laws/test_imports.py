@@ -17,7 +17,10 @@ VERBS = [
     (["info", NOISE], [*LARGE, *SCIPY]),
     (["fft", NOISE], LARGE),
     (["frf", NOISE], [*LARGE, *SCIPY]),
-    (["batch", "sample_data/recordings/noise", "-o", "{place}", "--jobs", "1"], [*LARGE, *SCIPY]),
+    (
+        ["batch", "sample_data/recordings/noise", "-o", "{place}", "--jobs", "1"],
+        [*LARGE, *SCIPY, "rich", "numpy.ma", "multiprocessing", "specan.analysis.calibration"],
+    ),
 ]
 CODE = """
 import sys

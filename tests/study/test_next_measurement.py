@@ -23,7 +23,7 @@ def test_rivals_are_sent_where_their_curves_part(toy):
     rivals = fitted(toy.problem(lambda x, z: 4 * x**2, ["square", "wave"], seed=1), "square", "wave")
     first, *_ = propose(rivals)
     assert first.conditions["x"] > 3.5
-    assert first.separation > 2
+    assert first.separation_sigma > 2
     assert set(first.predictions) == {"square", "wave"}
     assert "expects" in first.text
 
@@ -43,7 +43,7 @@ def test_predictions_and_separation_are_those_of_the_fits(toy):
         gap.append(first.predictions[name])
         variance += rows[name] @ (refit.fit.covariance * refit.dispersion) @ rows[name]
     assert first.sigma == pytest.approx(1.0)
-    assert first.separation == pytest.approx(abs(gap[0] - gap[1]) / np.sqrt(variance), rel=1e-4)
+    assert first.separation_sigma == pytest.approx(abs(gap[0] - gap[1]) / np.sqrt(variance), rel=1e-4)
 
 
 def test_points_stay_within_the_limits_and_apart(toy):
@@ -102,7 +102,7 @@ def test_the_unknown_is_looked_for_where_nothing_was_measured(toy):
     blocks = localise(problem, start.fit).fails_at
     assert blocks
     for proposal in explore(start, blocks):
-        assert proposal.separation is None
+        assert proposal.separation_sigma is None
         assert "nothing was measured" in proposal.text
 
 

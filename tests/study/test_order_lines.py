@@ -1,4 +1,4 @@
-"""Order lines as observations: covariance in closed form, gains that do not matter, turns that nobody counts."""
+"""Order lines as observations: chi-square in closed form, gains that do not matter, turns that nobody counts."""
 
 from dataclasses import replace
 
@@ -11,16 +11,18 @@ from specan.models.quantity import constant
 from specan.study.data.open_orders import like
 from specan.study.estimation.base_problem import base_problem
 from specan.study.observation import Observation
-from specan.study.observation.order_lines import OrderLinesObservation, declared_errors
+from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
 
 ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
 HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])
 OFFSET = ORDER - 10.0 * HARMONIC
+BEYOND = np.zeros((2, 8), dtype=bool)  # lines that the ideal machine does not have
+BEYOND[:, [1, 3, 5]] = True
 TRUTH = np.random.default_rng(5).normal(size=(2, 8, 2)) @ np.array([1, 1j]) + 3.0
 
 
 def observed(
-    amplitude: np.ndarray, sigma: float = 0.1, near: float = 0.1, path: float = 0.3
+    amplitude: np.ndarray, sigma: float = 0.1, near: float = 0.1, path: float = 0.3, response: float = 0.2
 ) -> OrderLinesObservation:
     return OrderLinesObservation(
         name="run.tdms",
@@ -32,7 +34,8 @@ def observed(
         family=np.array([f"10h+-{abs(o):g}" for o in OFFSET]),
         amplitude=amplitude,
         noise=np.full((2, 8), sigma),
-        shared=declared_errors(TRUTH, ORDER, OFFSET, near, path),
+        relative=declared_errors(ORDER, OFFSET, near, path),
+        common=response_errors(BEYOND, HARMONIC, response),
         kept=np.ones((2, 8), dtype=bool),
         order_condition="order",
         point={"load": 2.0},
@@ -43,22 +46,68 @@ def test_it_is_an_observation() -> None:
     assert isinstance(observed(TRUTH), Observation)
 
 
-def test_covariance_in_closed_form() -> None:
-    """Variance: noise + (near^2 + path^2 beside the harmonic) |A|^2; common to one offset at all harmonics: path^2."""
+def declared_covariance(lines: np.ndarray) -> np.ndarray:
+    """Complex V of the lines of both sensors, entry by entry as it is declared."""
+    centres = np.arange(1, 7) * 4.0
+    basis = np.clip(1 - np.abs(ORDER - centres[:, None]) / 4.0, 0, None)
+    v = np.zeros((2, 8, 2, 8), dtype=complex)
+    for s, i, t, j in np.ndindex(2, 8, 2, 8):
+        shared = 0.0
+        if s == t:
+            shared += 0.1**2 * np.sum(np.sqrt(basis[:, i] * basis[:, j]))
+            shared += 0.3**2 * (OFFSET[i] == OFFSET[j] != 0)
+        shared += 0.2**2 * (BEYOND[s, i] and BEYOND[t, j] and HARMONIC[i] == HARMONIC[j])
+        v[s, i, t, j] = shared * lines[s, i] * np.conj(lines[t, j]) + 0.1**2 * ((s, i) == (t, j))
+    return v.reshape(16, 16)
+
+
+def test_chi_square_in_closed_form() -> None:
+    """(y - p)' V^-1 (y - p), where V is that of the prediction p with the gains found."""
+    rng = np.random.default_rng(2)
+    found = observed(TRUTH * (1 + 0.2 * (rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]))))
+    predicted = np.zeros((2, 8), dtype=complex)
+    predicted[found.kept] = found._with_gains(TRUTH[found.kept])[0]
+    gap = (found.amplitude - predicted).ravel()
+    apart = np.log(found.amplitude / predicted)
+    middle = np.minimum(np.abs((found.amplitude - predicted) / apart), 2 * np.abs(predicted))
+    middle = middle * predicted / np.abs(predicted)
+    expected = np.real(gap.conj() @ np.linalg.solve(declared_covariance(middle), gap))
+    moved = found.whiten(found.as_known(TRUTH) - found.measured)
+    assert np.sum(moved**2) == pytest.approx(expected, rel=1e-9)
+
+
+def test_gains_are_those_of_generalised_least_squares() -> None:
+    """At their own covariance, and where the declared errors are small beside the noise."""
+    rng = np.random.default_rng(4)
+    noisy = TRUTH * 2j + rng.normal(size=(2, 8, 2)) @ np.array([1, 1j])
+    found = observed(noisy, 1.0, near=1e-6, path=1e-6, response=1e-6)
+    predicted = np.zeros((2, 8), dtype=complex)
+    predicted[found.kept] = found._with_gains(TRUTH[found.kept])[0]
+    for sensor in range(2):
+        for h in (1, 2):
+            mine = h == HARMONIC
+            gain = np.vdot(TRUTH[sensor, mine], noisy[sensor, mine]) / np.vdot(
+                TRUTH[sensor, mine], TRUTH[sensor, mine]
+            )
+            assert predicted[sensor, mine] == pytest.approx(gain * TRUTH[sensor, mine], rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0])
+def test_lines_too_high_cost_as_much_as_lines_too_low(factor: float) -> None:
+    """A part of the lines predicted five times too high or too low is refused, far beyond the declared errors."""
+    found = observed(TRUTH, 0.001)
+    wrong = TRUTH * np.where(BEYOND, factor, 1.0)
+    chi2 = np.sum(found.whiten(found.as_known(wrong) - found.measured) ** 2)
+    assert chi2 > 60  # of 24 degrees of freedom
+
+
+def test_lines_that_are_not_predicted_are_evidence_in_full() -> None:
+    """A model without a line is given nothing for it, however large the declared errors."""
     found = observed(TRUTH)
-    size = np.abs(TRUTH) ** 2
-    beside = OFFSET != 0
-    expected = 0.1**2 + (0.1**2 + 0.3**2 * beside) * size
-    assert np.diag(found.covariance)[:16] == pytest.approx(expected.ravel(), rel=1e-12)
-    # 7 and 17 lie 10 orders apart and both 3 below their harmonic: of a relative error e, Re(e A) and Re(e B)
-    a, b = TRUTH[0, 0], TRUTH[0, 4]
-    assert found.covariance[0, 4] == pytest.approx(0.3**2 * np.real(a * np.conj(b)), rel=1e-12)
-    assert found.covariance[0, 8] == 0  # the other sensor
-    # 9 and 10: basis at 8 and 12 hold 3/4 and 1/4 of the one, 1/2 and 1/2 of the other
-    both = 0.1**2 * (np.sqrt(0.75 * 0.5) + np.sqrt(0.25 * 0.5))
-    assert found.covariance[1, 2] == pytest.approx(
-        both * np.real(TRUTH[0, 1] * np.conj(TRUTH[0, 2])), rel=1e-12
-    )
+    without = np.where(BEYOND, 0.0, TRUTH)
+    moved = found.as_known(without)
+    rows = found.stack(BEYOND.astype(complex) * (1 + 1j)) > 0
+    assert moved[rows] == pytest.approx(np.zeros(rows.sum()), abs=1e-12)
 
 
 def test_chi_square_of_drawn_errors_has_the_stated_degrees_of_freedom() -> None:
@@ -74,23 +123,25 @@ def test_chi_square_of_drawn_errors_has_the_stated_degrees_of_freedom() -> None:
         smooth = 0.1 * complex_normal(2, centres.size) @ basis
         own = {o: 0.3 * complex_normal(2) for o in np.unique(OFFSET) if o}
         beside = np.stack([own.get(o, np.zeros(2)) for o in OFFSET], axis=1)
-        seen = observed(TRUTH * (1 + smooth + beside) + 0.1 * complex_normal(2, 8))
-        return float(np.sum(seen.whiten(seen.with_gains(TRUTH) - seen.measured) ** 2))
+        answer = 0.2 * complex_normal(2)[HARMONIC - 1] * BEYOND
+        seen = observed(TRUTH * np.exp(smooth + beside + answer) + 0.1 * complex_normal(2, 8))
+        return float(np.sum(seen.whiten(seen.as_known(TRUTH) - seen.measured) ** 2))
 
     values = [drawn() for _ in range(400)]
     dof = observed(TRUTH).n_effective
     assert dof == 32 - 2 * 4
-    assert np.mean(values) == pytest.approx(dof, abs=4 * np.sqrt(2 * dof / 400))
-    assert np.var(values) == pytest.approx(2 * dof, rel=0.3)
+    # gains are found by V about the prediction: products of errors make a tenth
+    assert np.mean(values) == pytest.approx(dof, rel=0.1)
+    assert np.var(values) == pytest.approx(2 * dof, rel=0.4)
 
 
 def test_gains_of_a_sensor_and_harmonic_do_not_matter() -> None:
     found = observed(TRUTH)
     gain = np.where(HARMONIC == 1, 3.0 - 2.0j, 0.01j) * np.array([[1.0], [-5.0]])
     other = TRUTH * np.linspace(0.8, 1.1, 8)
-    assert found.with_gains(gain * other) == pytest.approx(found.with_gains(other), rel=1e-9)
-    assert found.with_gains(gain * TRUTH) == pytest.approx(found.measured, rel=1e-9)
-    assert found.with_gains(0 * TRUTH) == pytest.approx(0 * found.measured)
+    assert found.as_known(gain * other) == pytest.approx(found.as_known(other), rel=1e-9)
+    assert found.as_known(gain * TRUTH) == pytest.approx(found.measured, rel=1e-9)
+    assert found.as_known(0 * TRUTH) == pytest.approx(0 * found.measured)
 
 
 def test_part_of_the_lines() -> None:
@@ -100,11 +151,7 @@ def test_part_of_the_lines() -> None:
     assert part.n_effective == 12
     rows = np.flatnonzero(found.labels["channel"] == "B")
     assert part.covariance == pytest.approx(found.covariance[np.ix_(rows, rows)])
-    gap = np.random.default_rng(0).normal(size=(32, 3))
-    inverse = np.linalg.inv(found.covariance)
-    assert np.sum(found.whiten(gap) ** 2, axis=0) == pytest.approx(
-        np.einsum("ik,ij,jk->k", gap, inverse, gap)
-    )
+    assert part.as_known(TRUTH) == pytest.approx(part.measured)
 
 
 def test_a_model_is_asked_for_complex_lines() -> None:
@@ -119,6 +166,7 @@ def test_a_model_is_asked_for_complex_lines() -> None:
     )
     found = replace(observed(lines), point={})
     assert found.predict(model.assemble(), {}) == pytest.approx(found.measured)
+    assert found.plain(model.assemble(), {}) == pytest.approx(found.measured)
 
 
 STATEMENT = OrderLines(

@@ -1,6 +1,6 @@
 """Where a room's model fails, and where the next microphone should stand: on a room that the model itself made."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -170,14 +170,14 @@ def rivals(model):
 def test_places_for_the_next_microphone_are_proposed_with_what_is_expected_there(rivals, model):
     proposals = propose(rivals)
     assert 1 <= len(proposals) <= 3
-    first = proposals[0].to_json()
+    first = asdict(proposals[0])
     place = np.array([first["conditions"][k] for k in ("x_m", "y_m", "z_m")])
     assert np.min(np.linalg.norm(model.receivers.places.free() - place, axis=1)) < 1e-9
     assert set(first["predictions"]) == {"wall-impedance@y1", "wall-impedance@y0"}
     assert first["separation_sigma"] >= 2
     assert "wall-impedance@y1 expects" in first["text"]
     assert f"by {first['separation_sigma']:.1f} sigma" in first["text"]
-    separations = [p.separation for p in proposals]
+    separations = [p.separation_sigma for p in proposals]
     assert separations == sorted(separations, reverse=True)
 
 

@@ -64,7 +64,8 @@ def draw(seed: int, *effects: str, strength: float = 1.0, drawn_set: bool = Fals
     mount = rng.normal(0, 1.0)
     runs, held_out = RUNS, HELD_OUT
     if drawn_set:
-        machine, runs, held_out = _other_set(machine, np.random.default_rng([seed, 13]))
+        rng_law = np.random.default_rng([seed, 17])
+        machine, runs, held_out = _other_set(machine, np.random.default_rng([seed, 13]), rng_law)
     hidden = {
         name: _size(name, strength, np.random.default_rng([seed, 7, k]), machine.planets)
         for k, name in enumerate(effects)
@@ -74,13 +75,18 @@ def draw(seed: int, *effects: str, strength: float = 1.0, drawn_set: bool = Fals
     return Gear(seed, replace(machine, hidden=hidden), housing, mount, runs, held_out)
 
 
-def _other_set(machine: Machine, rng: np.random.Generator) -> tuple[Machine, tuple[Run, ...], Run]:
+def _other_set(
+    machine: Machine, rng: np.random.Generator, rng_law: np.random.Generator
+) -> tuple[Machine, tuple[Run, ...], Run]:
     """Another set of teeth, another form of the stiffness, and other speeds and torques."""
     z_sun, z_planet, z_ring, planets = SETS[int(rng.integers(len(SETS)))]
     form = str(rng.choice(["parabola", "trapezoid"]))
     ratios = contact_ratios(z_sun, z_planet, z_ring, machine.pressure_angle)
+    # Linear springs; contact along a line; teeth that bend with contact at a point between them; contact at a point.
+    exponent = float(rng_law.choice([1.0, 10 / 9, 1.25, 1.5]))
     machine = replace(
         machine,
+        exponent=exponent,
         z_sun=z_sun,
         z_planet=z_planet,
         z_ring=z_ring,
@@ -110,6 +116,10 @@ def _size(name: str, strength: float, rng: np.random.Generator, planets: int) ->
         "torque-ripple": {"part": 0.05 * part, "phase": phase},
         "transmission-path": {"narrower": 1 - 0.35 * part if sign < 0 else 1 + 0.35 * part},
         "tooth-crack": {"softer": 0.3 * part, "place": rng.uniform(0, 1)},
+        "pitch-errors": {"cumulative_um": 2.0 * part, "seed": float(rng.integers(1 << 30))},
+        "mesh-damping": {"times": 3.0 if sign > 0 else 0.4},
+        "tip-relief": {"longer": 1.0 + 4.0 * part},
+        "tooth-friction": {"coefficient": 0.08 * part},
         "speed-fluctuation": {"rms_deg": 0.5 * part},
         "bearing-defect": {"order": 5.4318, "peak": 1.0 * part, "hz": rng.uniform(1500, 4000)},
     }[name]

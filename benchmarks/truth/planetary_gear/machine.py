@@ -1,8 +1,10 @@
-"""Torsional vibration of a planetary set with prescribed mesh stiffness, integrated by Newmark's method.
+"""Torsional vibration of a planetary set with prescribed mesh stiffness, integrated in time.
 
 Carrier and planets turn, the sun's speed is given, the ring is fixed. A pair of teeth is a linear spring whose
 stiffness is a parabola over its path of contact, highest in its middle, taken in and let go by raised cosines; a mesh
-is the sum of the pairs in contact. So the load changes no stiffness, and no pair comes late.
+is the sum of the pairs in contact. So the load changes no stiffness, and no pair comes late; Newmark's method
+integrates it. Or the mesh stiffens with its load, F = k(t) x (x / x0)^(n - 1) where it is in contact, and teeth part
+where it is not; Runge-Kutta's method of the fourth order integrates that.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ Real = NDArray[np.float64]
 
 STEPS_A_TOOTH = 40
 SETTLE_TURNS = 3
+SUBSTEPS = 6  # of Runge-Kutta's method, whose steps are bound by the planets' natural frequency
+KNEE_N = 150.0  # load of a mesh at which a mesh of any exponent has the same stiffness
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class Machine:
     form: str = "parabola"
     drop: float = 0.3
     ramp: float = 0.06
+    exponent: float = 1.0
     contact_ratio: tuple[float, float] = (1.586, 1.932)
     lead: float = 0.0
     damping_ratio: float = 0.05
@@ -77,10 +82,23 @@ def ring_forces(machine: Machine, carrier_hz: float, torque: float) -> tuple[Rea
         geometry[i, 1 + i], geometry[n + i, 1 + i] = planet, -planet
     mass = np.array([machine.carrier_inertia, *([machine.planet_inertia] * n)])
     typical = float(stiffness.mean())
-    damping = 2 * machine.damping_ratio * math.sqrt(typical * machine.planet_inertia / planet**2)
+    ratio = machine.damping_ratio * machine.hidden.get("mesh-damping", {}).get("times", 1.0)
+    damping = 2 * ratio * math.sqrt(typical * machine.planet_inertia / planet**2)
     step = 1.0 / (carrier_hz * a_turn)
     rate = np.gradient(offset, step, axis=0)
-    force = _newmark(mass, geometry, stiffness, offset, rate, load, damping, step)
+    if machine.exponent == 1.0:
+        force = _newmark(mass, geometry, stiffness, offset, rate, load, damping, step)
+    else:
+        knee = machine.exponent * KNEE_N / typical  # where the slope of k x (x / x0)^(n - 1) / n is k
+        force = _runge_kutta(
+            mass, geometry, stiffness / machine.exponent, offset, rate, load, damping, step, machine.exponent, knee
+        )  # fmt: skip
+    if (
+        "tooth-friction" in machine.hidden
+    ):  # turns with the sliding, at the pitch point in the middle of the path
+        sliding = machine.z_ring * (turn[:, None] + machine.angles() / (2 * np.pi)) - 0.5
+        friction = machine.hidden["tooth-friction"]["coefficient"] * np.tanh(8 * np.sin(2 * np.pi * sliding))
+        force[:, n:] *= 1 + friction
     return turn[SETTLE_TURNS * a_turn :], force[SETTLE_TURNS * a_turn :, n:].T.copy()
 
 
@@ -125,7 +143,14 @@ def _excitation(machine: Machine, turn: Real, torque: float) -> tuple[Real, Real
             runout = hidden["sun-runout"]
             at = 2 * np.pi * against - place + runout["phase"]
             offset[:, i] += runout["eccentricity_um"] * 1e-6 * np.sin(at + machine.pressure_angle)
-    load = np.full(turn.size, torque)
+        if "pitch-errors" in hidden:
+            pitch = hidden["pitch-errors"]
+            rng = np.random.default_rng(int(pitch["seed"]))
+            wave = np.zeros_like(turn)
+            for k, phase in enumerate(rng.uniform(0, 2 * np.pi, 9), 2):  # the first harmonic is a runout
+                wave += np.cos(2 * np.pi * k * on_sun + phase) / k
+            offset[:, i] += pitch["cumulative_um"] * 1e-6 * wave
+    load = np.full(turn.size, float(torque))
     if "torque-ripple" in hidden:
         ripple = hidden["torque-ripple"]
         load *= 1 + ripple["part"] * np.cos(2 * np.pi * (against + turn) + ripple["phase"])
@@ -150,7 +175,8 @@ def _mesh(machine: Machine, phase: Real, ratio: float) -> Real:
     base = phase - np.floor(phase)
     for pair in range(math.ceil(ratio)):
         x = (base + pair) / ratio
-        edge = np.clip(np.minimum(x, 1 - x) / machine.ramp, 0, 1)
+        ramp = machine.ramp * machine.hidden.get("tip-relief", {}).get("longer", 1.0)
+        edge = np.clip(np.minimum(x, 1 - x) / ramp, 0, 1)
         if machine.form == "trapezoid":
             total += machine.pair_stiffness * (1 - machine.drop * np.abs(2 * x - 1)) * edge
         else:
@@ -198,3 +224,56 @@ def _newmark(mass, geometry, stiffness, offset, rate, load, damping, step):
                 speed -= geometry[m, i] * v[i]
             force[k, m] = stiffness[k, m] * approach + damping * speed
     return force
+
+
+@njit(cache=True)
+def _slope(q, v, mass, geometry, stiffness, offset, rate, load, damping, exponent, knee, force):
+    """Accelerations; the forces of the meshes are put into `force`."""
+    for m in range(stiffness.size):
+        approach, speed = offset[m], rate[m]
+        for i in range(mass.size):
+            approach -= geometry[m, i] * q[i]
+            speed -= geometry[m, i] * v[i]
+        if approach > 0:
+            force[m] = max(
+                stiffness[m] * approach * (approach / knee) ** (exponent - 1) + damping * speed, 0.0
+            )
+        else:
+            force[m] = 0.0
+    found = geometry.T @ force
+    found[0] -= load
+    return found / mass
+
+
+@njit(cache=True)
+def _runge_kutta(mass, geometry, stiffness, offset, rate, load, damping, step, exponent, knee):
+    """Forces of meshes whose stiffness goes with the load, by Runge-Kutta's method of the fourth order."""
+    steps, meshes = stiffness.shape
+    force, found = np.zeros(meshes), np.zeros((steps, meshes))
+    whole = load[0] / geometry[:, 0].sum()
+    q, v = np.zeros(mass.size), np.zeros(mass.size)
+    q[0] = -((whole / stiffness[0].mean() * knee ** (exponent - 1)) ** (1 / exponent)) / geometry[:, 0].mean()
+    h = step / SUBSTEPS
+    for k in range(steps):
+        after = min(k + 1, steps - 1)
+        for part in range(SUBSTEPS):
+            a = part / SUBSTEPS
+            b, c = a + 0.5 / SUBSTEPS, a + 1.0 / SUBSTEPS
+            begin = (stiffness[k] * (1 - a) + stiffness[after] * a, offset[k] * (1 - a) + offset[after] * a,
+                     rate[k] * (1 - a) + rate[after] * a, load[k] * (1 - a) + load[after] * a)  # fmt: skip
+            middle = (stiffness[k] * (1 - b) + stiffness[after] * b, offset[k] * (1 - b) + offset[after] * b,
+                      rate[k] * (1 - b) + rate[after] * b, load[k] * (1 - b) + load[after] * b)  # fmt: skip
+            end = (stiffness[k] * (1 - c) + stiffness[after] * c, offset[k] * (1 - c) + offset[after] * c,
+                   rate[k] * (1 - c) + rate[after] * c, load[k] * (1 - c) + load[after] * c)  # fmt: skip
+            a1 = _slope(q, v, mass, geometry, *begin, damping, exponent, knee, force)
+            if part == 0:
+                found[k] = force
+            v2 = v + h / 2 * a1
+            a2 = _slope(q + h / 2 * v, v2, mass, geometry, *middle, damping, exponent, knee, force)
+            v3 = v + h / 2 * a2
+            a3 = _slope(q + h / 2 * v2, v3, mass, geometry, *middle, damping, exponent, knee, force)
+            v4 = v + h * a3
+            a4 = _slope(q + h * v3, v4, mass, geometry, *end, damping, exponent, knee, force)
+            q = q + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
+            v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    return found

@@ -9,10 +9,8 @@ from pathlib import Path
 
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult
-from specan.analysis.calibration import join_insertions
 from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.excitation import CALIBRATOR_WORDS, stated_excitation
-from specan.analysis.insertion import Insertion, evaluate_insertion
 from specan.data.recording import Recording
 from specan.errors import SpecanError, unforeseen
 from specan.io.calibration_file import read_calibration, write_calibration
@@ -136,6 +134,11 @@ def _calibrate(
     open_headers: Callable[[Input], Recording],
 ) -> tuple[list[FileResult], tuple[str, ...] | None]:
     """Results of the calibrator recordings, and the notes of the calibration if there is one."""
+    if not entries:
+        return [], None
+    from specan.analysis.calibration import join_insertions
+    from specan.analysis.insertion import Insertion, evaluate_insertion
+
     results, insertions = [], list[Insertion]()
     for entry in entries:
         try:

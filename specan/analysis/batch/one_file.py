@@ -8,10 +8,11 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
+from specan.analysis.accumulator import Reader
 from specan.analysis.batch.band_lines import band_lines, other_lines, rms_lines
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.noise_lines import noise_lines
-from specan.analysis.batch.one_pass import Accumulator, feed
+from specan.analysis.batch.one_pass import feed
 from specan.analysis.batch.order_lines import with_orders
 from specan.analysis.batch.result import FileResult, Kind
 from specan.analysis.batch.rms_pass import RmsPass
@@ -20,7 +21,7 @@ from specan.analysis.batch.tone_lines import tone_lines, with_flags
 from specan.analysis.channel_groups import AT_ONCE
 from specan.analysis.excitation import recognise
 from specan.analysis.octave import Octave, OctaveAccumulator
-from specan.analysis.quality import QualityAccumulator
+from specan.analysis.quality import QualityPass
 from specan.analysis.tone import ToneAccumulator
 from specan.analysis.transfer_function import TransferFunctionAccumulator
 from specan.data.calibration import Calibration, apply
@@ -32,19 +33,6 @@ from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.open import open_recording
 
 Made = TypeVar("Made")
-
-
-class QualityPass:
-    """Dead, clipped and missing samples of the channels that another analysis reads anyway."""
-
-    def __init__(self, like: Accumulator) -> None:
-        self.channels, self.start, self.stop = like.channels, like.start, like.stop
-        self._quality = QualityAccumulator(like.channels)
-        self.add = self._quality.add
-
-    def by_channel(self) -> dict[int, Quality]:
-        """Quality by the identity of the channel."""
-        return {id(c): q for c, q in zip(self.channels, self._quality.result(), strict=True)}
 
 
 def analyse_file(entry: Input, settings: BatchSettings, calibration: Calibration | None) -> FileResult:
@@ -129,7 +117,7 @@ def _noise(
     make = partial(TransferFunctionAccumulator, recording, settings.transfer_function)
     transfer = _attempt("transfer function", make, recording.label, faults)
     bands = [b for _, b in _band_passes(recording, settings.octave, faults) if b is not None]
-    used: list[Accumulator] = [*([] if transfer is None else [transfer]), *bands]
+    used: list[Reader] = [*([] if transfer is None else [transfer]), *bands]
     if not used:
         return replace(found, kind="failed", reason="; ".join(faults))
     taken = [analysis.channels for analysis in used]
@@ -137,7 +125,7 @@ def _noise(
     notes: list[str] = []
     units: dict[str, dict[str, str]] = defaultdict(dict)
 
-    def write(analysis: Accumulator, quality: Mapping[int, Quality]) -> None:
+    def write(analysis: Reader, quality: Mapping[int, Quality]) -> None:
         if isinstance(analysis, TransferFunctionAccumulator):
             response = analysis.result()
             also = ("sweep",) if swept else ()
@@ -166,7 +154,7 @@ def _noise(
 
 def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> FileResult:
     faults: list[str] = []
-    passes: list[Accumulator] = [
+    passes: list[Reader] = [
         (RmsPass(channels) if bands is None else bands)
         for channels, bands in _band_passes(recording, settings.octave, faults)
     ]
@@ -175,7 +163,7 @@ def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> 
     taken = [analysis.channels for analysis in passes]
     lines: list[str] = []
 
-    def write(analysis: Accumulator, quality: Mapping[int, Quality]) -> None:
+    def write(analysis: Reader, quality: Mapping[int, Quality]) -> None:
         own = [quality[id(c)] for c in analysis.channels]
         if isinstance(analysis, RmsPass):
             words = [(*q.flags, *recording.flags) for q in own]
@@ -190,8 +178,8 @@ def _other(recording: Recording, settings: BatchSettings, found: FileResult) -> 
 
 def _few_at_once(
     recording: Recording,
-    analyses: list[Accumulator],
-    write: Callable[[Accumulator, Mapping[int, Quality]], None],
+    analyses: list[Reader],
+    write: Callable[[Reader, Mapping[int, Quality]], None],
 ) -> None:
     """Feed and write down the analyses: in one pass where they have few channels, else one after the other.
 
@@ -206,7 +194,7 @@ def _few_at_once(
         del analysis, together
 
 
-def _read(recording: Recording, passes: Sequence[Accumulator]) -> dict[int, Quality]:
+def _read(recording: Recording, passes: Sequence[Reader]) -> dict[int, Quality]:
     """Feed the analyses, and look at the quality of every channel on the way; by the identity of the channel."""
     looks: list[QualityPass] = []
     seen: set[int] = set()
@@ -215,7 +203,7 @@ def _read(recording: Recording, passes: Sequence[Accumulator]) -> dict[int, Qual
             looks.append(QualityPass(analysis))
             seen |= {id(c) for c in analysis.channels}
     feed(recording, [*passes, *looks])
-    return {key: q for look in looks for key, q in look.by_channel().items()}
+    return {id(c): q for look in looks for c, q in zip(look.channels, look.result(), strict=True)}
 
 
 def _with_rest(

@@ -4,34 +4,17 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from specan.analysis.accumulator import READ_BLOCK
-from specan.data.channel import Channel
+from specan.analysis.accumulator import READ_BLOCK, Reader
 from specan.data.recording import Recording
 
 
-class Accumulator(Protocol):
-    """An analysis that takes samples piece by piece."""
-
-    channels: tuple[Channel, ...]
-    start: int
-    stop: int
-
-    def add(self, samples: NDArray[np.float64], /) -> None:
-        """Take the next samples of `channels`."""
-        ...
-
-
-def feed(recording: Recording, accumulators: Sequence[Accumulator]) -> None:
+def feed(recording: Recording, accumulators: Sequence[Reader]) -> None:
     """Give every accumulator the samples of its channels, from its start to its stop.
 
     Accumulators at one sampling rate over one section share one pass over the file.
     """
-    together: dict[tuple[float, int, int], list[Accumulator]] = defaultdict(list)
+    together: dict[tuple[float, int, int], list[Reader]] = defaultdict(list)
     for accumulator in accumulators:
         rate = accumulator.channels[0].sampling_rate
         together[rate, accumulator.start, accumulator.stop].append(accumulator)

@@ -11,8 +11,7 @@ from specan.analysis.batch.one_pass import feed
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.order_settings import OrderSettings
-from specan.analysis.quality import QualityAccumulator
-from specan.data.channel import Channel
+from specan.analysis.quality import QualityPass
 from specan.data.orders import OrderSpectrum
 from specan.data.recording import Recording
 from specan.errors import SpecanError
@@ -22,15 +21,6 @@ from specan.units import level_reference
 TABLE = "orders.txt"
 # Up to the highest order by default, every order is seen at every speed: one column says it all.
 _NO_MAP = OrderSettings(columns=1)
-
-
-class _Looked:
-    """The samples that an order analysis reads, looked at on the way."""
-
-    def __init__(self, channels: tuple[Channel, ...], start: int, stop: int) -> None:
-        self.channels, self.start, self.stop = channels, start, stop
-        self.quality = QualityAccumulator(channels)
-        self.add = self.quality.add
 
 
 def with_orders(found: FileResult, recording: Recording, settings: BatchSettings) -> FileResult:
@@ -62,14 +52,14 @@ def _analyse(
     from specan.analysis.order_accumulator import OrderAccumulator
 
     accumulator = OrderAccumulator(recording, settings)
-    look = _Looked(accumulator.channels, accumulator.start, accumulator.stop)
+    look = QualityPass(accumulator)
     if settings.envelope_hz is None:
         feed(recording, [accumulator, look])
     else:
         feed(recording, [look])
         for samples in accumulator.pieces():
             accumulator.add(samples)
-    return accumulator.result(), [quality.flags for quality in look.quality.result()]
+    return accumulator.result(), [quality.flags for quality in look.result()]
 
 
 def order_lines(orders: OrderSpectrum, flags: Sequence[Sequence[str]]) -> str:

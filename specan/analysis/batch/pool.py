@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -28,7 +29,7 @@ def spread(
     Parameters
     ----------
     work : callable
-        Called with one item; a function of a module, since processes are spawned (as Windows does).
+        Called with one item; a function of a module, since processes may be new ones (as on Windows).
     prepare, context : callable and tuple
         Called once in each process as ``prepare(*context)`` before any work.
     jobs : int
@@ -61,13 +62,21 @@ def _round(
     jobs: int,
 ) -> Generator[tuple[int, Result], None, tuple[list[int], list[int]]]:
     """Work until done or until a process dies; returns what was not begun and what was in work then."""
+    # Loaded here: a batch in one process does without.
+    import multiprocessing
+    from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+    from concurrent.futures.process import BrokenProcessPool
+
     waiting = list(positions)[::-1]
     running: dict[Future[Result], int] = {}
     if not waiting:
         return [], []
-    spawn = multiprocessing.get_context("spawn")
+    # A copy of this process has everything loaded, a new one takes 0.4 s. Copied are processes without threads only: a
+    # lock that another thread holds would never be given back. Other systems than Linux begin new ones.
+    copied = sys.platform == "linux" and threading.active_count() == 1
+    context_of = multiprocessing.get_context("fork" if copied else "spawn")
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(min(jobs, len(waiting)), spawn, _begin, (prepare, *context))
+    pool = ProcessPoolExecutor(min(jobs, len(waiting)), context_of, _begin, (prepare, *context))
     try:
         while waiting or running:
             # Two for each process: none waits while a result is put away here.
@@ -97,6 +106,8 @@ def _begin(prepare: Callable[..., None], *context: Any) -> None:
 
 
 def _end_with_parent() -> None:
+    import multiprocessing
+
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

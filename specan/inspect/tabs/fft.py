@@ -15,7 +15,6 @@ from specan.inspect.plots import WRAPPED, Curve, Lines
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import micro, with_gaps
-from specan.report.figures_spectra import figure_spectrum
 from specan.schema import parse
 
 _PHASE_DB = 60.0  # below its highest line a spectrum's phase is not drawn
@@ -99,10 +98,6 @@ class FftTab(Tab):
                     text += f", {round(r.phase_deg[row, line], 2) + 0.0:.2f} degrees"
                 rows.append((self.opened.text(number, name), f"{r.frequency_hz[line]:.6g}", text))
         return rows
-
-    def picture(self, result: Any) -> Any:
-        """As the command draws it."""
-        return figure_spectrum(result)
 
 
 def _settings(view: View, chosen: Chosen) -> FourierSpectrum:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from specan.inspect.plots import FEW, WRAPPED, Band, Curve, Lines, outer_of
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import band_about, with_gaps
-from specan.report.figures_spectra import figure_frequency_response
 from specan.schema import parse
 
 _MOST_BANDS = 8  # channels whose bands are drawn: more would be one grey
@@ -129,10 +127,6 @@ class FrfTab(Tab):
                 )
                 rows.append((self.opened.text(number, name), f"{r.frequency_hz[line]:.6g}", text))
         return rows
-
-    def picture(self, result: Any) -> Any:
-        """As the command draws it."""
-        return figure_frequency_response(result)
 
 
 def _outer(curves: list[Curve], mine: list[int]) -> list[int]:

@@ -18,7 +18,6 @@ from specan.inspect.superseded import Superseded
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell
 from specan.inspect.view import View
 from specan.report.figure_style import level_label
-from specan.report.figures_levels import figure_levels
 from specan.schema import parse
 from specan.units import level_reference
 
@@ -100,10 +99,6 @@ class LevelsTab(Tab):
             f"<p>Section {first.start_s:g} s to {first.start_s + first.duration_s:g} s; max, min and percentiles of "
             f"the level with {first.averaging} time weighting.</p>"
         )
-
-    def picture(self, result: Any) -> Any:
-        """As the command draws it."""
-        return figure_levels(result)
 
 
 def _decibels(value: float) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from bokeh.models import Div
 
@@ -18,7 +16,6 @@ from specan.inspect.sheets import sheet
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell
 from specan.inspect.view import View
 from specan.report.figure_style import level_label, micro
-from specan.report.figures_bands import figure_band_levels
 from specan.schema import parse
 
 
@@ -81,10 +78,6 @@ class OctaveTab(Tab):
                     level = f"{r.level_dB[row, band]:.2f} dB re {r.references[row].text} {words}".strip()
                     rows.append((self.opened.text(number, name), f"{r.nominal_hz[band]:g}", level))
         return rows
-
-    def picture(self, result: Any) -> Any:
-        """As the command draws it."""
-        return figure_band_levels(result)
 
 
 def octave_settings(view: View, chosen: Chosen) -> Octave:

@@ -16,7 +16,6 @@ from specan.inspect.plots import Curve, Lines, plain
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import level_label
-from specan.report.figures_orders import figure_order_map, figure_orders
 from specan.schema import parse
 from specan.units import level_reference
 
@@ -40,7 +39,6 @@ class OrdersTab(Tab):
         self.number(view, "turns", "Turns", 70, mode="int")
         self.choice(view, "order_map", "Show", [("False", "spectrum"), ("True", "with the map")], 120)
         self._speed_hz = 1.0
-        self._with_map = view.order_map
         self.levels = GroupedLines(
             "Order of the shaft",
             lambda lines: self.add_figure(_AtSpeed(lines, self)),
@@ -71,7 +69,7 @@ class OrdersTab(Tab):
     def draw(self, found: Found, view: View) -> None:
         """Levels of all channels, and the map of the first one where it is wanted."""
         first = found[0][1]
-        self._speed_hz, self._with_map = first.tacho.mean_hz, view.order_map
+        self._speed_hz, self.figure_view = first.tacho.mean_hz, "map" if view.order_map else ""
         groups: dict[str, list[Curve]] = {}
         for number, r in found:
             for row, name in enumerate(r.channels):
@@ -96,10 +94,6 @@ class OrdersTab(Tab):
                 hertz = f"{r.order[line] * r.tacho.mean_hz:.6g}"
                 rows.append((self.opened.text(number, name), hertz, text))
         return rows
-
-    def picture(self, result: Any) -> Any:
-        """As the command draws it."""
-        return figure_order_map(result) if self._with_map else figure_orders(result)
 
     def _draw_map(self, r: OrderSpectrum, name: str) -> None:
         low, high = float(r.speed_hz.min()), float(r.speed_hz.max())

@@ -17,7 +17,6 @@ from specan.inspect.plots import HarmonicCursor, hertz_axis, plain
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import micro
-from specan.report.figures_spectra import figure_spectrogram
 from specan.schema import parse
 
 _ROWS, _COLUMNS = 220, 500  # of the picture
@@ -105,7 +104,3 @@ class SpectrogramTab(Tab):
             f"blocks a column: {r.blocks_per_column}, {r.scale.level_text(r.units[0])}",
         )  # fmt: skip
         self.sheet.x_range.update(start=left, end=right, reset_start=left, reset_end=right)
-
-    def picture(self, result: Any) -> Any:
-        """As the command draws it."""
-        return figure_spectrogram(result)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from bokeh.models import NumericInput, Select
@@ -15,9 +15,6 @@ from specan.errors import RequestError
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.superseded import Heard, Tell
 from specan.inspect.view import View
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Change = Callable[..., None]
 Found = list[tuple[int, Any]]  # number of the recording, and its result
@@ -50,10 +47,13 @@ class Tab:
         Texts beside the figures.
     figures : list of Spectral
         Those that show the cursor.
+    figure_view : str
+        Which figure of a result is saved; see `specan.report.figures`.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
+    figure_view = ""
 
     def __init__(self, opened: Opened, view: View, change: Change) -> None:
         self.opened, self.change = opened, change
@@ -70,10 +70,6 @@ class Tab:
     def draw(self, found: Found, view: View) -> None:
         """Show a result."""
         raise NotImplementedError
-
-    def picture(self, result: Any) -> Figure | None:
-        """The figure that the command draws; None where it has none."""
-        return None
 
     def at(self, found: Found, frequency: float) -> list[tuple[str, str, str]]:
         """Channel, frequency and value at the cursor."""

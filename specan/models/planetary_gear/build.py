@@ -31,6 +31,12 @@ MOST_SAMPLES = 400_000
 EXPONENT = (
     0.15  # standard uncertainty of the contact law's exponent: 1.3 lies between the three of the literature
 )
+# Standard uncertainties of natural logarithms.
+STIFFNESS = (
+    0.4  # ISO 6336-1:2019, clause 9: 14 to 20 N/(mm um) a mesh; at low load and with bodies half of that
+)
+INERTIA = 1.0  # brakes and couplings weigh from nothing to several times the carrier
+DAMPING = 1.0  # Kahraman and Singh, J. Sound Vib. 142 (1990) 49: damping ratios of meshes from 0.01 to 0.1
 TACHO_DEG = 2.0  # standard uncertainty of the angle between the tacho's mark and planet 1
 
 
@@ -68,6 +74,9 @@ def build(rig: Mapping[str, Any]) -> Model:
         nuisances=(
             Nuisance("tacho-angle", "angle", TACHO_DEG, "how well a mark and a planet are aligned by eye"),
             Nuisance("contact-exponent", "change", EXPONENT, "bending 1, contact along a line 10/9, at a point 3/2"),
+            Nuisance("contact-stiffness", "change", STIFFNESS, "bodies deflect too, loads vary along the flank"),
+            Nuisance("carrier-inertia", "change", INERTIA, "carrier, shaft and load are taken as one disc"),
+            Nuisance("contact-damping", "change", DAMPING, "damping ratios of meshes from 0.01 to 0.1"),
         ),
         order_lines=line_statement(settings, HARMONICS),
         axes={
@@ -114,7 +123,8 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
         ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
         ("base_radii", module * cos / 2 * np.array([gear.z_sun, gear.z_planet, gear.z_ring]), "m", "Base radii.", ()),
-        ("inertias", np.array([made.carrier_inertia, made.planet_inertia]), "kg*m^2", "Carrier, planet.", ()),
+        ("carrier_inertia", made.carrier_inertia, "kg*m^2", "Of the carrier with the planets' masses on it.", ()),
+        ("planet_inertia", made.planet_inertia, "kg*m^2", "Of a planet about its pin.", ()),
         ("centre_distance", made.centre_distance, "m", "From the carrier's axis to a planet's.", ()),
         ("pressure_cosine", cos, "1", "Cosine of the pressure angle.", ()),
         ("pressure_angle", math.acos(cos), "rad", "Pressure angle.", ()),
@@ -123,6 +133,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("sensor_angle", np.radians(rig.sensors.acc_angle_deg), "rad", "Places of the sensors.", ("sensor",)),
         ("drawn_contact", si, "1", "K (N/m^e), e, C (N s/m), depth (m) of the rig file.", ()),
         ("contact_exponent", law.exponent, "1", "Exponent of the contact law.", ()),
+        ("contact_stiffness", 1.0, "1", "Stiffness of the teeth over that of the rig file's contact law.", ()),
         ("mesh_geometry", np.array([[m.base_pitch, m.contact_ratio, m.gap_before, m.gap_after] for m in (sun, ring)]),
          "1", "Base pitch, contact ratio, gaps of the sun and the ring mesh.", ()),
         ("load_share", np.ones(gear.planets), "1", "Share of each planet, before errors of place.", ("planet",)),

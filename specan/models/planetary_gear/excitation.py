@@ -4,13 +4,13 @@ import numpy as np
 
 from specan.models.quantity import quantity
 
-PHASES = 256  # places within a pitch at which the deflection is solved
+PHASES = 128  # places within a pitch at which the deflection is solved
 _NEWTON, _EXACT = 30, 1e-12  # steps at most, and the part of the load that may be missing before the last
 
 
 def _pairs(phase, meshes, relief):
     """Gap of each pair of teeth at phases of a pitch, m, (meshes, pairs, phases)."""
-    place = phase[None, :] + np.arange(-1, 4)[:, None]
+    place = phase[None, :] + np.arange(-1, np.ceil(meshes[:, 1].max()) + 1)[:, None]
     gaps = []
     for pitch, ratio, before, after in meshes:
         early, late = np.clip(-place, 0, None) * pitch, np.clip(place - ratio, 0, None) * pitch
@@ -22,11 +22,11 @@ def _pairs(phase, meshes, relief):
 
 
 @quantity(unit="m", axes=("planet",), reference="quasi-static equilibrium of the article's contact law")
-def mesh_deflection(planet_load, contact_law, mesh_geometry, tip_relief):
+def mesh_deflection(planet_load, planet_stiffness, contact_law, mesh_geometry, tip_relief):
     """Approach of the flanks that carries the load, over a pitch, (points, 2, planets, phases)."""
     stiffness, exponent = contact_law[0], contact_law[1]
     gap = _pairs(np.arange(PHASES) / PHASES, mesh_geometry, tip_relief)[:, None]  # mesh, 1, pair, phase
-    load = planet_load[:, None, :, None]
+    load = (planet_load / planet_stiffness)[:, None, :, None]
     # From above, where one pair carries all: the force is convex, so that no step passes the root.
     high = (load / stiffness) ** (1 / exponent) + gap.min(axis=2)
     for _ in range(_NEWTON):
@@ -40,13 +40,19 @@ def mesh_deflection(planet_load, contact_law, mesh_geometry, tip_relief):
 
 
 @quantity(unit="N/m", axes=("planet",))
-def mesh_stiffness(planet_load, mesh_deflection, contact_law, mesh_geometry, tip_relief, stiffness_change):
-    """Mean stiffness of each mesh about its load, (points, 2, planets)."""
+def mesh_spring(mesh_deflection, planet_stiffness, contact_law, mesh_geometry, tip_relief, stiffness_change):
+    """Stiffness of each mesh about its load, over a pitch, (points, 2, planets, phases)."""
     stiffness, exponent = contact_law[0], contact_law[1]
     gap = _pairs(np.arange(PHASES) / PHASES, mesh_geometry, tip_relief)[:, None]
     pressed = np.clip(mesh_deflection[..., None, :] - gap, 0, None)
     slope = exponent * stiffness * np.sum(pressed ** (exponent - 1.0) * (pressed > 0), axis=-2)
-    return slope.mean(axis=-1) * (1.0 + stiffness_change[None, :, None])
+    return slope * (1.0 + stiffness_change[None, :, None, None]) * planet_stiffness[None, None, :, None]
+
+
+@quantity(unit="N/m", axes=("planet",))
+def mesh_stiffness(mesh_spring):
+    """Mean stiffness of each mesh about its load, (points, 2, planets)."""
+    return mesh_spring.mean(axis=-1)
 
 
 @quantity(unit="N*s/m", axes=("planet",))
@@ -54,16 +60,6 @@ def mesh_damping(mesh_deflection, contact_law, damping_scale):
     """Mean damping of each mesh by the cubic step of the contact law, (points, 2, planets)."""
     depth = np.clip(mesh_deflection / contact_law[3], 0, 1)
     return contact_law[2] * ((3 - 2 * depth) * depth**2).mean(axis=-1) * damping_scale
-
-
-@quantity(unit="m/N", axes=("planet",))
-def mesh_compliance(mesh_deflection, contact_law, mesh_geometry, tip_relief, stiffness_change):
-    """Change of the approach with the load, over a pitch, (points, 2, planets, phases)."""
-    stiffness, exponent = contact_law[0], contact_law[1]
-    gap = _pairs(np.arange(PHASES) / PHASES, mesh_geometry, tip_relief)[:, None]
-    pressed = np.clip(mesh_deflection[..., None, :] - gap, 0, None)
-    slope = exponent * stiffness * np.sum(pressed ** (exponent - 1.0) * (pressed > 0), axis=-2)
-    return 1.0 / (slope * (1.0 + stiffness_change[None, :, None, None]))
 
 
 @quantity(unit="1")
@@ -85,55 +81,25 @@ def _repeats(course, period):
     return bool(np.max(np.abs(course[..., period:] - course[..., :-period]), initial=0.0) <= rounding)
 
 
-@quantity(
-    unit="N",
-    axes=("planet",),
-    reference="quasi-static balance of moments, two meshes in series on each planet",
-)
-def load_variation(sun_error, ring_error, torque_ripple, planet_load, mesh_stiffness, angles):
-    """How each planet's load changes over the turn, (points, planets, angle).
-
-    A planet whose teeth hold more material is pressed more, the others less; a torque that varies presses all.
-    """
-    excess = sun_error[:, :angles] + ring_error[:, :angles]
-    excess = excess - excess.mean(axis=0)
-    series = mesh_stiffness[:, 0] * mesh_stiffness[:, 1] / mesh_stiffness.sum(axis=1)
-    return series[..., None] * excess[None] + planet_load[..., None] * torque_ripple[:angles]
-
-
 @quantity(unit="m", axes=("planet",))
-def transmission_error(mesh_deflection, mesh_compliance, load_variation, planet_phase, sun_error, ring_error,
-                       torque_ripple, planet_load, mesh_stiffness, mesh_waves, angles):  # fmt: skip
-    """Change of each mesh's approach under its load, (points, 2, planets, angle).
+def transmission_error(mesh_deflection, planet_phase, sun_error, ring_error, mesh_waves, angles):
+    """Change of each mesh's approach under a steady load, (points, 2, planets, angle).
 
-    Harmonics of the deflection at the mesh's phase; what errors of the teeth ask for, and a torque that varies; and,
-    as the deflection goes with the load, the mesh's harmonics modulated by the load's variation.
+    Harmonics of the deflection at the mesh's phase, less what errors of the teeth put between the flanks.
     """
     harmonic = np.arange(1, mesh_waves.shape[0] + 1)
-    phase = np.exp(2j * np.pi * harmonic * planet_phase[None, :, :, None])
+    coefficient = np.fft.rfft(mesh_deflection, axis=-1)[..., harmonic] * (2.0 / PHASES)
+    turned = coefficient * np.exp(2j * np.pi * harmonic * planet_phase[None, :, :, None])
     waves = mesh_waves[:, :angles]
-    found = _synthesis(mesh_deflection, harmonic, phase, waves)
-    found -= np.stack([sun_error, ring_error])[None, ..., :angles]
-    ripple = planet_load[:, None, :] / mesh_stiffness
-    found += ripple[..., None] * torque_ripple[:angles]
-    if np.any(load_variation):
-        found += _synthesis(mesh_compliance, harmonic, phase, waves) * load_variation[:, None]
-    return found
-
-
-def _synthesis(table, harmonic, phase, per_harmonic):
-    """Harmonics of a function of the place in the pitch, without its mean, over the angle."""
-    coefficient = np.fft.rfft(table, axis=-1)[..., harmonic] * (2.0 / PHASES)
-    turned = coefficient * phase
-    return turned.real @ per_harmonic.real - turned.imag @ per_harmonic.imag
+    found = turned.real @ waves.real - turned.imag @ waves.imag
+    return found - np.stack([sun_error, ring_error])[None, ..., :angles]
 
 
 QUANTITIES = (
     angles,
     mesh_deflection,
+    mesh_spring,
     mesh_stiffness,
-    mesh_compliance,
     mesh_damping,
-    load_variation,
     transmission_error,
 )

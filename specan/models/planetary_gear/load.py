@@ -30,43 +30,53 @@ def mean_load(operating_points, planet_count, base_radii):
 
 
 @quantity(unit="1", reference="K x^e with the same stiffness at the mean of the loads")
-def contact_law(drawn_contact, contact_exponent, mean_load):
+def contact_law(drawn_contact, contact_exponent, contact_stiffness, mean_load):
     """K (N/m^e), e, C (N s/m), depth (m) of the contact law."""
     stiffness, exponent, damping, depth = drawn_contact
-    if contact_exponent == exponent:
+    if contact_exponent == exponent and contact_stiffness == 1.0:
         return drawn_contact
     force = np.mean(mean_load)
-    slope = exponent * stiffness ** (1 / exponent) * force ** (1 - 1 / exponent)
+    slope = contact_stiffness * exponent * stiffness ** (1 / exponent) * force ** (1 - 1 / exponent)
     changed = (slope / contact_exponent * force ** (1 / contact_exponent - 1)) ** contact_exponent
     return np.array([changed, contact_exponent, damping, depth])
 
 
+@quantity(unit="1", axes=("planet",))
+def planet_stiffness(load_share):
+    """Stiffness of each planet's meshes over the mean of all: who is stiffer carries more, at every torque."""
+    return load_share / np.mean(load_share)
+
+
 @quantity(unit="N", axes=("planet",), reference="springs between rigid carrier, sun and ring, one a planet")
-def planet_load(mean_load, load_share, planet_position, load_stiffness, pressure_cosine):
+def planet_load(mean_load, planet_stiffness, planet_position, load_stiffness, pressure_cosine):
     """Force that each planet passes on, (operating points, planets).
 
     Sun and ring push a planet forward, its pin holds it back. A pin that lies e ahead gives way: its planet carries
     less by k cos(a) e, the others more, so that together they hold the torque. A planet that would be pulled goes
     almost without load.
     """
-    share = load_share / np.mean(load_share)
-    ahead = planet_position - np.mean(planet_position)
-    spring = load_stiffness[:, None] * pressure_cosine
-    given = mean_load[:, None] * share - spring * ahead
+    spring = load_stiffness[:, None] * planet_stiffness
+    given = mean_load[:, None] * planet_stiffness - spring * pressure_cosine * planet_position
     least, whole = LEAST_LOAD * mean_load[:, None], given.shape[1] * mean_load[:, None]
-    closer = np.zeros_like(whole)  # what the carrier turns back, as a force
+    closer = np.zeros_like(whole)  # by how much the carrier turns back
     for _ in range(given.shape[1]):  # each round takes out planets that lift off, at the latest all but one
-        carrying = given + closer > least
-        missing = whole - np.where(carrying, given + closer, least).sum(axis=1, keepdims=True)
-        closer = closer + missing / np.maximum(carrying.sum(axis=1, keepdims=True), 1)
-    return np.maximum(given + closer, least)
+        carrying = given + spring * closer > least
+        missing = whole - np.where(carrying, given + spring * closer, least).sum(axis=1, keepdims=True)
+        closer = closer + missing / np.maximum((spring * carrying).sum(axis=1, keepdims=True), spring.min())
+    return np.maximum(given + spring * closer, least)
 
 
 @quantity(unit="N/m")
-def load_stiffness(mean_load, contact_law):
-    """Stiffness of one pair of teeth at the mean load, one an operating point."""
+def load_stiffness(mean_load, contact_law, mesh_geometry):
+    """Stiffness of a planet's two meshes against its pin at the mean load, one an operating point.
+
+    On average as many pairs share the load as the contact ratio says, and n pairs are n^(1/e) times as stiff as one.
+    Sun and ring mesh are in series, and a pin that moves by e changes the approach of both by e cos(a): twice the
+    stiffness in series.
+    """
     stiffness, exponent = contact_law[0], contact_law[1]
-    return exponent * stiffness ** (1 / exponent) * mean_load ** (1 - 1 / exponent)
+    pair = exponent * stiffness ** (1 / exponent) * mean_load ** (1 - 1 / exponent)
+    return pair * 2.0 / np.sum(mesh_geometry[:, 1] ** (-1 / exponent))
 
 
 @quantity(unit="1", axes=("planet",), reference="Parker and Lin, J. Mech. Des. 126 (2004) 365")
@@ -82,6 +92,7 @@ QUANTITIES = (
     mean_load,
     contact_law,
     load_stiffness,
+    planet_stiffness,
     planet_load,
     planet_phase,
 )

@@ -11,44 +11,110 @@ _NEGLIGIBLE = 1e-10  # of the strongest line of the transmission error
 @quantity(
     unit="N",
     axes=("planet",),
-    reference="linear equations of motion of carrier and planets, harmonic by harmonic",
+    reference="linear equations of motion with periodic coefficients: Hill's method (Nayfeh and Mook, Nonlinear "
+    "Oscillations, 1979, section 5.2)",
 )
-def mesh_force(transmission_error, mesh_stiffness, mesh_damping, planet_load, operating_points, base_radii,
-               inertias, carrier_ratio, carrier_turn, shaft_receptance):  # fmt: skip
+def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, planet_phase, torque_ripple,
+               sun_error, ring_error, operating_points, base_radii, carrier_inertia, planet_inertia,
+               carrier_ratio, carrier_turn, ring_teeth, shaft_receptance):  # fmt: skip
     """Forces of the ring's and the sun's meshes, (points, 2, planets, angle).
 
-    The meshes are springs and dampers between the sun, which turns steadily, the planets, the carrier and the ring.
+    The meshes are springs, whose stiffness changes over the pitch, and dampers between the sun, which turns steadily,
+    the planets, the carrier and the ring. What excites at one order so moves at that order and at all that lie whole
+    meshes beside it; they are solved together. The mean forces are those of `planet_load`.
     """
     points, _, planets, samples = transmission_error.shape
-    turns = samples * carrier_turn[1]
-    spectra = np.fft.rfft(transmission_error, axis=-1)
-    size = np.abs(spectra).max(axis=(1, 2))
-    found = np.zeros_like(spectra)
-    toward = _compliance(base_radii, inertias, planets)
+    turns = int(np.rint(samples * carrier_turn[1]))
+    period = ring_teeth * turns  # bins from one harmonic of the mesh to the next
+    reach = samples // 2 // period
+    side = np.arange(-reach, reach + 1)
+    spectra = np.fft.rfft(transmission_error, axis=-1).reshape(points, 2 * planets, -1)
+    ripple = np.fft.rfft(torque_ripple[:samples])
+    # Springs answer to what the approach is beyond the steady deflection, dampers to the whole of it.
+    errors = np.concatenate([sun_error, ring_error])[:, :samples]
+    steady = spectra + np.fft.rfft(errors, axis=-1) if np.any(errors) else spectra
+    by_torque, by_force = _freedom(base_radii, carrier_inertia, planet_inertia, planets)
     torsion = np.zeros((2 * planets, 2 * planets))
     torsion[:planets, :planets] = base_radii[0] ** 2
+    found = np.zeros_like(spectra)
     for c in range(points):
-        bins = np.flatnonzero(size[c] > _NEGLIGIBLE * size[c].max())
-        bins = bins[bins > 0]
+        rest = _excited(spectra[c], ripple, period)
+        bins = rest[:, None] + period * side
+        still = bins == 0
         omega = 2 * np.pi * bins / turns * operating_points[c, 0] * carrier_ratio
-        spring = mesh_stiffness[c].ravel()[None, :] + 1j * omega[:, None] * mesh_damping[c].ravel()[None, :]
-        matrix = -toward[None] / (omega**2)[:, None, None] + shaft_receptance(omega)[:, None, None] * torsion
-        rows = np.arange(2 * planets)
-        matrix[:, rows, rows] += 1.0 / spring
-        wanted = -spectra[c].reshape(2 * planets, -1)[:, bins].T[..., None]
-        found[c].reshape(2 * planets, -1)[:, bins] = np.linalg.solve(matrix, wanted)[..., 0].T
-    return planet_load[:, None, :, None] + np.fft.irfft(found, samples, axis=-1)
+        turning = np.where(still, 1.0, omega)
+        moves = (
+            by_force / turning[..., None, None] ** 2 - shaft_receptance(turning)[..., None, None] * torsion
+        )
+        drag = 1j * omega[..., None] * mesh_damping[c].ravel()
+        dragged = drag * _at(steady[c], bins)
+        torque = operating_points[c, 1] * _at(ripple[None], bins)
+        pushed = by_torque * torque / turning[..., None] ** 2 - _at(spectra[c], bins)
+        pushed = np.where(still[..., None], 0.0, pushed + (moves @ dragged[..., None])[..., 0])
+        beyond = _coupled(_beside(mesh_spring[c], planet_phase, side), drag, moves, pushed, still) + dragged
+        inside = np.abs(bins) < spectra.shape[-1]
+        place, values = bins[inside], beyond[inside]
+        found[c][:, np.abs(place)] = np.where(place[:, None] < 0, values.conj(), values).T
+    found = np.fft.irfft(found.reshape(points, 2, planets, -1), samples, axis=-1)
+    return planet_load[:, None, :, None] + found
 
 
-def _compliance(base_radii, inertias, planets):
-    """B M^-1 B^T: what a force at a mesh accelerates at another."""
+def _freedom(base_radii, carrier_inertia, planet_inertia, planets):
+    """How the approach of each mesh is accelerated by a torque on the carrier, and by a force at each mesh."""
     sun, planet, ring = base_radii
-    b = np.zeros((2 * planets, 1 + planets))
-    b[:planets, 0], b[planets:, 0] = -(sun + planet), planet - ring
+    moment = np.zeros((2 * planets, 1 + planets))
+    moment[:planets, 0], moment[planets:, 0] = -(sun + planet), planet - ring
     for i in range(planets):
-        b[i, 1 + i], b[planets + i, 1 + i] = planet, -planet
-    mass = np.array([inertias[0], *([inertias[1]] * planets)])
-    return b / mass @ b.T + 0j
+        moment[i, 1 + i], moment[planets + i, 1 + i] = planet, -planet
+    mass = np.array([carrier_inertia, *([planet_inertia] * planets)])
+    return moment[:, 0] / carrier_inertia, moment / mass @ moment.T
+
+
+def _coupled(spring, drag, moves, pushed, still):
+    """Forces of springs and dampers: approach - moves (springs + dampers) approach = pushed, (sets, orders, meshes).
+
+    At order zero the springs' mean forces stay as they are.
+    """
+    sets, orders, meshes = pushed.shape
+    size = orders * meshes
+    force = np.broadcast_to(spring, (sets, *spring.shape)).copy()
+    row, mesh = np.arange(orders)[:, None], np.arange(meshes)
+    force[:, row, mesh, row, mesh] += drag
+    force = force.reshape(sets, orders, meshes, size)
+    matrix = np.eye(size).reshape(orders, meshes, size) - moves @ force
+    matrix[still] = force[still] / np.abs(spring).max()
+    approach = np.linalg.solve(matrix.reshape(sets, size, size), pushed.reshape(sets, size, 1))
+    return (force.reshape(sets, size, size) @ approach).reshape(pushed.shape)
+
+
+def _excited(spectra, ripple, period):
+    """Bins between zero and half a mesh to which what excites belongs, whole meshes aside."""
+    size = np.abs(spectra).max(axis=0)
+    bins = np.flatnonzero(size > _NEGLIGIBLE * size.max())
+    if np.any(ripple):
+        bins = np.append(bins, np.flatnonzero(np.abs(ripple) > _NEGLIGIBLE * np.abs(ripple).max()))
+    rest = bins % period
+    return np.unique(np.minimum(rest, period - rest))
+
+
+def _at(spectra, bins):
+    """Spectra of real signals, (signals, bins), at bins that may be negative; the signals' axis becomes the last."""
+    inside = np.abs(bins) < spectra.shape[-1]
+    values = np.moveaxis(spectra[:, np.where(inside, np.abs(bins), 0)], 0, -1)
+    return np.where(bins[..., None] < 0, values.conj(), values) * inside[..., None]
+
+
+def _beside(spring, phase, side):
+    """Stiffness as what each order beside a bin makes of each other, (orders, meshes, orders, meshes)."""
+    apart = side[:, None] - side[None, :]
+    phases = spring.shape[-1]
+    number = np.arange(-2 * side.max(), 2 * side.max() + 1)
+    table = np.fft.fft(spring, axis=-1)[..., number % phases] / phases
+    table = (table * np.exp(2j * np.pi * number * phase[..., None])).reshape(-1, number.size)
+    found = np.zeros((side.size, table.shape[0], side.size, table.shape[0]), complex)
+    meshes = np.arange(table.shape[0])
+    found[:, meshes, :, meshes] = table[:, apart + 2 * side.max()]
+    return found
 
 
 @quantity(unit="m", axes=("sensor",))

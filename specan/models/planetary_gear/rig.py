@@ -82,6 +82,7 @@ class Uncertainty(Settings):
 
     model_discrepancy_percent: NotNegative = 10.0
     path_percent: NotNegative = 30.0
+    response_percent: NotNegative = 50.0
 
 
 class Rig(Settings):

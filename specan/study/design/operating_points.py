@@ -51,7 +51,7 @@ class Proposal:
         What each rival expects, in `unit`.
     sigma : float
         Standard uncertainty of a reading there.
-    separation : float
+    separation_sigma : float
         Largest difference of two rivals over its standard uncertainty.
     """
 
@@ -60,18 +60,7 @@ class Proposal:
     predictions: Mapping[str, float]
     unit: str
     sigma: float | None
-    separation: float | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return {
-            "text": self.text,
-            "conditions": dict(self.conditions),
-            "predictions": dict(self.predictions),
-            "unit": self.unit,
-            "sigma": self.sigma,
-            "separation_sigma": self.separation,
-        }
+    separation_sigma: float | None
 
 
 def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True) -> tuple[Proposal, ...]:
@@ -139,7 +128,7 @@ def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Prop
         one = _proposal([start], planned, predicted[None, row], row, 0.0)
         told = f"where the model fails ({blocks[0].text}) and nothing was measured nearby"
         where = one.text.split(":")[0]
-        found.append(replace(one, text=f"{where}: {told}", separation=None))
+        found.append(replace(one, text=f"{where}: {told}", separation_sigma=None))
         measured = np.vstack([measured, place[row]])
     return tuple(found)
 

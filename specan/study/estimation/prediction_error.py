@@ -162,8 +162,9 @@ def held_out_error(problem: Problem, best: Fit, observations: Sequence[Observati
         np.sqrt(o.sigma**2 + np.einsum("ij,jk,ik->i", s, covariance, s))
         for o, s in zip(observations, slopes, strict=True)
     ]
-    errors = observable_errors(problem, observations, predictions)
-    return HeldOut(tuple(errors), chi2, int(gap.size), tuple(predictions), tuple(sigma))
+    shown = joint.plain(theta)[seen:]
+    errors = observable_errors(problem, observations, shown)
+    return HeldOut(tuple(errors), chi2, int(gap.size), tuple(shown), tuple(sigma))
 
 
 def _root(covariance: Array) -> Array:

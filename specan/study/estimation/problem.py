@@ -272,6 +272,13 @@ class Problem:
         values = self.values_at(theta)
         return [o.predict(self.assembly, self.seen_by(o, values)) for o in self.observations]
 
+    def plain(self, theta: Array) -> list[Array]:
+        """Predictions as they are shown: where `predict` allows for errors of the model itself, without them."""
+        values = self.values_at(theta)
+        return [
+            getattr(o, "plain", o.predict)(self.assembly, self.seen_by(o, values)) for o in self.observations
+        ]
+
     def whiten(self, array: Array) -> Array:
         """V^(-1/2) of all observations on an array over the `n_data` measured rows (no priors)."""
         edges = np.cumsum([o.n for o in self.observations])[:-1]

@@ -35,7 +35,7 @@ MOST_Z = 40.0  # beyond which a normal law gives no number
 def by_order_family(problem: Problem, best: Fit) -> Localisation:
     """Find the families of order lines, and their harmonics, sensors and operating points, at which a model fails."""
     algebra = LeftOut(problem, best)
-    lines = _Lines(problem, algebra.predicted)
+    lines = _Lines(problem, np.concatenate(problem.plain(best.theta)))
     blocks = [_block(algebra, lines, where, rows) for where, rows in _places(lines.labels)]
     passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = sorted(
@@ -58,7 +58,8 @@ class _Lines:
         self.noise = np.concatenate([o.stack((o.noise * (1 + 1j)).astype(complex)) for o in seen])
         self.labels = {name: np.concatenate([o.labels[name] for o in seen]) for name in seen[0].labels}
         self.variables = seen[0].variables
-        self.middle = np.concatenate([_middle(o) for o in seen])
+        parts = np.split(predicted, np.cumsum([o.n for o in seen])[:-1])
+        self.middle = np.concatenate([_middle(o, part) for o, part in zip(seen, parts, strict=True)])
         self.observable = seen[0].observable
         self.unit = problem.assembly.model.observables[self.observable].unit
 
@@ -69,16 +70,19 @@ class _Lines:
         return float(10 * np.log10(model / max(measured, 1e-300)))
 
     def missing(self, rows: NDArray[np.bool_]) -> float:
-        """What the model lacks, over the harmonic that the lines lie about, dB."""
-        gap = np.sum((self.measured[rows] - self.predicted[rows]) ** 2) - np.sum(self.noise[rows] ** 2)
-        return float(10 * np.log10(max(gap, 1e-300) / np.sum(self.middle[rows] ** 2)))
+        """What the model lacks, over the harmonic that each line lies about, dB."""
+        gap = (self.measured[rows] - self.predicted[rows]) ** 2 - self.noise[rows] ** 2
+        return float(10 * np.log10(max(np.mean(gap / np.maximum(self.middle[rows] ** 2, 1e-300)), 1e-300)))
 
 
-def _middle(o: OrderLinesObservation) -> Array:
-    """Root mean square of the strongest line of each row's sensor and harmonic, over its two parts."""
+def _middle(o: OrderLinesObservation, predicted: Array) -> Array:
+    """Root mean square, over its two parts, of the line that the model has strongest about each row's harmonic."""
+    own = np.zeros(o.kept.shape)
+    own[o.kept] = np.hypot(*np.split(predicted, 2))
     strongest = np.zeros(o.kept.shape)
     for group in o.of_one_gain:
-        strongest[group] = np.abs(o.amplitude[group]).max() / np.sqrt(2)
+        line = np.argmax(np.where(group, own, -1.0))
+        strongest[group] = np.abs(o.amplitude.flat[line]) / np.sqrt(2)
     return o.stack((strongest * (1 + 1j)).astype(complex))
 
 

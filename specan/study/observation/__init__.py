@@ -45,6 +45,10 @@ class Strategy:
         A refit is left out where a linear prediction rules out its success.
     reuses_signatures : bool
         Signatures of candidates are worked out at the base only, at few shapes; promising ones are scanned closer.
+    explained_limit : float
+        Most chi-square a value that counts as explained when rivals are compared, and is taken for what equations that
+        are not exact may leave: where errors of the prediction are in the covariance, a model without a line is judged
+        by the noise alone, and rivals that have it by those errors.
     refitted, pairs, rivals : int
         Most candidates, pairs and rivals of the best set that are refitted whatever they promise.
     """
@@ -57,6 +61,7 @@ class Strategy:
     secondary_refits: bool = True
     pruning: bool = False
     reuses_signatures: bool = False
+    explained_limit: float = float("inf")
     refitted: int = 5
     pairs: int = 8
     rivals: int = 8
@@ -89,6 +94,14 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
         linearised_covariance=any(p.linearised_covariance for p in parts),
         exact_minimum=all(p.exact_minimum for p in parts),
         tolerance=max((p.tolerance for p in parts), default=1.0),
+        further_starts=all(p.further_starts for p in parts),
+        secondary_refits=all(p.secondary_refits for p in parts),
+        pruning=any(p.pruning for p in parts),
+        reuses_signatures=any(p.reuses_signatures for p in parts),
+        explained_limit=min((p.explained_limit for p in parts), default=float("inf")),
+        refitted=min((p.refitted for p in parts), default=TABLE.refitted),
+        pairs=min((p.pairs for p in parts), default=TABLE.pairs),
+        rivals=min((p.rivals for p in parts), default=TABLE.rivals),
     )
     return frugal(whole) if n_data > MANY_ROWS else whole
 

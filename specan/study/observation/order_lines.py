@@ -5,11 +5,18 @@ between machine and sensor is unknown: each sensor has a free complex gain for e
 absolute levels. The gains are linear and nobody's concern; they are eliminated by generalised least squares whenever
 the model is evaluated (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413), and cost two
 degrees of freedom each.
+
+What the model is declared not to know is relative, and goes with the prediction p: in proportion to the measured lines
+y, fits would prefer small ones (D'Agostini, Nucl. Instrum. Methods A 346 (1994) 306), in proportion to p alone large
+ones. The errors are those of log(y / p), which is y - p over the logarithmic mean of y and p; the covariance V goes
+with that mean. A line that the model does not have is given nothing. A fit here has one covariance, that of the noise
+N. So `predict` moves a prediction towards the measurement until N sees the residual that V would: measured -
+N^(1/2) V^(-1/2) (measured - predicted). `plain` is the prediction itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -18,12 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.study.observation import TABLE, Strategy, Variable
+from specan.study.observation import TABLE, Strategy, Variable, frugal
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 REACH = 4.0  # orders within which the model's error is common to lines
+MOST = 2.0  # times a prediction: largest line that its relative errors are taken of
+START = 0.3  # relative error that all lines are given for the first gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +51,10 @@ class OrderLinesObservation:
     amplitude : complex array (sensors, lines)
     noise : array (sensors, lines)
         Standard uncertainty of the real and of the imaginary part that lines do not share.
-    shared : complex array (sensors, lines, r)
-        What is uncertain but common to lines, one standard deviation a column; see `declared_errors`.
+    relative : array (lines, r)
+        Relative errors of the prediction, one standard deviation a column, each sensor's own; see `declared_errors`.
+    common : array (sensors, lines, q)
+        The same, common to the sensors.
     kept : bool array (sensors, lines)
         Rows in use; the real and the imaginary part of a line go together.
     order_condition : str
@@ -64,7 +75,8 @@ class OrderLinesObservation:
     family: NDArray[np.str_]
     amplitude: Complex
     noise: Array
-    shared: Complex = field(repr=False)
+    relative: Array = field(repr=False)
+    common: Array = field(repr=False)
     kept: NDArray[np.bool_] = field(repr=False)
     order_condition: str
     point: Mapping[str, float]
@@ -73,7 +85,8 @@ class OrderLinesObservation:
     observable: str = "lines"
     pure_error_dof: ClassVar[float] = 0.0
     kind: ClassVar[str] = "orders"
-    strategy: ClassVar[Strategy] = TABLE
+    # The errors of log(measured / predicted) bend the valley to the minimum, so that it is followed to its end.
+    strategy: ClassVar[Strategy] = replace(frugal(TABLE), exact_minimum=True, explained_limit=1.0)
 
     @property
     def n(self) -> int:
@@ -144,75 +157,124 @@ class OrderLinesObservation:
 
     @cached_property
     def covariance(self) -> Array:
-        """V: noise of each line, and what lines have in common."""
-        columns = self.stack(self.shared)
-        return np.diag(self.stack(self.noise + 1j * self.noise) ** 2) + columns @ columns.T
+        """N: noise of each line."""
+        return np.diag(self.sigma**2)
 
     @cached_property
     def sigma(self) -> Array:
         """Standard uncertainty of every row."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @cached_property
-    def _roots(self) -> list[tuple[NDArray[np.intp], Array]]:
-        """Rows of each sensor, and C^(-1/2) D^(-1) for their V = D C D: sensors have no error in common.
-
-        Of all roots of V^(-1) the one whose rows stay closest to the lines.
-        """
-        found = []
-        number = self._rows(np.broadcast_to(np.arange(len(self.channels))[:, None], self.kept.shape))
-        for sensor in range(len(self.channels)):
-            rows = np.flatnonzero(number == sensor)
-            sigma = self.sigma[rows]
-            values, vectors = np.linalg.eigh(self.covariance[np.ix_(rows, rows)] / np.outer(sigma, sigma))
-            root = (vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1:]))) @ vectors.T / sigma
-            found.append((rows, root))
-        return found
+        return self.stack(self.noise + 1j * self.noise)
 
     def whiten(self, array: Array) -> Array:
-        """Apply V^(-1/2) along axis 0."""
-        white = np.empty(array.shape)
-        for rows, root in self._roots:
-            white[rows] = root @ array[rows]
-        return white
+        """Apply N^(-1/2) along axis 0."""
+        return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
 
     # --- prediction ---------------------------------------------------------------------------
 
     def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """What the model expects in place of `measured`, with the gains that fit best."""
+        """What the model expects in place of `measured`, as far as it is declared to know it."""
         return self.predict_many(assembly, [values])[:, 0]
+
+    def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
+        """What the model expects in place of `measured`, with the gains that leave the least error."""
+        own = {n: v[0] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
+        lines = np.asarray(assembly.evaluate(self._conditions, own, wanted=[self.quantity])[self.quantity])
+        predicted = np.zeros(self.kept.shape, dtype=complex)
+        for group in self.of_one_gain:
+            size = np.vdot(lines[group], lines[group]).real
+            if size > 0:
+                predicted[group] = lines[group] * np.vdot(lines[group], self.amplitude[group]) / size
+        return self.stack(predicted)
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values; what does not depend on what changed is kept."""
-        conditions = {
-            self.order_condition: self.order,
-            **{c: np.full(self.order.size, v) for c, v in self.point.items()},
-        }
+        conditions = self._conditions
         out, first, start = [], None, None
         for values in many:
             own = {n: v[0] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
             changed = () if start is None else tuple(n for n in own if not np.array_equal(own[n], start[n]))
             found = assembly.evaluate(conditions, own, wanted=[self.quantity], after=first, changed=changed)
-            out.append(self.with_gains(np.asarray(found[self.quantity])))
+            out.append(self.as_known(np.asarray(found[self.quantity])))
             if first is None:
                 first, start = found, own
         return np.stack(out, axis=1)
 
-    def with_gains(self, lines: Complex) -> Array:
-        """Rows of predicted lines (sensors, lines), each sensor and harmonic with the gain that fits best."""
-        columns = []
-        for group in self.of_one_gain:
-            alone = self.stack(np.where(group, lines, 0.0))
-            columns += [alone, self.stack(np.where(group, 1j * lines, 0.0))]
-        whole = np.stack(columns, axis=1)
-        size = np.linalg.norm(whole, axis=0)
-        whole = whole / np.where(size > 0, size, 1.0)
-        weighted = np.empty_like(whole)
-        for rows, root in self._roots:
-            weighted[rows] = root.T @ (root @ whole[rows])
-        normal = whole.T @ weighted
-        normal[np.diag_indices_from(normal)] += np.where(size > 0, 0.0, 1.0)
-        return whole @ np.linalg.solve(normal, weighted.T @ self.measured)
+    @cached_property
+    def _conditions(self) -> dict[str, Array]:
+        return {
+            self.order_condition: self.order,
+            **{c: np.full(self.order.size, v) for c, v in self.point.items()},
+        }
+
+    def as_known(self, lines: Complex) -> Array:
+        """Rows of predicted lines (sensors, lines), with gains, and moved by what they are declared not to know."""
+        predicted, white = self._with_gains(lines[self.kept])
+        measured = self.amplitude[self.kept]
+        moved = np.zeros(self.kept.shape, dtype=complex)
+        moved[self.kept] = measured - self.noise[self.kept] * white(measured - predicted)
+        return self.stack(moved)
+
+    def _with_gains(self, lines: Complex) -> tuple[Complex, Callable[[Complex], Complex]]:
+        """Lines in use with the gain that fits best for each sensor and harmonic; and V^(-1/2) there."""
+        measured = self.amplitude[self.kept]
+        groups = self._gain_of_line
+        strongest = np.zeros(len(self.of_one_gain))
+        np.maximum.at(strongest, groups, np.abs(lines))
+        there = strongest > 0
+        lines = lines / np.where(there, strongest, 1.0)[groups]
+        # The gain is wanted to a part of the relative errors: one step from equal errors of all lines is enough.
+        weight = 1.0 / (self.noise[self.kept] ** 2 + (START * np.abs(measured)) ** 2)
+        size = np.where(there, np.bincount(groups, weight * np.abs(lines) ** 2), 1.0)
+        cross = np.conj(lines) * measured * weight
+        gain = (np.bincount(groups, cross.real) + 1j * np.bincount(groups, cross.imag)) / size
+        columns = np.zeros((lines.size, size.size + 1), dtype=complex)
+        columns[np.arange(lines.size), groups] = lines / np.sqrt(size)[groups]
+        columns[:, -1] = measured
+        white = self._whitening(gain[groups] * lines)(columns)
+        normal = white[:, :-1].conj().T @ white[:, :-1]
+        normal.flat[:: normal.shape[0] + 1] += ~there
+        gain = np.linalg.solve(normal, white[:, :-1].conj().T @ white[:, -1]) / np.sqrt(size)
+        predicted = gain[groups] * lines
+        return predicted, self._whitening(predicted)
+
+    def _whitening(self, predicted: Complex) -> Callable[[Complex], Complex]:
+        """V^(-1/2) of the lines in use: noise, and relative errors about these predictions.
+
+        In the phases of the prediction V is real.
+        """
+        from scipy.linalg.lapack import dpotrf, dtrtrs
+
+        size = np.abs(predicted)
+        phase = np.where(size > 0, predicted / np.where(size > 0, size, 1.0), 1.0)
+        size = _between(predicted, self.amplitude[self.kept])
+        covariance = self._relative_covariance * (size[:, None] * size)
+        covariance.flat[:: size.size + 1] += self.noise[self.kept] ** 2
+        root, failed = dpotrf(covariance, lower=1)
+        if failed:
+            raise FloatingPointError("the covariance of order lines is not positive definite")
+
+        def white(lines: Complex) -> Complex:
+            turn = phase if lines.ndim == 1 else phase[:, None]
+            turned = (lines * turn.conj()).reshape(size.size, -1)
+            both = np.concatenate([turned.real, turned.imag], axis=1)
+            found = np.split(dtrtrs(root, both, lower=1)[0], 2, axis=1)
+            return np.asarray((found[0] + 1j * found[1]).reshape(lines.shape) * turn)
+
+        return white
+
+    @cached_property
+    def _relative_covariance(self) -> Array:
+        sensor, line = np.nonzero(self.kept)
+        own = (self.relative @ self.relative.T)[np.ix_(line, line)] * (sensor[:, None] == sensor)
+        common = self.common[self.kept]
+        return own + common @ common.T
+
+    @cached_property
+    def _gain_of_line(self) -> NDArray[np.intp]:
+        number = np.zeros(self.kept.shape, dtype=np.intp)
+        for k, group in enumerate(self.of_one_gain):
+            number[group] = k
+        return number[self.kept]
 
     def _is_vector(self, assembly: Assembly, name: str, value: Any) -> bool:
         return np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
@@ -252,17 +314,26 @@ class OrderLinesObservation:
         return np.tile(array[self.kept], 2)
 
 
-def declared_errors(amplitude: Complex, order: Array, offset: Array, near: float, path: float) -> Complex:
-    """Columns of one standard deviation each, (sensors, lines, r), of what the model is declared not to know.
+def _between(predicted: Complex, measured: Complex) -> Array:
+    """Logarithmic mean of two complex numbers, by its size: (a - b) / log(a / b); at most twice the first."""
+    size = np.abs(predicted)
+    both = (size > 0) & (np.abs(measured) > 0)
+    ratio = np.where(both, measured, 1.0) / np.where(both, predicted, 1.0)
+    apart = np.abs(ratio - 1.0)
+    near = apart < 1e-6
+    mean = np.where(near, 1.0, apart / np.where(near, 1.0, np.abs(np.log(ratio))))
+    return size * np.where(both, np.minimum(mean, MOST), 0.0)
 
-    Two relative errors of either component, proportional to the given lines (measured ones that the ideal machine has):
-    one varies smoothly with the order
-    and is common to lines within a few orders (pieces `REACH` orders long that overlap); one is common to the lines at
-    the same offset from every harmonic, the path's, and leaves the harmonics themselves alone. Each sensor has its own.
+
+def declared_errors(order: Array, offset: Array, near: float, path: float) -> Array:
+    """Columns of one standard deviation each, (lines, r), of what the model is declared not to know of its lines.
+
+    Two relative errors of either component: one varies smoothly with the order and is common to lines within a few
+    orders (pieces `REACH` orders long that overlap); one is common to the lines at the same offset from every harmonic,
+    the path's, and leaves the harmonics themselves alone.
 
     Parameters
     ----------
-    amplitude : complex array (sensors, lines)
     order, offset : array (lines,)
         Order, and its distance from the harmonic that the line belongs to.
     near, path : float
@@ -270,19 +341,30 @@ def declared_errors(amplitude: Complex, order: Array, offset: Array, near: float
 
     Examples
     --------
-    >>> lines = np.array([[2.0 + 0j, 1.0, 0.0]])
-    >>> found = declared_errors(lines, np.array([66.0, 67.0, 68.0]), np.array([0.0, 1.0, 2.0]), 0.1, 0.3)
-    >>> np.sqrt(np.sum(found.real**2, axis=-1)).round(3).tolist()
-    [[0.2, 0.316, 0.0]]
+    >>> found = declared_errors(np.array([66.0, 67.0, 68.0]), np.array([0.0, 1.0, 2.0]), 0.1, 0.3)
+    >>> np.sqrt(np.sum(found**2, axis=-1)).round(3).tolist()
+    [0.1, 0.316, 0.316]
     """
     centres = np.arange(np.floor(order.min() / REACH), np.ceil(order.max() / REACH) + 1) * REACH
     basis = np.clip(1 - np.abs(order - centres[:, None]) / REACH, 0, None)
     parts = [near * np.sqrt(part) for part in basis if part.any()]  # the basis add up to one
     places = np.round(offset, 6)
     parts += [path * (places == place) for place in np.unique(places) if place]
-    found = []
-    for sensor in range(amplitude.shape[0]):
-        own = np.zeros_like(amplitude)
-        own[sensor] = amplitude[sensor]
-        found += [own * part * turn for part in parts for turn in (1, 1j)]
-    return np.stack(found, axis=-1)
+    return np.stack(parts, axis=-1)
+
+
+def response_errors(beyond: NDArray[np.bool_], harmonic: NDArray[np.intp], response: float) -> Array:
+    """Columns of one standard deviation each, (sensors, lines, q), of lines that the ideal machine does not have.
+
+    How strongly the machine answers to what its equal parts do not do alike is known less well than how it answers to
+    what they share: one relative error for each harmonic, common to all lines and sensors.
+
+    Parameters
+    ----------
+    beyond : bool array (sensors, lines)
+        Lines that the ideal machine does not have.
+    harmonic : array of int (lines,)
+    response : float
+        Relative standard uncertainty.
+    """
+    return np.stack([response * (beyond & (harmonic == h)) for h in np.unique(harmonic)], axis=-1)

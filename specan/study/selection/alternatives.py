@@ -86,7 +86,7 @@ def refit_rivals(search: Search) -> None:
     strategy = search.best.problem.strategy
     limit = WIDE * best.dispersion
     if strategy.pruning:  # then the search has refitted few, and none for its place in the ranking
-        limit = max(limit, FORM_TOLERANCE**2 * (search.base.chi2 - search.best.chi2))
+        limit = max(limit, _left_by_form(search))
     near = [members for d, members in options[: strategy.rivals] if d < limit]
     if (
         strategy.reuses_signatures and len(search.best.uses) == 1
@@ -134,14 +134,19 @@ def _indistinguishable(search: Search, best: Refit, rival: Refit) -> bool:
     if complete(best, rival):
         return False
     behind = rival.bic(best.dispersion) - best.bic(best.dispersion)
-    explained = (search.base.chi2 - best.chi2) / best.dispersion
-    if behind < DECISIVE + FORM_TOLERANCE**2 * explained:
+    if behind < DECISIVE + _left_by_form(search) / best.dispersion:
         return True
     there, back = distance(best, rival) / best.dispersion, distance(rival, best) / best.dispersion
     off = (rival.chi2 - best.chi2) / best.dispersion
     return (there < DISTINGUISHABLE and off < _as_far_as(there)) or (
         back < DISTINGUISHABLE and behind < DISTINGUISHABLE
     )
+
+
+def _left_by_form(search: Search) -> float:
+    """Chi-square that an equation which is not exact may leave of what it explains."""
+    problem, explained = search.best.problem, search.base.chi2 - search.best.chi2
+    return FORM_TOLERANCE**2 * min(explained, problem.strategy.explained_limit * problem.n_effective)
 
 
 def _as_far_as(distance_there: float) -> float:

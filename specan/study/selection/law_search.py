@@ -373,4 +373,17 @@ def _group(start: Refit, laws: Sequence[Law], before: float) -> list[Law]:
     for law in usable:
         if law.delta_bic > usable[0].delta_bic - INDISTINGUISHABLE:
             kept.setdefault(law.formula.family, law)
-    return list(kept.values())
+    return [law for law in kept.values() if not any(_within(other, law) for other in kept.values())]
+
+
+def _within(simpler: Law, law: Law) -> bool:
+    """Whether a law is another one times a further factor, for which the data give nothing.
+
+    To list both would say twice what one says.
+    """
+    return (
+        set(simpler.formula.family) < set(law.formula.family)
+        and simpler.quantity == law.quantity
+        and simpler.formula.scales == law.formula.scales
+        and simpler.delta_bic >= law.delta_bic
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -48,8 +47,8 @@ class Pull:
     parameter: ParameterName
     value: float
     known: tuple[float, float]
-    unit: str
     pull: float
+    unit: str
     at_bound: bool
 
     @property
@@ -69,17 +68,6 @@ class Pull:
         )
         bound = ", at the end of its domain" if self.at_bound else ""
         return f"{self.parameter} = {self.value:.2g}{unit}, known {known}{unit}{bound}"
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return {
-            "parameter": self.parameter,
-            "value": self.value,
-            "known": list(self.known),
-            "pull": self.pull,
-            "unit": self.unit,
-            "at_bound": self.at_bound,
-        }
 
 
 def pulls(refit: Refit) -> tuple[Pull, ...]:
@@ -160,7 +148,7 @@ def _pull(refit: Refit, name: ParameterName) -> Pull:
     outside = not known[0] <= value <= known[1]
     return Pull(
         name, parameter.from_si(value), (parameter.from_si(known[0]), parameter.from_si(known[1])),
-        parameter.unit, pull, name in fit.at_bound and outside,
+        pull, parameter.unit, name in fit.at_bound and outside,
     )  # fmt: skip
 
 

@@ -37,7 +37,7 @@ def test_all_effects_of_the_catalogue_are_there():
         "planet-runout", "pitch-errors", "tooth-crack", "mesh-damping", "ring-flexibility", "backlash", "tip-relief",
         "torque-ripple", "speed-fluctuation", "tooth-friction", "housing-resonance", "shaft-flexibility",
         "harmonic-gain",
-        "tacho-angle", "contact-exponent",
+        "tacho-angle", "contact-exponent", "contact-stiffness", "contact-damping", "carrier-inertia",
     }  # fmt: skip
     for effect in MODEL.effects.values():
         assert effect.reference
@@ -81,23 +81,99 @@ def test_a_trace_lies_where_the_teeth_say(use, offsets):
     assert with_it.max() > 1e-6
 
 
-def test_position_errors_and_load_shares_part_over_torque():
-    """The load-sharing part of a position error falls with 1/torque; a share of the load does not know the torque."""
-    torques = np.array([30.0, 60.0, 120.0])
+def linear_model():
+    """Pairs of teeth that are linear springs, with a pin or a share that can be wrong."""
+    rig = {**EXAMPLE_RIG, "contact": {"exponent": 1.0, "K_N_mm_e": 7e4, "C_Ns_mm": 0.0}}
+    return load_model("planetary-gear", rig)
 
-    def share(use):
-        assembly = MODEL.assemble([use])
-        ones = np.ones(3)
-        found = assembly.evaluate(
-            {"order": 66.0 * ones, "sun_speed": 30.0 * ones, "carrier_torque": torques},
-            wanted=["planet_load"],
-        )["planet_load"]
-        return found[:, 0] / found.mean(axis=1) - 1
 
-    by_share, by_place = share("unequal-load-sharing@P1"), share("planet-position-error@P1")
-    assert np.allclose(by_share, by_share[0])
-    # k grows with F^(1 - 1/e), so the share falls with T^(-1/e) of the contact law
-    assert np.allclose(by_place[0] / by_place[1], 2 ** (1 / 1.3), rtol=1e-6) or by_place[0] > by_place[1]
+@pytest.mark.parametrize(
+    ("use", "exponent"), [("planet-position-error@P1.error", -1.0), ("unequal-load-sharing@P1.share", 0.0)]
+)
+def test_position_errors_and_load_shares_part_over_torque(use, exponent):
+    """Of linear springs: a pin moves by the same at every torque, so its lines beside the mesh fall with 1/torque.
+
+    A stiffer planet carries the same part more at every torque.
+    """
+    model, value = linear_model(), 0.3e-6 if "error" in use else 0.1
+    assembly = model.assemble([use.partition(".")[0]])
+    orders = np.array([65.0, 66.0, 67.0, 131.0, 132.0])
+    found = []
+    for torque in (60.0, 120.0):
+        given = {"order": orders, "sun_speed": np.full(5, 30.0), "carrier_torque": np.full(5, torque)}
+        lines = assembly.evaluate(given, {use: value}, wanted=["order_lines"])["order_lines"][0]
+        found.append(np.abs(lines / lines[[1, 1, 1, 4, 4]])[[0, 2, 3]])
+    # gaps before and after the path of contact are closed by the load, which bends the law by some per cent
+    assert found[1] / found[0] == pytest.approx(2.0**exponent, rel=0.08)
+
+
+def test_a_stiffer_planet_carries_its_share_of_every_line():
+    """F (1 + share) at all harmonics: a heavy carrier holds the approach, and forces go as the stiffness."""
+    assembly = MODEL.assemble(["unequal-load-sharing@P1", "carrier-inertia"])
+    values = {"unequal-load-sharing@P1.share": 0.1, "carrier-inertia.change": 7.0}
+    force = assembly.evaluate(ORDERS, values, wanted=["mesh_force"])["mesh_force"][0, 1]
+    mean = force.mean(axis=-1)
+    assert mean[0] / mean[1] == pytest.approx(1.1, rel=1e-3)
+    turns = np.fft.rfft(force, axis=-1)
+    assert np.abs(turns[0, 66] / turns[1, 66]) == pytest.approx(1.1, rel=0.03)
+
+
+@pytest.mark.parametrize("use", ["", "planet-position-error@P2", "unequal-load-sharing@P2"])
+def test_forces_of_periodic_springs_against_an_integration(use):
+    """The same springs, deflections and dampers by the trapezoidal rule over a period that closes on itself."""
+    values = {"planet-position-error@P2.error": 0.5e-6, "unequal-load-sharing@P2.share": 0.1}
+    values = {name: value for name, value in values.items() if use and name.startswith(use)}
+    wanted = ["mesh_force", "mesh_spring", "mesh_damping", "transmission_error", "planet_load", "planet_phase",
+              "carrier_inertia", "planet_inertia", "base_radii"]  # fmt: skip
+    given = {"order": np.full(1, 66.0), "sun_speed": np.full(1, 30.0), "carrier_torque": np.full(1, 60.0)}
+    answer = MODEL.assemble([use] if use else []).evaluate(given, values, wanted)
+    got = {name: np.asarray(answer[name]) for name in wanted}
+    spring, damper = got["mesh_spring"][0].reshape(6, -1), got["mesh_damping"][0].ravel()
+    steady = got["transmission_error"][0].reshape(6, -1)
+    sun, planet, ring = got["base_radii"]
+    geometry = np.zeros((6, 4))  # what carrier and planets take off each approach
+    geometry[:3, 0], geometry[3:, 0] = sun + planet, ring - planet
+    for i in range(3):
+        geometry[i, 1 + i], geometry[3 + i, 1 + i] = planet, -planet
+    mass = np.array([float(got["carrier_inertia"]), *[float(got["planet_inertia"])] * 3])
+    steps, reach, hz = 128, 6, 66 * 8.0
+    turn = np.exp(2j * np.pi * np.outer(np.arange(-reach, reach + 1), np.arange(steps)) / steps)
+    number = np.arange(-reach, reach + 1)
+    stiff = np.fft.fft(spring, axis=-1)[:, number] / spring.shape[1]
+    k = ((stiff * np.exp(2j * np.pi * number * got["planet_phase"].ravel()[:, None])) @ turn).real
+    e = (np.fft.fft(steady, axis=-1)[:, 66 * number] / steady.shape[1] @ turn).real
+    e -= e.mean(axis=1, keepdims=True)
+
+    # unknown: 4 angles and 4 speeds a step (speeds in units of omega), 6 offsets that hold the mean forces
+    omega, h = 2 * np.pi * hz, 2 * np.pi / steps
+    size = 8 * steps + 6
+    force = np.zeros((steps, 6, size))
+    known = np.zeros((steps, 6))
+    for n in range(steps):
+        force[n, :, 8 * n : 8 * n + 4] = -k[:, n, None] * geometry
+        force[n, :, 8 * n + 4 : 8 * n + 8] = -omega * damper[:, None] * geometry
+        force[n, :, -6:] = np.diag(k[:, n])
+        known[n] = -k[:, n] * e[:, n]
+    rate, source = np.zeros((steps, 8, size)), np.zeros((steps, 8))
+    for n in range(steps):
+        rate[n, :4, 8 * n + 4 : 8 * n + 8] = np.eye(4)
+        rate[n, 4:] = (geometry / mass).T @ force[n] / omega**2
+        source[n, 4:] = (geometry / mass).T @ known[n] / omega**2
+    state = np.zeros((steps, 8, size))
+    for n in range(steps):
+        state[n, :, 8 * n : 8 * n + 8] = np.eye(8)
+    rows = (np.roll(state, -1, axis=0) - state) / h - (np.roll(rate, -1, axis=0) + rate) / 2
+    right = (np.roll(source, -1, axis=0) + source) / 2
+    scale = k.mean()
+    matrix = np.concatenate([rows.reshape(-1, size), force.mean(axis=0) / scale, state[:, :4].mean(axis=0)])
+    wanted_values = np.concatenate([right.ravel(), -known.mean(axis=0) / scale, np.zeros(4)])
+    solution = np.linalg.lstsq(matrix, wanted_values, rcond=None)[0]
+    assert matrix @ solution == pytest.approx(wanted_values, abs=1e-6 * np.abs(wanted_values).max())
+    expected = 2 * np.fft.rfft((force @ solution + known).T, axis=-1)[:, 1:4] / steps
+    mesh = got["mesh_force"][0].reshape(6, -1)
+    found = 2 * np.fft.rfft(mesh, axis=-1)[:, [66, 132, 198]] / mesh.shape[-1]
+    assert mesh.mean(axis=-1) == pytest.approx(np.tile(got["planet_load"][0], 2), rel=1e-9)
+    assert np.abs(found - expected).max() < 0.03 * np.abs(expected).max()
 
 
 def test_a_resonance_stands_in_hertz():

@@ -97,7 +97,7 @@ def test_a_zero_error_without_certificate_is_found_beside_one_with_it(tables, tm
 
 def test_ranges_are_contradicted_by_chi_square_or_by_predicting():
     """Odds of 500 to 1 are the level of one in five hundred at which an effect is named."""
-    outside = (Pull("tooth-friction.mu", 0.22, (0.01, 0.12), "1", 3.8, False),)
+    outside = (Pull("tooth-friction.mu", 0.22, (0.01, 0.12), 3.8, "1", False),)
     assert pytest.approx(2 * np.log(500)) == ODDS
     assert DataAlone(outside, 14.0, 1, 0.001).contradicts
     assert not DataAlone(outside, 5.8, 2, 0.054, likelier=True, predicts=12.0).contradicts
