@@ -40,7 +40,7 @@ def read(
     Parameters
     ----------
     path : str or Path
-        A file in TDMS or WAV.
+        A file in TDMS, WAV, UFF, MAT, HDF5 or CSV.
     channel_table : path, optional
         Roles, units and sensitivities; by default ``channels.toml`` or ``channels.csv`` beside the file.
     calibration : Calibration or path, optional

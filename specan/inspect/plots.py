@@ -96,6 +96,16 @@ def plain(text: str) -> str:
     return text
 
 
+def panel(grows: int, **options: Any) -> Any:
+    """An empty figure that takes its share of the height, without a tool bar in the way."""
+    styles = {"flex": f"{grows} 1 0", "min-height": "0", "background": "var(--paper)"}
+    options = {"tools": "save", "min_height": 120, **options}
+    sheet = figure(sizing_mode="stretch_both", styles=styles, **options)
+    sheet.toolbar.logo = None
+    sheet.toolbar.autohide = True
+    return sheet
+
+
 def hertz_axis(sheet: Any, axis: Any) -> None:
     """A tick at each octave."""
     frequencies, names = octave_ticks()

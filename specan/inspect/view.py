@@ -17,7 +17,28 @@ from specan.dsp.windows import WindowName
 from specan.schema import Settings, parse
 
 
-class View(Settings):
+class _InAddress(Settings):
+    """Settings that stand in the address of a page."""
+
+    @property
+    def query(self) -> str:
+        """What differs from the defaults, as the query of an address.
+
+        Examples
+        --------
+        >>> View(fraction=12, channel=("Sheet 1/Mic 1",)).query
+        'channel=Sheet+1%2FMic+1&fraction=12'
+        """
+        pairs: list[tuple[str, str]] = []
+        for name, value in self.model_dump(exclude_defaults=True).items():
+            if isinstance(value, tuple):
+                pairs += [(name, text) for text in value]
+            elif value is not None:
+                pairs.append((name, _text(value)))
+        return urlencode(pairs)
+
+
+class View(_InAddress):
     """Everything that can be chosen on the page of a recording.
 
     Attributes
@@ -99,17 +120,6 @@ class View(Settings):
         """The same with other values, checked."""
         return parse(View, {**self.model_dump(), **changes}, "this page")
 
-    @property
-    def query(self) -> str:
-        """What differs from the defaults, as the query of an address.
-
-        Examples
-        --------
-        >>> View(fraction=12, channel=("Sheet 1/Mic 1",)).query
-        'channel=Sheet+1%2FMic+1&fraction=12'
-        """
-        return query_of(self)
-
     @classmethod
     def from_arguments(cls, arguments: Mapping[str, Sequence[bytes]]) -> View:
         """Settings out of the query of an address.
@@ -134,7 +144,7 @@ class View(Settings):
         return parse(cls, content, "the address")
 
 
-class StudyView(Settings):
+class StudyView(_InAddress):
     """What can be chosen on the page of a study.
 
     Attributes
@@ -147,11 +157,6 @@ class StudyView(Settings):
 
     tried: tuple[str, ...] = ()
     microphone: tuple[str, ...] = ()
-
-    @property
-    def query(self) -> str:
-        """As the query of an address."""
-        return query_of(self)
 
     @classmethod
     def from_arguments(cls, arguments: Mapping[str, Sequence[bytes]]) -> StudyView:
@@ -169,17 +174,6 @@ class StudyView(Settings):
         """
         content = {n: tuple(v.decode("utf-8", "replace") for v in values) for n, values in arguments.items()}
         return parse(cls, content, "the address")
-
-
-def query_of(settings: Settings) -> str:
-    """What differs from the defaults, as the query of an address."""
-    pairs: list[tuple[str, str]] = []
-    for name, value in settings.model_dump(exclude_defaults=True).items():
-        if isinstance(value, tuple):
-            pairs += [(name, text) for text in value]
-        elif value is not None:
-            pairs.append((name, _text(value)))
-    return urlencode(pairs)
 
 
 def _text(value: Any) -> str:

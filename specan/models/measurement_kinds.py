@@ -161,22 +161,29 @@ class ReceiverErrors:
 
     Attributes
     ----------
-    position_m : float
+    position_m : float or array (receivers, 1)
         Of each coordinate of a receiver.
-    calibration_dB, calibration_phase_deg : float
+    calibration_dB, calibration_phase_deg : float or array (receivers, 1)
         Of a receiver's calibration.
     discrepancy : float
         Of the model: part of the response, and half of that part of the third octave's RMS response over all
         receivers (where modes cancel, their errors do not).
     detuning : float
-        Part of the model's natural frequencies and bandwidths.
+        Part of the model's natural frequencies and bandwidths, smooth over neighbouring modes.
+    frame_m, frame_tilt_deg : float
+        Of each coordinate of all receivers together, and of their rotation about each axis through their middle.
+    common_dB : float
+        Of the level of the calibrator, common to all receivers.
     """
 
-    position_m: float
-    calibration_dB: float
+    position_m: float | Array
+    calibration_dB: float | Array
     calibration_phase_deg: float
     discrepancy: float
     detuning: float
+    frame_m: float = 0.0
+    frame_tilt_deg: float = 0.0
+    common_dB: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -314,6 +321,10 @@ class Receivers:
         Where the source may be, if the model can move it.
     modes : NamedModes, optional
         Names of the field's modes, if the model knows any.
+    block_s : float
+        Length of the blocks of the analysis; its inverse is the distance of lines.
+    left_out_hz : tuple of pairs of float
+        Bands whose lines are not looked at.
     """
 
     axis: str
@@ -335,3 +346,5 @@ class Receivers:
     placed: PlacedEffects | None = None
     source: SourcePlaces | None = None
     modes: NamedModes | None = None
+    block_s: float = 1.0
+    left_out_hz: tuple[tuple[float, float], ...] = ()

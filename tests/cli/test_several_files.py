@@ -73,6 +73,7 @@ def test_quiet_leaves_notes_out_and_verbose_says_what_is_read():
     assert "Note:" not in quiet.stderr
     assert usual.stdout == quiet.stdout == verbose.stdout
     assert "Reading knock.tdms: 4 channels, 8000 samples at 8000 Hz." in verbose.stderr
+    assert verbose.stderr.count("Reading ") == 1  # of two passes: one for the mean
     assert "octave: " in verbose.stderr
     assert "s of processor time" in verbose.stderr
 

@@ -166,6 +166,7 @@ def test_a_model_is_asked_for_complex_lines() -> None:
     )
     found = replace(observed(lines), point={})
     assert found.predict(model.assemble(), {}) == pytest.approx(found.measured)
+    assert found.plain(model.assemble(), {}) == pytest.approx(found.measured)
 
 
 STATEMENT = OrderLines(

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from bokeh.models import ColorBar, ColumnDataSource, Div, HoverTool, LinearColorMapper
 from bokeh.palettes import PuOr11
-from bokeh.plotting import figure
 
-from specan.inspect.plots import plain
+from specan.inspect.plots import panel, plain
 from specan.inspect.sheets import notice
 from specan.inspect.trial import Trial
 from specan.report.residual_map import ResidualMap, axis_text
@@ -27,11 +26,9 @@ class FailingMap:
             {"x": [], "y": [], "z": [], "n": [], "edge": [], "width": [], "text": []}
         )
         self._known = study.data.known
-        self.sheet = figure(
-            title="Where the model fails", sizing_mode="stretch_both", tools="save", min_height=120,
-            styles={"flex": "3 1 0", "min-height": "0", "background": "var(--paper)"},
-            x_range=[""], y_range=[""], x_axis_label="", y_axis_label="",
-        )  # fmt: skip
+        self.sheet = panel(
+            3, title="Where the model fails", x_range=[""], y_range=[""], x_axis_label="", y_axis_label=""
+        )
         boxes = self.sheet.rect(
             "x", "y", 0.96, 0.94, source=self._cells, line_color="edge", line_width="width",
             fill_color={"field": "z", "transform": self._colours},
@@ -41,8 +38,6 @@ class FailingMap:
         self.sheet.add_layout(ColorBar(color_mapper=self._colours, title="sigma", width=10), "right")
         self.sheet.xaxis.major_label_orientation = 0.8
         self.sheet.grid.visible = False
-        self.sheet.toolbar.logo = None
-        self.sheet.toolbar.autohide = True
         self._missing = Div(text=notice("No operating variable varies: there is no map."), visible=False)
         self.body: Any = [self.sheet, self._missing]
 

@@ -18,9 +18,8 @@ from bokeh.models import (
     TapTool,
 )
 from bokeh.palettes import PuOr11
-from bokeh.plotting import figure
 
-from specan.inspect.plots import plain
+from specan.inspect.plots import panel, plain
 from specan.inspect.trial import Trial
 from specan.study.localisation.frf_errors import FrfErrors, frf_errors
 from specan.study.observation.frf import FrfObservation
@@ -71,15 +70,12 @@ class PlacesView:
         )
         low, high = corners.min(axis=0), corners.max(axis=0)
         margin = 0.09 * (high - low)
-        sheet = figure(
-            title="Level error", sizing_mode="stretch_both", tools="save", min_height=120,
-            match_aspect=True, x_range=Range1d(low[0] - margin[0], high[0] + margin[0]),
+        sheet = panel(
+            1, title="Level error", match_aspect=True,
+            x_range=Range1d(low[0] - margin[0], high[0] + margin[0]),
             y_range=Range1d(low[1] - margin[1], high[1] + margin[1]),
-            styles={"flex": "1 1 0", "min-height": "0", "background": "var(--paper)"},
         )  # fmt: skip
         sheet.axis.visible = sheet.grid.visible = False
-        sheet.toolbar.logo = None
-        sheet.toolbar.autohide = True
         for line, dash in self._edges():
             sheet.line(line[:, 0], line[:, 1], line_color="#808894", line_dash=dash)
         sheet.add_layout(LabelSet(

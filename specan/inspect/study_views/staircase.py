@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 from bokeh.models import ColumnDataSource, FactorRange, HoverTool, LabelSet, Range1d
-from bokeh.plotting import figure
 
 from specan.inspect.look import COLOURS
-from specan.inspect.plots import plain
+from specan.inspect.plots import panel, plain
 from specan.study.history import Step
 from specan.units import printed_unit
 
@@ -26,11 +25,9 @@ class Staircase:
         self._bars = ColumnDataSource(
             {"x": [], "top": [], "colour": [], "text": [], "alpha": [], "about": []}
         )
-        self.sheet = figure(
-            title="Fitted (blue), held out (orange)", sizing_mode="stretch_both",
-            tools="save", x_range=FactorRange(), y_range=Range1d(0, 1), min_height=120,
-            styles={"flex": "2 1 0", "min-height": "0", "background": "var(--paper)"},
-        )  # fmt: skip
+        self.sheet = panel(
+            2, title="Fitted (blue), held out (orange)", x_range=FactorRange(), y_range=Range1d(0, 1)
+        )
         bars = self.sheet.vbar(
             "x", top="top", width=0.9, source=self._bars, color="colour", alpha="alpha", line_color=None
         )
@@ -47,8 +44,6 @@ class Staircase:
         self.sheet.xaxis.group_text_font_size = "11px"
         self.sheet.xaxis.group_text_color = "#808894"
         self.sheet.x_range.group_padding = 0.6
-        self.sheet.toolbar.logo = None
-        self.sheet.toolbar.autohide = True
         self._steps: Sequence[Step] = ()
         self._tried: tuple[str, Mapping[str, Any]] | None = None
         self.body: Any = self.sheet

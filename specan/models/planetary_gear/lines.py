@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from specan.models.measurement_kinds import OrderLines, Stated, Tacho
 from specan.models.model import Model
-from specan.models.planetary_gear.kinematics import carrier_speed_ratio, planet_order, repeat_turns, sun_order
+from specan.models.planetary_gear.kinematics import (
+    carrier_speed_ratio,
+    mesh_line_strength,
+    planet_order,
+    repeat_turns,
+    sun_order,
+)
 from specan.models.planetary_gear.rig import Gear, Rig
 
 
@@ -18,7 +24,8 @@ def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDAr
 
     Each harmonic with whole orders to either side, the half order below it, and the turns of sun and planet. A sun that
     is uneven presses the planets one after the other: to a sensor on the ring it turns as often as its shaft, less or
-    more whole passages of the planets. A planet that is uneven is heard once a turn more and less.
+    more whole passages of the planets. A planet that is uneven is heard once a turn more and less. Left out are whole
+    orders further away that the ideal set shows where its path is sharper than assumed.
 
     Examples
     --------
@@ -33,10 +40,17 @@ def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDAr
     found = set()
     for h in range(1, harmonics + 1):
         middle = h * gear.z_ring
-        found |= {float(middle + k) for k in range(-sidebands, sidebands + 1)}
-        found |= {round(middle + sign * family, 9) for family in families for sign in (-1, 1)}
+        further = {round(middle + sign * family, 9) for family in families for sign in (-1, 1)}
+        further = {o for o in further if abs(o - middle) < sidebands or not _any_path_shows(gear, o)}
+        found |= {float(middle + k) for k in range(-sidebands, sidebands + 1)} | further
         found.add(middle - gear.z_ring / 2)
     return np.array(sorted(found))
+
+
+def _any_path_shows(gear: Gear, order: float) -> bool:
+    """Whether the ideal set has a line there by some path to the sensor: no evidence, where this one gives none."""
+    whole = round(order)
+    return abs(order - whole) < 1e-9 and bool(mesh_line_strength(gear, np.array([whole]))[0] > 1e-9)
 
 
 def line_conditions(model: Model, **settings: Any) -> dict[str, NDArray[np.float64]]:

@@ -21,7 +21,7 @@ from specan.models.model import Model
 from specan.models.quantity import constant
 from specan.models.room.mode_names import NAMED
 from specan.models.room.port import Port, point
-from specan.models.room.rig import WALLS, Rig
+from specan.models.room.rig import WALLS, Rig, left_out
 
 Array = NDArray[np.float64]
 
@@ -50,12 +50,19 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
         moved_by="microphone-position",
         along=("dx", "dy", "dz"),
         errors=ReceiverErrors(
-            position_m=given.position_m,
+            position_m=np.array(given.position_m)[:, None]
+            if isinstance(given.position_m, tuple)
+            else given.position_m,
             calibration_dB=given.calibration_dB,
             calibration_phase_deg=given.calibration_phase_deg,
             discrepancy=given.model_discrepancy_percent / 100,
             detuning=given.natural_frequency_percent / 100,
+            frame_m=given.frame_m,
+            frame_tilt_deg=given.frame_tilt_deg,
+            common_dB=given.calibrator_dB,
         ),
+        block_s=rig.band.block_s,
+        left_out_hz=left_out(rig.band),
         # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
         wave_number=WaveNumberStep("temperature", "offset", STEP_K, -2 * nominal_K, -2.0),
         groups=lambda channels: {} if dims is None else near_walls(dims, positions, names, channels),

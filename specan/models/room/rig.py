@@ -45,6 +45,27 @@ class Band(Settings):
 
     f_max_hz: Positive
     f_min_hz: NotNegative = 20.0
+    block_s: Annotated[float, Field(ge=0.5, le=20)] = 1.0
+    hum_hz: Positive | None = None
+    left_out_hz: tuple[tuple[NotNegative, Positive], ...] = ()
+
+
+HUM_LINES = 1.5  # lines around a harmonic of the mains that a Hann window lets it reach
+
+
+def left_out(band: Band) -> tuple[tuple[float, float], ...]:
+    """Bands that are not looked at: those that are named, and lines around the mains frequency and its harmonics.
+
+    Examples
+    --------
+    >>> left_out(Band(f_max_hz=120.0, hum_hz=50.0, left_out_hz=[[80.0, 85.0]]))
+    ((80.0, 85.0), (48.5, 51.5), (98.5, 101.5))
+    """
+    if band.hum_hz is None:
+        return band.left_out_hz
+    reach = HUM_LINES / band.block_s
+    harmonics = np.arange(1, int(band.f_max_hz / band.hum_hz) + 1) * band.hum_hz
+    return (*band.left_out_hz, *((float(f - reach), float(f + reach)) for f in harmonics))
 
 
 class Mics(Settings):
@@ -72,10 +93,13 @@ class Uncertainty(Settings):
     """Standard uncertainties."""
 
     temperature_K: NotNegative = 0.5
-    position_m: NotNegative = 0.002
+    position_m: NotNegative | tuple[NotNegative, ...] = 0.002
+    frame_m: NotNegative = 0.0
+    frame_tilt_deg: NotNegative = 0.0
     dimension_percent: NotNegative = 0.1
     calibration_dB: NotNegative = 0.1
     calibration_phase_deg: NotNegative = 0.3
+    calibrator_dB: NotNegative = 0.0
     card_delay_s: NotNegative = 8e-8
     vibrometer_delay_s: NotNegative = 1e-5
     vibrometer_gain_percent: NotNegative = 1.0
@@ -112,6 +136,15 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
             f"[band] f_max_hz is {rig.band.f_max_hz}, f_min_hz {rig.band.f_min_hz}",
             expected="f_max_hz above f_min_hz",
         )
+    given = rig.uncertainty.position_m
+    if isinstance(given, tuple) and len(given) != len(rig.mics.position_m):
+        raise RequestError(
+            f"[uncertainty] position_m has {len(given)} values for {len(rig.mics.position_m)} microphones",
+            expected="one value, or one a microphone",
+        )
+    for low, high in rig.band.left_out_hz:
+        if low >= high:
+            raise RequestError(f"[band] left_out_hz says [{low:g}, {high:g}]", expected="the lower end first")
     if rig.room.dims_m is not None:
         _check_box(rig, np.array(rig.room.dims_m))
     _check_apart(np.array(rig.mics.position_m))

@@ -20,8 +20,7 @@ from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import fold
 
-BLOCK_S = 1.0  # lines 1 Hz apart
-SETTLE_S = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
+SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
 LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
 
@@ -65,12 +64,12 @@ def observe_recording(
 
     receivers = _receivers_of(model)
     reference, channels_of_all = _channels_of(recording, model, receivers)
-    rate, settle = reference.sampling_rate, settling_s(reference.duration_s)
+    rate, settle = reference.sampling_rate, settling_s(reference.duration_s, receivers.block_s)
     settings = TransferFunction(
         reference=reference.name,
         channels=tuple(m.name for m in channels_of_all),
         estimator=estimator,  # type: ignore[arg-type]
-        lines=round(rate * BLOCK_S / 2.56),
+        lines=round(rate * receivers.block_s / 2.56),
         window="hann",
         overlap=0.5,
         align=False,
@@ -108,12 +107,12 @@ def observe_recording(
         folding=folding,
         conditions_at_nodes=conditions,
         shared=np.empty((*found.response.shape, 0), dtype=complex),
-        kept=np.repeat(wanted[:, None], len(lines), axis=1),
+        kept=wanted[:, None] & _looked_at(receivers, found.frequency_hz),
     )
-    return replace(plain, **_before_a_fit(receivers, plain))
+    return replace(plain, **_before_a_fit(_as_calibrated(receivers, channels_of_all), plain))
 
 
-def settling_s(duration_s: float) -> float:
+def settling_s(duration_s: float, block_s: float = 1.0) -> float:
     """Time at the beginning of a record that is not analysed, s.
 
     Examples
@@ -121,14 +120,36 @@ def settling_s(duration_s: float) -> float:
     >>> [settling_s(t) for t in (4.0, 5.0, 30.0)]
     [0.5, 1.0, 2.0]
     """
-    left = duration_s - LEAST_BLOCKS * BLOCK_S
-    return max(SETTLE_S[0], min(SETTLE_SHARE * duration_s, left, SETTLE_S[1]))
+    left = duration_s - LEAST_BLOCKS * block_s
+    least, most = (n * block_s for n in SETTLE_BLOCKS)
+    return max(least, min(SETTLE_SHARE * duration_s, left, most))
+
+
+def _looked_at(receivers: Receivers, frequency_hz: Any) -> Any:
+    """Lines outside of the bands that are left out."""
+    found = np.ones(len(frequency_hz), dtype=bool)
+    for low, high in receivers.left_out_hz:
+        found &= (frequency_hz < low) | (frequency_hz > high)
+    if not found.any():
+        raise RequestError("all lines of the band are left out", remedy="leave out less, or widen the band")
+    return found
+
+
+def _as_calibrated(receivers: Receivers, channels: Sequence[Channel]) -> Receivers:
+    """Receivers with the uncertainties that their calibration states, where it states any."""
+    stated = np.array([20 * np.log10(1 + c.u_gain_percent / 100) for c in channels])
+    if not stated.any():
+        return receivers
+    given = np.broadcast_to(receivers.errors.calibration_dB, stated.shape)
+    level = np.where(stated > 0, stated, given)[:, None]
+    return replace(receivers, errors=replace(receivers.errors, calibration_dB=level))
 
 
 def _before_a_fit(receivers: Receivers, plain: FrfObservation) -> dict[str, Any]:
     """The declared errors, and a stand-in for them until a fit tells where they act: one error a line."""
     given = receivers.errors
-    percent = max(100 * given.discrepancy, 100 * (10 ** (given.calibration_dB / 20) - 1), 1.0)
+    level = float(np.max(given.calibration_dB))
+    percent = max(100 * given.discrepancy, 100 * (10 ** (level / 20) - 1), 1.0)
     typical = np.median(np.abs(plain.response), axis=1, keepdims=True)
     return {"noise": np.hypot(plain.noise, percent / 100 * typical), "declared": CommonErrors(receivers)}
 

@@ -29,6 +29,9 @@ TITLE = "a recording"
 NEIGHBOURS = 2  # lines to either side over which the noise is averaged
 # Of that noise: medians of 24 bins (48 real values, of which a median of powers is worth a half: ln(2)^2) over 5 lines.
 NOISE_DOF = 100.0
+# Of the strongest line about the same harmonic, that reaches others: its level drifts while it is recorded, where a
+# resonance is near. Lines 3e-4 of it were seen with a shaft that wanders by 0.1 %.
+LEAKAGE = 1e-3
 SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
 LIKE_ENOUGH = 25.0  # chi-square that turning a recording by whole turns must gain; 1e-5 for the best of 28
 
@@ -123,7 +126,9 @@ def observe(
         harmonic=known.harmonic,
         family=np.array(known.family),
         amplitude=amplitude,
-        noise=_smooth(_noise(lines)[place], known.harmonic),
+        noise=np.hypot(
+            _smooth(_noise(lines)[place], known.harmonic), LEAKAGE * _strongest(amplitude, known.harmonic)
+        ),
         relative=declared_errors(known.order, known.offset, known.discrepancy, known.path),
         common=response_errors(beyond, known.harmonic, known.response),
         kept=np.ones(amplitude.shape, dtype=bool),
@@ -151,6 +156,12 @@ def _shown(model: Model, quantity: str, known: OrderLines, point: Mapping[str, f
     return found > SHOWN * np.stack(
         [found[:, known.harmonic == h].max(axis=1) for h in known.harmonic], axis=1
     )
+
+
+def _strongest(amplitude: NDArray[np.complex128], harmonic: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Largest line about each line's harmonic, (sensors, lines)."""
+    size = np.abs(amplitude)
+    return np.stack([size[:, harmonic == h].max(axis=1) for h in harmonic], axis=1)
 
 
 def _turn_zero(recording: Recording, index: str, shaft: Shaft) -> float:

@@ -11,7 +11,7 @@ from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, nearest
 from specan.io.open import open_recording
 from specan.models import Model, Receivers
-from specan.study.data.estimate_frf import BLOCK_S, observe_recording, settling_s
+from specan.study.data.estimate_frf import observe_recording, settling_s
 from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.frf import FrfObservation
 
@@ -59,11 +59,19 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         held_out.append(whole)
         statements += said
     given = receivers.errors
+    place, level = (
+        _range(np.asarray(v)) for v in (1000 * np.asarray(given.position_m), given.calibration_dB)
+    )
     common = (
-        f"every {receivers.noun}: place {1000 * given.position_m:.3g} mm, calibration {given.calibration_dB:.3g} dB "
+        f"every {receivers.noun}: place {place} mm, calibration {level} dB "
         f"and {given.calibration_phase_deg:.3g} degrees, model discrepancy "
         f"{100 * given.discrepancy:.3g} % (from the rig file or its defaults)"
     )
+    if given.frame_m or given.frame_tilt_deg or given.common_dB:
+        common += (
+            f"; in common: {1000 * given.frame_m:.3g} mm and {given.frame_tilt_deg:.3g} degrees of their frame, "
+            f"{given.common_dB:.3g} dB of the calibrator"
+        )
     return OpenedData(
         fitted=tuple(fitted),
         held_out=tuple(held_out),
@@ -83,19 +91,32 @@ def _observe(
         f_min_hz=receivers.band_hz[0],
         f_max_hz=receivers.band_hz[1],
     )
-    settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s)
+    settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s, receivers.block_s)
     return found, [
         f"{file.name}: {len(found.channels)} {receivers.plural}, {found.frequency_hz.size} lines of "
-        f"{1 / BLOCK_S:.3g} Hz, {file.estimator or 'H1'}, blocks of {BLOCK_S:.3g} s after {settle:.3g} s; "
+        f"{1 / receivers.block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {receivers.block_s:.3g} s "
+        f"after {settle:.3g} s; "
         "the model filters the recorded velocity and goes through the same blocks",
         *_calibrated(recording, receivers),
     ]
 
 
 def _calibrated(recording: Recording, receivers: Receivers) -> list[str]:
-    first = recording.by_role(receivers.role)[0]
-    reason = first.decisions.get("sensitivity", "")
-    return [f"{recording.label}: sensitivities {reason}"] if reason else []
+    channels = recording.by_role(receivers.role)
+    reason = channels[0].decisions.get("sensitivity", "")
+    stated = np.array([c.u_gain_percent for c in channels])
+    said = [f"{recording.label}: sensitivities {reason}"] if reason else []
+    if stated.any():
+        said.append(
+            f"{recording.label}: uncertainty of the sensitivities as calibrated, {_range(stated[stated > 0])} %, "
+            "not as the rig file has it"
+        )
+    return said
+
+
+def _range(values: NDArray[np.float64]) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
 def put_aside(whole: FrfObservation, file: DataFile, wanted: MeasuredFiles) -> NDArray[np.bool_]:

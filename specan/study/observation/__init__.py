@@ -72,7 +72,7 @@ TABLE = Strategy()
 
 
 def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
-    """Strategy of a problem over several observations; a frugal one for many rows, or where one of them is.
+    """Strategy of a problem over several observations; a frugal one for many rows.
 
     Parameters
     ----------
@@ -94,9 +94,16 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
         linearised_covariance=any(p.linearised_covariance for p in parts),
         exact_minimum=all(p.exact_minimum for p in parts),
         tolerance=max((p.tolerance for p in parts), default=1.0),
+        further_starts=all(p.further_starts for p in parts),
+        secondary_refits=all(p.secondary_refits for p in parts),
+        pruning=any(p.pruning for p in parts),
+        reuses_signatures=any(p.reuses_signatures for p in parts),
         explained_limit=min((p.explained_limit for p in parts), default=float("inf")),
+        refitted=min((p.refitted for p in parts), default=TABLE.refitted),
+        pairs=min((p.pairs for p in parts), default=TABLE.pairs),
+        rivals=min((p.rivals for p in parts), default=TABLE.rivals),
     )
-    return frugal(whole) if n_data > MANY_ROWS or any(p == frugal(p) for p in parts) else whole
+    return frugal(whole) if n_data > MANY_ROWS else whole
 
 
 def frugal(strategy: Strategy) -> Strategy:

@@ -33,7 +33,7 @@ class CommonErrors:
     receivers: Receivers
 
     @property
-    def position_m(self) -> float:
+    def position_m(self) -> float | Array:
         """Standard uncertainty of each coordinate of a receiver."""
         return self.receivers.errors.position_m
 
@@ -47,7 +47,8 @@ class CommonErrors:
         of_each : array (receivers, lines, errors)
             Errors that each receiver has for itself.
         of_all : array (receivers, lines, errors)
-            Errors of the modes, which every receiver sees: their natural frequencies and bandwidths.
+            Errors that all receivers share: of their frame, of the calibrator, and of the modes' natural frequencies
+            and bandwidths.
         slopes : array (3, receivers, lines)
 
         The errors are taken where a fit has brought the model: by the measured response, a line that noise has made
@@ -61,13 +62,28 @@ class CommonErrors:
             response * (np.log(10) / 20 * errors.calibration_dB),
             1j * response * np.radians(errors.calibration_phase_deg),
         ]
-        of_all: list[Complex] = []
+        of_all = _of_frame(self.receivers, np.stack(moved))
+        if errors.common_dB:
+            of_all.append(response * (np.log(10) / 20 * errors.common_dB))
         for part in piecewise_linear_basis(frequency_hz):
             level = np.sqrt(np.mean(part * np.abs(response) ** 2) / np.mean(part))
             of = [errors.discrepancy * response, 0.5 * errors.discrepancy * level + 0 * response]
             found += [part * size * turn for size in of for turn in (1, 1j)]
             of_all += [part * errors.detuning * detuned * turn for turn in (1, 1j)]
         return np.stack(found, axis=-1), np.stack(of_all, axis=-1), np.stack(moved)
+
+
+def _of_frame(receivers: Receivers, slopes: Complex) -> list[Complex]:
+    """A shift of all receivers along each axis, and a rotation about each through their middle."""
+    errors, found = receivers.errors, []
+    arm = receivers.positions_m - receivers.positions_m.mean(axis=0)
+    for axis in np.eye(3):
+        if errors.frame_m:
+            found.append(errors.frame_m * np.tensordot(axis, slopes, axes=1))
+        if errors.frame_tilt_deg:
+            moved = np.radians(errors.frame_tilt_deg) * np.cross(axis, arm)
+            found.append(np.einsum("ma,aml->ml", moved, slopes))
+    return found
 
 
 def _with_slopes(
