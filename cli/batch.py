@@ -141,12 +141,12 @@ _PIECE = 1 << 20
 
 
 def _rows(path: Path) -> int:
-    with path.open(encoding="utf-8") as file:
-        while (line := file.readline()).startswith("#"):
+    with path.open("rb") as file:
+        while (line := file.readline()).startswith(b"#"):
             pass
         lines, rest = int(bool(line)), file.read(_PIECE)
         while rest:
-            lines += rest.count("\n")
+            lines += rest.count(b"\n")
             rest = file.read(_PIECE)
     return lines - 1
 

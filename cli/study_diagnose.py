@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, say, table
+from specan_cli.output import emit_json, table
 from specan_cli.output_file import Verb
 from specan_cli.results import draw
-from specan_cli.study_output import open_study, probability, study_options
+from specan_cli.study_output import open_study, probability, study_options, told
 
 if TYPE_CHECKING:
     from specan.study.verdict import Diagnosis, Ranked
@@ -36,8 +35,7 @@ def command(
     specan study diagnose my_study --plot ranking.png
     """
     study = open_study(directory, effects)
-    progress = say if sys.stderr.isatty() else None
-    found = study.diagnose(bootstrap=bootstrap, progress=progress)
+    found = study.diagnose(bootstrap=bootstrap, progress=told())
     if as_json:
         emit_json(found.to_json())
     else:

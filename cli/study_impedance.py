@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ import click
 from specan_cli.figure_output import plot_option
 from specan_cli.output_file import Verb
 from specan_cli.results import draw
-from specan_cli.study_output import study_options
+from specan_cli.study_output import study_options, told
 
 if TYPE_CHECKING:
     from specan.impedance.advice import Advice
@@ -43,10 +42,10 @@ def command(
     """
     from specan.impedance.advice import advise
     from specan.impedance.surface_impedance import study_impedance
-    from specan_cli.output import emit_json, say
+    from specan_cli.output import emit_json
     from specan_cli.study_output import open_study
 
-    progress = say if sys.stderr.isatty() else None
+    progress = told()
     study = open_study(directory, effects)
     whole = study_impedance(study, accuracy, progress)
     shown = whole if wall is None else whole.only(wall)

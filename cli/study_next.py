@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
 
 from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, say
+from specan_cli.output import emit_json
 from specan_cli.output_file import Verb
-from specan_cli.study_output import open_study, study_options
+from specan_cli.study_output import open_study, study_options, told
 
 
 @click.command("next", cls=Verb)
@@ -26,7 +25,7 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Pat
     """
     study = open_study(directory, effects)
     study.require_uncertainty("next")
-    found = study.diagnose(progress=say if sys.stderr.isatty() else None)
+    found = study.diagnose(progress=told())
     rows = found.to_json()["next_measurement"]
     if as_json:
         emit_json({"verdict": found.verdict, "next_measurement": rows})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.output import say, table
+from specan_cli.verbosity import is_quiet
 
 if TYPE_CHECKING:
     from specan.study.estimation.prediction_error import ObservableError
@@ -46,6 +49,24 @@ def open_study(directory: Path, effects: Sequence[Path] = (), accept_changes: bo
             "Repeat conditions, or give [uncertainty] in the rig file."
         )
     return study
+
+
+LOGGED_S = 10.0  # between lines of progress in a log
+
+
+def told() -> Callable[[str], None]:
+    """What tells of progress on standard error: all of it on a terminal; in a log a line every ten seconds."""
+    began = last = time.monotonic()
+    on_terminal, quiet = sys.stderr.isatty(), is_quiet()
+
+    def tell(text: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if not quiet and (on_terminal or now - last >= LOGGED_S):
+            last = now
+            say(f"{now - began:5.0f} s: {text}")
+
+    return tell
 
 
 def error_table(title: str, errors: Sequence[ObservableError]) -> None:

@@ -171,6 +171,13 @@ def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[str]]) 
         sheet.writerows(rows)
 
 
+def write_encoded(file: TextIO, parts: Iterable[bytes]) -> None:
+    """Write what is UTF-8 already after what was written to `file` as text."""
+    file.flush()
+    for part in parts:
+        file.buffer.write(part)
+
+
 def remove_parts(directory: Path) -> None:
     """Remove what an interrupted write has left."""
     for half in directory.glob(f".*{_PART}"):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from specan import __version__
 from specan.errors import RequestError, nearest
-from specan.io.output_file import text_file
+from specan.io.output_file import text_file, write_encoded
 from specan.io.text_cell import cells, escaped, plain, word
 
 if TYPE_CHECKING:
@@ -147,7 +147,9 @@ def rows_of_channels(
         yield rows([[word(name)] * len(own[0]), *own])
 
 
-def write_table(path: Path, header: Iterable[str], columns: Sequence[str], blocks: Iterable[str]) -> None:
+def write_table(
+    path: Path, header: Iterable[str], columns: Sequence[str], blocks: Iterable[str | bytes]
+) -> None:
     """Write one result table; a reader sees the old file or the whole new one.
 
     Parameters
@@ -158,15 +160,18 @@ def write_table(path: Path, header: Iterable[str], columns: Sequence[str], block
         Lines that are written with a leading ``# ``.
     columns : sequence of str
         Names of the columns.
-    blocks : iterable of str
-        Lines of the table as `rows` makes them, in order; may come from a generator.
+    blocks : iterable of str or bytes
+        Lines of the table as `rows` makes them, in order, or encoded; may come from a generator.
     """
     with text_file(path) as file:
         for line in header:
             file.write(f"# {escaped(' '.join(line.split()))}\n")
         file.write("\t".join(columns) + "\n")
         for block in blocks:
-            file.write(block)
+            if isinstance(block, bytes):
+                write_encoded(file, [block])
+            else:
+                file.write(block)
 
 
 def write_result(

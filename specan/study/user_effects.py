@@ -172,18 +172,14 @@ def load_own_effects(directory: Path, entries: Sequence[EffectFileEntry]) -> lis
             raise RequestError(
                 f"the study's effect file {entry.file} is missing", remedy="put it back, or drop its effects"
             )
-        content = path.read_bytes()
-        sha256 = hashlib.sha256(content).hexdigest()
-        if sha256 != entry.sha256:
-            raise RequestError(
-                f"the study's effect file {entry.file} was changed since it was taken in",
-                remedy=f"restore it, or take in what it is now with --effect {path}",
-            )
-        if not is_trusted(sha256):
-            raise RequestError(
-                f"the study brings its own effect file {entry.file}, which has not been run on this machine",
-                remedy=f"read it, then name it once with --effect {path}",
-            )
+        again = f"--effect {path}"
+        content = _trusted(
+            f"effect file {entry.file}",
+            entry.sha256,
+            path.read_bytes(),
+            f"take in what it is now with {again}",
+            again,
+        )
         effects += effects_from_file(path, content)
     return effects
 
@@ -223,16 +219,26 @@ def load_own_model(directory: Path, file: str, sha256: str | None, rig: Mapping[
                 f"the study's model file {needed.relative_to(directory).as_posix()} is missing",
                 remedy="put it back",
             )
-    content = content_of(path)
+    content = _trusted(
+        f"model file {file}",
+        sha256,
+        content_of(path),
+        "begin a new study with it",
+        f"specan model check {path}",
+    )
+    return model_from_file(path, rig, content)
+
+
+def _trusted(what: str, sha256: str | None, content: bytes, otherwise: str, by: str) -> bytes:
+    """Content that is what the study took in, and that has been named on this machine; `by` tells how."""
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
         raise RequestError(
-            f"the study's model file {file} was changed since it was taken in",
-            remedy="restore it, or begin a new study with it",
+            f"the study's {what} was changed since it was taken in", remedy=f"restore it, or {otherwise}"
         )
     if not is_trusted(found):
         raise RequestError(
-            f"the study brings its own model file {file}, which has not been run on this machine",
-            remedy=f"read it, then name it once with specan model check {path}",
+            f"the study brings its own {what}, which has not been run on this machine",
+            remedy=f"read it, then name it once with {by}",
         )
-    return model_from_file(path, rig, content)
+    return content

@@ -1,13 +1,14 @@
 """The pool of processes: order of results does not matter, a dead process costs one item."""
 
 import sys
+import threading
 from types import ModuleType
 
 import pytest
 
 from specan.analysis.batch.pool import spread
 
-# A module of its own: processes are spawned and import what they work on by name.
+# A module of its own: new processes import what they work on by name.
 WORK = """
 import os, signal
 
@@ -56,3 +57,16 @@ def test_a_killed_process_costs_one_item(work: ModuleType) -> None:
 def test_an_error_of_the_work_is_raised(work: ModuleType, jobs: int) -> None:
     with pytest.raises(TypeError):
         list(spread(["a", "b"], work.square, work.prepare, (0,), jobs, work.lost))
+
+
+def test_beside_other_threads_new_processes_are_begun(work: ModuleType) -> None:
+    """A copy of a process with threads might wait for ever for a lock that one of them held."""
+    end = threading.Event()
+    other = threading.Thread(target=end.wait)
+    other.start()
+    try:
+        found = dict(spread([5, 1, 4], work.square, work.prepare, (7,), 2, work.lost))
+    finally:
+        end.set()
+        other.join()
+    assert found == {0: 32, 1: 8, 2: 23}

@@ -64,6 +64,33 @@ def test_a_planet_whose_pin_lies_ahead_carries_less_by_stiffness_times_error(hea
     assert change[0][1] == pytest.approx(expected, rel=0.1)
 
 
+def test_springs_of_another_law_are_linear_at_exponent_one() -> None:
+    """Two integrators of the same machine: mean forces alike, lines of the mesh within their steps' error."""
+    from dataclasses import replace
+
+    set_of_one_turn = Machine(
+        z_sun=22, z_planet=22, z_ring=66, hidden={"planet-position-error": {"planet": 2.0, "error_um": 0.5}}
+    )
+    one = ring_forces(set_of_one_turn, CARRIER_HZ, TORQUE)[1]
+    two = ring_forces(replace(set_of_one_turn, exponent=1.0 + 1e-9), CARRIER_HZ, TORQUE)[1]
+    assert two.mean(axis=1) == pytest.approx(one.mean(axis=1), rel=2e-3)
+    first, second = (np.abs(np.fft.rfft(f, axis=-1))[:, [66, 132]] for f in (one, two))
+    assert second == pytest.approx(first, rel=0.2)
+
+
+def test_a_pin_on_points_of_contact_goes_with_the_load() -> None:
+    """F = K x^1.5: stiffness goes with F^(1/3), and so does the load that a pin takes off."""
+    from dataclasses import replace
+
+    straight = Machine(z_sun=22, z_planet=22, z_ring=66, exponent=1.5, ramp=0.5, drop=0.0)
+    bent = replace(straight, hidden={"planet-position-error": {"planet": 2.0, "error_um": 0.1}})
+    change = [
+        (ring_forces(bent, CARRIER_HZ, t)[1] - ring_forces(straight, CARRIER_HZ, t)[1]).mean(axis=1)[1]
+        for t in (60.0, 120.0)
+    ]
+    assert change[1] / change[0] == pytest.approx(2 ** (1 / 3), rel=0.05)
+
+
 def test_a_case_is_drawn_the_same_again() -> None:
     one, two = draw(3, "sun-runout"), draw(3, "sun-runout")
     assert one.machine == two.machine

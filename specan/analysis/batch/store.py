@@ -16,7 +16,7 @@ from specan.analysis.batch.identity import Identity
 from specan.analysis.batch.result import FileResult
 from specan.data.tone import ToneTable
 from specan.errors import RequestError
-from specan.io.output_file import remove_parts, text_file
+from specan.io.output_file import remove_parts, text_file, write_encoded
 
 _SCHEMA, _SUFFIX = 3, ".result"
 
@@ -46,10 +46,14 @@ class Kept:
 
     def lines(self, table: str) -> str:
         """Lines of one table."""
+        return self.encoded(table).decode("utf-8")
+
+    def encoded(self, table: str) -> bytes:
+        """Lines of one table as they stand in its file."""
         start, size = self.places[table]
         with self.path.open("rb") as file:
             file.seek(start)
-            return file.read(size).decode("utf-8")
+            return file.read(size)
 
 
 class Store:
@@ -99,6 +103,7 @@ class Store:
         RequestError
             There is no room, or the store cannot be written to.
         """
+        encoded = {table: lines.encode() for table, lines in result.blocks.items()}
         head = {
             "schema": _SCHEMA,
             "label": result.label,
@@ -110,15 +115,14 @@ class Store:
             "set_aside": result.set_aside,
             "units": result.units,
             "tone": None if result.tone is None else _plain(result.tone),
-            "checksum": zlib.crc32("".join(result.blocks.values()).encode()),
-            "lines": {table: len(lines.encode()) for table, lines in result.blocks.items()},
+            "checksum": zlib.crc32(b"".join(encoded.values())),
+            "lines": {table: len(lines) for table, lines in encoded.items()},
         }
         try:
             # Not waited for: what a power cut has left half written does not have its checksum, and is made again.
             with text_file(self._path(result.label), durable=False) as file:
                 file.write(json.dumps(head) + "\n")
-                for lines in result.blocks.values():
-                    file.write(lines)
+                write_encoded(file, encoded.values())
         except RequestError as fault:
             raise RequestError(
                 f"the result of {result.label} cannot be kept: {fault.found}",

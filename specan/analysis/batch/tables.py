@@ -63,11 +63,11 @@ def write_tables(
         written.append(name)
         about = [f"file {r.label}: {line}" for r in here for line in r.about]
         if name == "skipped.txt":
-            lines: Iterator[str] = _skipped(results)
+            lines: Iterator[str | bytes] = _skipped(results)
         elif name == "sine.txt":
             lines = _sine_lines(results, _blocks(name, here, kept))
         else:
-            lines = (block for _, block in _blocks(name, here, kept))
+            lines = (kept[r.label].encoded(name) for r in here)
         text.write_table(out / name, [*_head(name, header), *about], columns, lines)
     return tuple(written)
 

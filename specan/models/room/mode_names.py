@@ -20,7 +20,7 @@ def mode_names(dims_m: Any, sound_speed: float, f_max_hz: float) -> list[tuple[f
     Examples
     --------
     >>> mode_names([2.0, 1.0, 0.5], 340.0, 200.0)
-    [(85.0, '1st axial mode along x'), (170.0, '2nd axial mode along x'), (170.0, '1st axial mode along y'), \
+    [(85.0, '1st axial mode along x'), (170.0, '1st axial mode along y'), (170.0, '2nd axial mode along x'), \
 (190.1, 'tangential mode x1 y1')]
     """
     edges = np.array(dims_m, dtype=float)
