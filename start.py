@@ -62,6 +62,7 @@ def install(extras: str) -> None:
     pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--editable", f".{extras}"]
     if run(*pip):
         sys.exit("The installation failed; pip says why above.")
+    run("-m", "compileall", "-q", "specan", "cli")  # an editable installation leaves that to the first start
     stamp.write_text(state)
 
 

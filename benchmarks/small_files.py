@@ -1,6 +1,7 @@
 """Many short files: `specan batch` beside a plain loop of npTDMS and scipy, CPU seconds of whole processes.
 
-``python benchmarks/small_files.py [--files 40] [--channels 4]``; with ``--jobs`` one process beside two instead.
+``python benchmarks/small_files.py [--files 40] [--channels 4]``; with ``--jobs`` one process beside two instead, with
+``--fixed`` what a single short file costs whatever its length.
 """
 
 from __future__ import annotations
@@ -37,12 +38,12 @@ for path in sorted(Path(sys.argv[1]).glob("*.tdms")):
 """
 
 
-def write(path: Path, channels: int, seed: int) -> None:
+def write(path: Path, channels: int, seed: int, seconds: int = SECONDS) -> None:
     """One recording of noise, raw int32 with a linear scale."""
     from nptdms import ChannelObject, GroupObject, TdmsWriter
 
     rng = np.random.default_rng(seed)
-    common = rng.standard_normal(RATE * SECONDS)
+    common = rng.standard_normal(RATE * seconds)
     objects = [GroupObject("Measurement", {"Excitation": "gaussian noise"})]
     for number in range(channels):
         name = f"Mic {number + 1}" if number < channels - 1 else "Vibrometer"
@@ -107,13 +108,48 @@ def scaling(files: int = 200, channels: int = 4) -> list[str]:
     ]
 
 
+def fixed(channels: int = 26, longer: int = 10) -> list[str]:
+    """Lines of a table: a file of 1 s, a longer one, and what of the first is neither start-up nor goes with length."""
+    specan = str(Path(sys.executable).with_name("specan"))
+    used: dict[str, list[float]] = {}
+    with tempfile.TemporaryDirectory() as place:
+        for seconds in (1, longer):
+            Path(place, str(seconds)).mkdir()
+            write(Path(place, str(seconds), "f.tdms"), channels, 1, seconds)
+        for run in range(3):
+            begin = cpu([sys.executable, "-c", "import specan.analysis.batch.run, specan.io.tdms"])
+            used.setdefault("start-up", []).append(begin)
+            for seconds in (1, longer):
+                command = [
+                    specan,
+                    "batch",
+                    f"{place}/{seconds}",
+                    "-o",
+                    f"{place}/{seconds}-{run}",
+                    "--jobs",
+                    "1",
+                ]
+                used.setdefault(f"{seconds} s", []).append(cpu(command))
+    start, short, long = (min(runs) for runs in used.values())
+    per_second = (long - short) / (longer - 1)
+    rows = [*used.items(), ("per second of recording", [per_second]), ("fixed", [short - start - per_second])]
+    return [
+        f"| one file of {channels} channels | CPU s |",
+        "|---|---|",
+        *(f"| {name} | {min(runs):.2f} |" for name, runs in rows),
+    ]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--files", type=int)
     parser.add_argument("--channels", type=int, default=4)
     parser.add_argument("--jobs", action="store_true", help="one process beside two")
+    parser.add_argument("--fixed", action="store_true", help="one file of 26 channels")
     asked = parser.parse_args()
-    if asked.jobs:
+    if asked.fixed:
+        print("\n".join(fixed()))
+    elif asked.jobs:
         print("\n".join(scaling(asked.files or 200, asked.channels)))
     else:
         print("\n".join(table(asked.files or 40, asked.channels)))

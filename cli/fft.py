@@ -151,7 +151,7 @@ def _single(recording: Recording, options: dict[str, Any], peaks: int, output: P
             }
             about.append(replace(part, has_mirror=part.has_mirror[:1].copy(), **short))
             yield from _text(with_phase(part, lines)) if wanted else ()
-            del part, lines
+            del part, lines, phase
 
     if output is None:
         list(texts(False))
@@ -237,12 +237,20 @@ def highest(values: Any, count: int) -> list[int]:
     """Lines of the highest local maxima, highest first; the highest line of all where there is none."""
     import numpy as np
 
-    clean = np.nan_to_num(values, nan=-1.0)
-    padded = np.concatenate([[-np.inf], clean, [-np.inf]])
-    maxima = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:]))
-    if len(maxima) > count:  # a long spectrum has half a million
-        maxima = maxima[clean[maxima] >= np.partition(clean[maxima], -count)[-count]]
-    ordered = maxima[np.argsort(-clean[maxima], kind="stable")]
+    best, kept = np.empty(0, dtype=np.intp), np.empty(0)
+    for first in range(0, len(values), PIECE):  # a long spectrum has half a million maxima
+        last = min(first + PIECE, len(values))
+        around = np.nan_to_num(values[max(first - 1, 0) : last + 1], nan=-1.0)
+        before = around[:-1] if first else np.concatenate([[-np.inf], around])
+        mine = around[1 if first else 0 :][: last - first]
+        after = around[2 if first else 1 :]
+        after = after if last < len(values) else np.append(after, -np.inf)
+        maxima = np.flatnonzero((mine >= before[: mine.size]) & (mine > after))
+        best, kept = np.append(best, first + maxima), np.append(kept, mine[maxima])
+        if best.size > count:
+            high = kept >= np.partition(kept, -count)[-count]
+            best, kept = best[high], kept[high]
+    ordered = best[np.argsort(-kept, kind="stable")]
     return [int(k) for k in ordered[:count]] or [0]
 
 

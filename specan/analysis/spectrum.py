@@ -197,7 +197,9 @@ def single_blocks(
 
     def frequencies() -> NDArray[np.float64]:
         # Made anew for each channel: it need not be there while the samples are transformed.
-        return np.asarray(np.arange(block // 2 + 1, dtype=np.float64) * (rate / block))
+        found = np.arange(block // 2 + 1, dtype=np.float64)
+        found *= rate / block
+        return found
 
     kept = lines_between(frequencies(), settings)
     alone = np.flatnonzero(~has_mirror(kept.size, block))

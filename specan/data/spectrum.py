@@ -75,10 +75,11 @@ class SpectrumScale:
         """
         if self.scaling == "psd":
             return density
-        rms = np.sqrt(density * self.enbw_hz)
-        if self.scaling == "rms":
-            return np.asarray(rms)
-        return np.asarray(rms * np.where(has_mirror, np.sqrt(2.0), 1.0))
+        values = np.asarray(density * self.enbw_hz)
+        np.sqrt(values, out=values)
+        if self.scaling == "amplitude":
+            np.multiply(values, np.sqrt(2.0), out=values, where=has_mirror)
+        return values
 
     def level_dB(self, density: Real, unit: str) -> Real:
         """Level of a density: of the density itself, or of the RMS of a line (also under "amplitude")."""

@@ -19,7 +19,7 @@ from specan.dsp.frequency_nodes import (
     node_range,
     node_weights,
 )
-from specan.dsp.lag_spectrum import LagSpectrum, total_energy
+from specan.dsp.lag_spectrum import LagSpectrum, total_energy, working_memory
 from specan.dsp.multirate import LENGTH, MultirateTransform, Stage
 from specan.dsp.record_ends import Fade, RecordEnds
 from specan.dsp.short_record import LONGEST, add_energy, share_of_lines
@@ -150,6 +150,10 @@ class BandEnergy:
         self._count = 0
         self._sum = np.zeros(rows)
         self._spectra: dict[Stage, LagSpectrum] = {}
+        self._buffers = working_memory(rows, LENGTH)
+        self._first, count = node_range(sampling_rate)
+        self._nodes, self._energy = np.zeros((rows, count)), np.zeros(rows)
+        self._inner = np.zeros_like(self._nodes) if self._fade else None
 
     def take(
         self, stage: Stage, block: NDArray[np.float64], transform: NDArray[np.complex128], half: int
@@ -159,26 +163,36 @@ class BandEnergy:
             self._count += block.shape[1]
             self._sum += transform[:, 0].real
         if stage not in self._spectra:
-            self._spectra[stage] = LagSpectrum(self._rows, LENGTH)
+            self._spectra[stage] = LagSpectrum(self._rows, LENGTH, self._buffers)
         end = None if self._ends is None else self._ends.of(stage, block, half)
         self._spectra[stage].add(transform, end, block.shape[1])
+        if self._spectra[stage].closed:
+            self._read(stage)
+
+    def _read(self, stage: Stage) -> None:
+        """Bring a stage's lines to the nodes, and let go of them: those of all stages together are large."""
+        spectrum, place = self._spectra.pop(stage), _spread(stage, self._first)
+        lines = spectrum.energy()
+        if stage.number == 0:
+            self._energy = total_energy(lines)
+        place.add(self._nodes, lines)
+        if self._inner is not None:
+            place.add(self._inner, spectrum.energy(faded=True))
 
     def result(self) -> EnergySpectrum:
         """The energy spectrum; call it once, after the transform is finished."""
-        first, count = node_range(self.sampling_rate)
-        nodes, energy = np.zeros((self._rows, count)), np.zeros(self._rows)
-        inner = np.zeros_like(nodes) if self._fade else None
         for stage in list(self._spectra):
-            # Let go of each stage as soon as it is read: the lines of all of them together are large.
-            spectrum = self._spectra.pop(stage)
-            place = _spread(stage, first)
-            lines = spectrum.energy()
-            if stage.number == 0:
-                energy = total_energy(lines)
-            place.add(nodes, lines)
-            if inner is not None:
-                place.add(inner, spectrum.energy(faded=True))
-        return _found(first, nodes, inner, energy, self._sum, self._count, self.sampling_rate, self._fade)
+            self._read(stage)
+        return _found(
+            self._first,
+            self._nodes,
+            self._inner,
+            self._energy,
+            self._sum,
+            self._count,
+            self.sampling_rate,
+            self._fade,
+        )
 
 
 def energy_of_short(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.dsp.long_transform import real_transform
 from specan.dsp.windows import Windowing, WindowName
 
 Real = NDArray[np.float64]
@@ -41,7 +42,7 @@ class AmplitudeTransform:
         if self._detrend:
             samples -= np.add.reduce(samples, axis=-1, keepdims=True) / samples.shape[-1]
         self._shape(samples)
-        spectrum: Complex = np.fft.rfft(samples, axis=-1)
+        spectrum: Complex = real_transform(samples) if samples.ndim == 1 else np.fft.rfft(samples, axis=-1)
         spectrum *= self._scale
         spectrum[..., self._single] /= 2
         return spectrum
@@ -49,5 +50,8 @@ class AmplitudeTransform:
 
 def has_mirror(lines: int, block: int) -> NDArray[np.bool_]:
     """Which of the first lines of a DFT stand for two: all but 0 Hz and half the sampling rate."""
-    line = np.arange(lines)
-    return np.asarray((line > 0) & (2 * line != block))
+    mirrored = np.ones(lines, dtype=np.bool_)
+    mirrored[:1] = False
+    if block % 2 == 0:
+        mirrored[block // 2 : block // 2 + 1] = False
+    return mirrored

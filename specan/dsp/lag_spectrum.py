@@ -33,6 +33,8 @@ class LagSpectrum:
         Number of channels.
     length : int
         L, an even number of samples.
+    buffers : complex array, shape (2, at least min(rows, 4), L + 1), optional
+        Memory to work in, which others may use between the calls.
 
     Examples
     --------
@@ -43,7 +45,7 @@ class LagSpectrum:
     (4.0, 4.0)
     """
 
-    def __init__(self, rows: int, length: int) -> None:
+    def __init__(self, rows: int, length: int, buffers: NDArray[np.complex128] | None = None) -> None:
         self.length = length
         self._cross = np.zeros((rows, length + 1), dtype=np.complex128)
         self._previous: NDArray[np.complex128] | None = None
@@ -51,8 +53,10 @@ class LagSpectrum:
         self._blocks, self._longest = 0, 0
         # What the cross spectra of a faded record have more than those of the record itself.
         self._faded_more: NDArray[np.complex128] | None = None
+        # That of the beginning, as lags: half the memory for the long time until the end.
+        self._faded_lags: NDArray[np.float64] | None = None
         # Used again and again: fresh memory costs more than the arithmetic.
-        self._buffers = np.empty((2, min(rows, _ROWS), length + 1), dtype=np.complex128)
+        self._buffers = working_memory(rows, length) if buffers is None else buffers
 
     def add(
         self,
@@ -75,6 +79,11 @@ class LagSpectrum:
         if self._longest < self.length and self._blocks > 1:  # the last one
             self._close()
 
+    @property
+    def closed(self) -> bool:
+        """Whether the last block has been seen, as it was shorter."""
+        return self._blocks > 1 and self._previous is None
+
     def _close(self) -> None:
         """Correlate the last block, and let go of its transforms: those of all rates together are large."""
         self._correlate(None)
@@ -87,6 +96,8 @@ class LagSpectrum:
         """With Y = X - E: conj(Y_b) (Y_b + Y_{b+1}) - conj(X_b) (X_b + X_{b+1})."""
         mine, end = self._previous, self._previous_end
         if end is None and following_end is None:
+            if self._faded_more is not None:
+                self._faded_lags, self._faded_more = self._lags(self._faded_more), None
             return
         assert mine is not None
         if self._faded_more is None:
@@ -110,6 +121,12 @@ class LagSpectrum:
             ):
                 if other is not None:
                     sum_up(total, np.multiply(conjugate, other[rows], out=product), out=total)
+
+    def _lags(self, cross: NDArray[np.complex128]) -> NDArray[np.float64]:
+        lags = np.zeros(cross.shape) if self._faded_lags is None else self._faded_lags
+        for top in range(0, lags.shape[0], _ROWS):
+            lags[top : top + _ROWS] += np.fft.irfft(cross[top : top + _ROWS])[:, : self.length + 1]
+        return lags
 
     def _correlate(self, following: NDArray[np.complex128] | None) -> None:
         assert self._previous is not None
@@ -139,15 +156,24 @@ class LagSpectrum:
         if self._previous is not None:
             self._close()
         more = self._faded_more if faded else None
+        earlier = self._faded_lags if faded else None
         fade = _fade(self.length)
         energy = np.empty(self._cross.shape)
         for top in range(0, energy.shape[0], _ROWS):
             rows = slice(top, top + _ROWS)
             cross = self._cross[rows] if more is None else self._cross[rows] + more[rows]
-            lags = np.fft.irfft(cross)[:, : self.length + 1] * fade
+            lags = np.fft.irfft(cross)[:, : self.length + 1]
+            if earlier is not None:
+                lags += earlier[rows]
+            lags *= fade
             symmetric = np.concatenate([lags, lags[:, -2:0:-1]], axis=1)
             energy[rows] = np.fft.rfft(symmetric).real
         return energy
+
+
+def working_memory(rows: int, length: int) -> NDArray[np.complex128]:
+    """What a `LagSpectrum` works in."""
+    return np.empty((2, min(rows, _ROWS), length + 1), dtype=np.complex128)
 
 
 @lru_cache(maxsize=4)

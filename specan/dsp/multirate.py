@@ -127,6 +127,8 @@ class MultirateTransform:
         for number, grid in enumerate(self._grids):
             if grid.rest().shape[1]:
                 self._take(number, grid.rest())
+            if number == 0:
+                self._reused.clear()
             decimator, self._decimators[number] = self._decimators[number], None
             if decimator is not None:
                 self._pass_on(number + 1, decimator.rest())

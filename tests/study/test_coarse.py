@@ -15,6 +15,7 @@ from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import candidates, confounded_with
+from specan.study.selection.initial_fit import _screened
 from specan.study.selection.refits import Refit
 from specan.study.selection.score_test import best_of_each, score
 from specan.study.selection.signatures import shape_grid, signatures
@@ -168,6 +169,47 @@ def test_what_does_best_at_one_wall_is_looked_for_at_all(model):
     assert {use.at for use in found} == {use.at for use in scored}
     best = min(found, key=lambda use: base.promised(found[use][0]))
     assert str(best) == "leak@z1"
+
+
+def test_an_object_is_looked_for_all_over_a_room():
+    rig = {
+        "room": {"dims_m": [0.8, 0.97, 1.15]},
+        "piston": {"wall": "z0", "centre_m": [0.1257, 0.2595, 0.0], "radius_m": 0.05},
+        "band": {"f_max_hz": 400.0},
+        "mics": {
+            "position_m": [
+                [0.223, 0.7465, 0.3492],
+                [0.3602, 0.2364, 0.3324],
+                [0.2233, 0.5953, 1.0165],
+                [0.3262, 0.3743, 0.1175],
+                [0.5965, 0.1927, 0.9105],
+                [0.6964, 0.569, 0.6295],
+            ]
+        },
+    }
+    true = {"volume": 2.3e-3, "x": 0.22, "y": 0.89, "z": 0.086}
+    there = load_model("room", rig)
+    named = {f"scatterer.{name}": value for name, value in true.items()}
+    problem = base_problem(there, [recorded(there, ["scatterer"], named)])
+    values = continuation_fit(problem)
+    view = down_weighted(problem, values=values)
+    base = Refit(frozenset(), view, fit(view, start=values))
+    use = Use.parse("scatterer")
+    best = scan_shapes(base, [use])[use][0]
+    places = [best.signature.shapes[f"scatterer.{name}"] for name in "xyz"]
+    assert places == pytest.approx([true[name] for name in "xyz"], abs=0.05)
+    assert best.chi2_reduction > 0.8 * base.chi2  # a search along one edge after the other explains a quarter
+
+
+def test_a_few_steps_tell_a_strong_lining_from_what_promises_as_much(model):
+    true = {"wall-impedance@z1.conductance": 0.7}
+    problem = base_problem(model, [recorded(model, ["wall-impedance@z1"], true)])
+    values = continuation_fit(problem)
+    view = down_weighted(problem, values=values)
+    base = Refit(frozenset(), view, fit(view, start=values))
+    uses = [Use.parse(name) for name in ("leak@z1", "wall-impedance@x1", "wall-impedance@z1")]
+    found = scan_shapes(base, uses)
+    assert str(_screened(base, {use: found[use] for use in uses})[0]) == "wall-impedance@z1"
 
 
 def test_a_small_resonator_is_found_behind_what_does_something_everywhere(model):

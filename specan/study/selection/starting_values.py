@@ -39,6 +39,11 @@ EVERYWHERE = 2  # effects that are looked for at every place
 PLACES = ("across", "along", "x", "y", "z")  # shapes that are places, in parts of an edge
 LEAST_SIZE = 0.01  # part of a usual size, below which an effect acts in proportion to it
 RESONANCES = 45  # 5 % apart over a decade
+FROM_CORNER, EACH_EDGE = (
+    0.08,
+    5,
+)  # of an edge, and places along each: two a wavelength where an edge holds one and a half
+ALL_OVER = 2  # of these places, from which a search goes on
 WIDE, NEAR, ROUNDS = 16, 3, 3  # values of a shape over its range, on each side of the best, and how often
 
 Array = NDArray[np.float64]
@@ -119,6 +124,7 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     for use, items in scored.items():
         optima = _coordinate_optima(refit, found[use], items[0], known)
         optima += _at_places(refit, found[use], places.get(use, ()), known)
+        optima += _all_over(refit, found[use], known)
         optima.sort(key=lambda s: -s.chi2_reduction)
         peaks[use] = [*optima[:STARTS], *different(items, STARTS)[1:]]
     return peaks
@@ -145,6 +151,28 @@ def _at_places(refit: Refit, candidate: Candidate, places: Sequence[Found], know
             best = max(scored, key=lambda s: s.chi2_reduction)
             peaks.append(_coordinate_search(refit, candidate, best, known))
     return sorted(peaks, key=lambda s: -s.chi2_reduction)
+
+
+def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
+    """Where the search leads from the best of all places and some sizes, for what may be anywhere within three edges.
+
+    What moves every resonance by more than its width leads nowhere from a place that is wrong along two edges.
+    """
+    places = [name for name in candidate.shapes if ParameterName(name).own in PLACES]
+    if len(places) < 3 or candidate.without_prior:
+        return []
+    usual = {name: default_value(candidate, name) for name in candidate.shapes}
+    along = [float(part) for part in np.linspace(FROM_CORNER, 1 - FROM_CORNER, EACH_EDGE)]
+    points = [
+        {**usual, **dict(zip(places, place, strict=True)), candidate.amplitudes[0]: size}
+        for size in _sizes(candidate)
+        for place in product(along, repeat=len(places))
+    ]
+    scored = sorted(
+        _scored(refit, [candidate], {candidate.use: points}, known), key=lambda s: -s.chi2_reduction
+    )
+    led = [_coordinate_search(refit, candidate, best, known) for best in different(scored, ALL_OVER)]
+    return list({tuple(best.signature.shapes.values()): best for best in led}.values())
 
 
 def _at_place(candidate: Candidate, place: Found, sizes: Sequence[float]) -> list[Point]:
