@@ -59,6 +59,15 @@ class LazyGroup(click.Group):
         add_options(module.command)
         return module.command
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the verb; click itself would end with 1 where who reads its output stops early (``| head``)."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            # What is left in the buffer has nowhere to go; Python would complain about it at its end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise click.exceptions.Exit(CLOSED_PIPE) from None
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the verbs without importing them."""
         if not self.verbs:
@@ -123,10 +132,6 @@ def run() -> None:
         sys.exit(main(prog_name="specan", standalone_mode=False) or 0)
     except click.exceptions.Exit as done:
         sys.exit(done.exit_code)
-    except BrokenPipeError:  # who reads the output may stop early (``| head``), and that is no fault
-        # What is left in the buffer has nowhere to go; Python would complain about it at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(CLOSED_PIPE)
     except click.ClickException as fault:
         fault.show()
         sys.exit(2)

@@ -228,7 +228,7 @@ def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
     others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
     rows = []
     for refit in [*sets, *others]:
-        decision = search.decision(refit)
+        decision, error = search.decision(refit), _main_error(refit)
         rows.append(
             Ranked(
                 effects=tuple(sorted(u.name for u in refit.uses)),
@@ -236,7 +236,8 @@ def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
                 delta_bic=base.bic(dispersion) - refit.bic(dispersion),
                 p_value=decision.p_value,
                 held_out_gain=decision.held_out_gain,
-                error_after=_main_error(refit).rms,
+                error_after=error.rms,
+                level_after_dB=error.level_dB,
                 parameters=parameters_of(refit, refit in sets),
                 plausible=search.believable(refit),
                 at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
