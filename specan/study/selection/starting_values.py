@@ -161,9 +161,9 @@ def _all_over(refit: Refit, candidate: Candidate, known: Known) -> list[Scored]:
     places = [name for name in candidate.shapes if ParameterName(name).own in PLACES]
     if len(places) < 3 or candidate.without_prior:
         return []
-    usual = {name: default_value(candidate, name) for name in candidate.shapes}
+    usual: Point = {name: default_value(candidate, name) for name in candidate.shapes}
     along = [float(part) for part in np.linspace(FROM_CORNER, 1 - FROM_CORNER, EACH_EDGE)]
-    points = [
+    points: list[Point] = [
         {**usual, **dict(zip(places, place, strict=True)), candidate.amplitudes[0]: size}
         for size in _sizes(candidate)
         for place in product(along, repeat=len(places))
