@@ -55,8 +55,8 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
         inside = np.abs(bins) < spectra.shape[-1]
         place, values = bins[inside], beyond[inside]
         found[c][:, np.abs(place)] = np.where(place[:, None] < 0, values.conj(), values).T
-    found = np.fft.irfft(found.reshape(points, 2, planets, -1), samples, axis=-1)
-    return planet_load[:, None, :, None] + found
+    forces = np.fft.irfft(found.reshape(points, 2, planets, -1), samples, axis=-1)
+    return planet_load[:, None, :, None] + forces
 
 
 def _freedom(base_radii, carrier_inertia, planet_inertia, planets):

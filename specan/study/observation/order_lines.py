@@ -233,8 +233,8 @@ class OrderLinesObservation:
         white = self._whitening(gain[groups] * lines)(columns)
         normal = white[:, :-1].conj().T @ white[:, :-1]
         normal.flat[:: normal.shape[0] + 1] += ~there
-        gain = np.linalg.solve(normal, white[:, :-1].conj().T @ white[:, -1]) / np.sqrt(size)
-        predicted = gain[groups] * lines
+        fitted = np.linalg.solve(normal, white[:, :-1].conj().T @ white[:, -1]) / np.sqrt(size)
+        predicted = fitted[groups] * lines
         return predicted, self._whitening(predicted)
 
     def _whitening(self, predicted: Complex) -> Callable[[Complex], Complex]:
