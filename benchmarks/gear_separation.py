@@ -85,7 +85,7 @@ def observations(model: Model, plan: Plan, noise: float) -> list[OrderLinesObser
 def columns(model: Model, seen: Sequence[OrderLinesObservation]) -> tuple[list[Array], list[Array]]:
     """Derivatives of every observation's lines, gains held, and their gains' columns."""
     assembly = model.assemble([name.rpartition(".")[0] for name in UNKNOWNS])
-    values = {**assembly.defaults(), **dict.fromkeys(UNKNOWNS, 0.0)}
+    values = {**assembly.defaults, **dict.fromkeys(UNKNOWNS, 0.0)}
     slopes, gains = [], []
     for one in seen:
         conditions = {"order": one.order, **{c: np.full(one.order.size, v) for c, v in one.point.items()}}

@@ -59,15 +59,6 @@ class LazyGroup(click.Group):
         add_options(module.command)
         return module.command
 
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb; click itself would end with 1 where who reads its output stops early (``| head``)."""
-        try:
-            return super().invoke(ctx)
-        except BrokenPipeError:
-            # What is left in the buffer has nowhere to go; Python would complain about it at its end.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise click.exceptions.Exit(CLOSED_PIPE) from None
-
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the verbs without importing them."""
         if not self.verbs:
@@ -93,8 +84,21 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
+class Program(LazyGroup):
+    """The command ``specan``."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the verb; click itself would end with 1 where who reads its output stops early (``| head``)."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            # What is left in the buffer has nowhere to go; Python would complain about it at its end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise click.exceptions.Exit(CLOSED_PIPE) from None
+
+
 @click.group(
-    cls=LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]}
+    cls=Program, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]}
 )
 @click.option(
     "--version", is_flag=True, is_eager=True, expose_value=False, help="Show the version and exit.",

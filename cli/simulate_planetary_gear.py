@@ -161,7 +161,7 @@ def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, An
         )
     request = choose_model(model, options["effects"], options["without"])
     conditions = line_conditions(model)
-    values = {**request.assembly.defaults(), **request.values}
+    values = {**request.assembly.defaults, **request.values}
     found = request.assembly.evaluate(conditions, values, wanted=["order_lines"])["order_lines"]
     return conditions["order"], found, request
 

@@ -189,9 +189,9 @@ def _range(assembly: Assembly, name: str) -> float:
 def _draws(assembly: Assembly, names: Sequence[str]) -> list[dict[str, float]]:
     """The defaults, and places in the inner half of the plausible ranges."""
     random = np.random.default_rng(1)
-    places = [assembly.defaults()]
+    places = [dict(assembly.defaults)]
     for _ in range(DRAWS - 1):
-        place = assembly.defaults()
+        place = dict(assembly.defaults)
         for name in names:
             si = assembly.parameters[name].si
             ends = (si.min, si.max) if np.isfinite(si.max - si.min) else (0.5 * si.default, 1.5 * si.default)
@@ -242,7 +242,7 @@ def _indistinguishable(
     """Pairs of effects of which one does all that the other does, and effects that the base does itself."""
     traces = {}
     hidden = []
-    tangent = _jacobian(base, free, conditions, base.defaults())
+    tangent = _jacobian(base, free, conditions, base.defaults)
     plain = _predict(base, conditions, {})
     for name, effect in model.effects.items():
         if name in {use.name for use in base.uses} or effect.at:
@@ -279,7 +279,7 @@ def _imitates(
     active = model.assemble({*base.uses, Use(name)})
     own = [n for n in active.free(tuple(conditions)) if n.startswith(f"{name}.")]
     names = [*free, *own]
-    start = active.defaults()
+    start = active.defaults
     with_it = _predict(active, conditions, {})
     columns = np.column_stack(
         [_jacobian(active, names, conditions, start), with_it - _predict(base, conditions, {})]

@@ -72,7 +72,8 @@ class Evaluator:
                 ranges[name] = (max(old[0], convert(low, unit, si)), min(old[1], convert(high, unit, si)))
         return ranges
 
-    def defaults(self) -> dict[str, float]:
+    @cached_property
+    def defaults(self) -> Mapping[str, float]:
         """SI default of every parameter."""
         return {name: parameter.si.default for name, parameter in self.parameters.items()}
 
@@ -114,7 +115,7 @@ class Evaluator:
         ComputationError
             A loop that an effect closes does not settle.
         """
-        parameters = {**self._defaults, **(values or {})}
+        parameters = {**self.defaults, **(values or {})}
         known: dict[str, Any] = dict(self._condition_defaults)
         known.update(conditions)
         parts: dict[str, dict[str, Any]] = {}
@@ -134,10 +135,6 @@ class Evaluator:
         return Evaluation(known, parts)
 
     # --- how it is done -----------------------------------------------------------------------
-
-    @cached_property
-    def _defaults(self) -> dict[str, float]:
-        return self.defaults()
 
     @cached_property
     def _condition_defaults(self) -> dict[str, float]:
@@ -232,10 +229,13 @@ class Evaluator:
         parts: dict[str, dict[str, Any]],
     ) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
-        contributions = {BASE: _given(self.model.quantities[name], name, known, parameters)}
+        base = self.model.quantities[name]
+        with _Reading(base, name, known, parameters) as (read, own):
+            contributions = {BASE: base.function(*read, **own)}
         for use in self._acting[name]:
             effect = self.model.effects[use.name]
-            given = _given(effect, str(use), known, parameters)
+            with _Reading(effect, str(use), known, parameters) as (read, own):
+                given = effect.function(*read, **own)
             if len(effect.changes) > 1:
                 given = given[name]
             if effect.at:
@@ -298,7 +298,9 @@ class Evaluator:
         import numpy as np
 
         for name in loop:
-            known[name] = _given(self.model.quantities[name], name, known, parameters)
+            base = self.model.quantities[name]
+            with _Reading(base, name, known, parameters) as (read, own):
+                known[name] = base.function(*read, **own)
         point = FixedPoint({name: known[name] for name in guessed})
         with np.errstate(all="ignore"):  # a loop that runs away is told below, once
             while point.goes_on:
@@ -354,23 +356,30 @@ class Evaluation:
         return self.parts[name]
 
 
-def _given(
-    owner: Quantity | Effect, called: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
-) -> Any:
-    """What the function of a quantity, or of an effect `called` by its use, gives; a user's mistake is told as such."""
-    try:
-        read = [known[name] for name in owner.reads]
-    except KeyError as missing:
-        name = missing.args[0]
-        raise RequestError(
-            f"{owner.name!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
-        ) from None
-    try:
-        return owner.function(*read, **{p: parameters[f"{called}.{p}"] for p in owner.parameters})
-    except SpecanError:
-        raise
-    except Exception as fault:
-        mistake = users_mistake(fault, owner.function, owner.name)
-        if mistake is None:
-            raise
-        raise mistake from fault
+class _Reading:
+    """What the function of a quantity, or of an effect, reads; a user's mistake in the function is told as such."""
+
+    __slots__ = ("owner", "values")
+
+    def __init__(
+        self, owner: Quantity | Effect, called: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
+    ) -> None:
+        try:
+            read = [known[name] for name in owner.reads]
+        except KeyError as missing:
+            name = missing.args[0]
+            raise RequestError(
+                f"{owner.name!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
+            ) from None
+        self.owner = owner
+        self.values = (read, {p: parameters[f"{called}.{p}"] for p in owner.parameters})
+
+    def __enter__(self) -> tuple[list[Any], dict[str, Any]]:
+        return self.values
+
+    def __exit__(self, kind: object, fault: BaseException | None, where: object) -> None:
+        if not isinstance(fault, Exception) or isinstance(fault, SpecanError):
+            return
+        mistake = users_mistake(fault, self.owner.function, self.owner.name)
+        if mistake is not None:
+            raise mistake from fault

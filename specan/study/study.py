@@ -17,7 +17,7 @@ from specan.models.groups import with_groups
 from specan.models.rig import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
-from specan.study.data.sources import DataFile, MeasuredFiles, open_data
+from specan.study.data.sources import DataFile, MeasuredFiles, kind_named, together
 from specan.study.estimation.base_problem import grouped_by
 from specan.study.estimation.continuation import continuation_fit, linearised
 from specan.study.estimation.fit import Fit, describe, fit
@@ -120,7 +120,8 @@ class Study:
         self.accepted = self._check_data(accept_changes)
         named = [read_effect_file(path) for path in effects]
         self.model = self._load_model(named)
-        self.data = open_data(self.model, self._measured_files())
+        files = self._measured_files().items()
+        self.data = together([kind_named(kind).open_data(self.model, wanted) for kind, wanted in files])
         self.model = grouped_by(self.model, self.data.fitted)
         self._assembled = assemble(self.model, self.content, self.data.fitted)
         for file in named:

@@ -56,7 +56,7 @@ def model_at(rig, frequency, effects=()):
     model = load_model("room", read_toml(rig))
     conditions = {"frequency": np.asarray(frequency, float), "velocity_psd": np.ones(len(frequency))}
     assembly = model.assemble(effects)
-    return assembly.evaluate(conditions, assembly.defaults())["indicated_frf"]
+    return assembly.evaluate(conditions, assembly.defaults)["indicated_frf"]
 
 
 def test_a_recording_holds_the_models_transfer_functions(rig, tmp_path):

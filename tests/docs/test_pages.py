@@ -27,6 +27,7 @@ from specan_cli.main import run
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+PROGRESS = re.compile(r"^ *\d+ s: .*\n", re.MULTILINE)  # how many lines depends on the speed of the machine
 BLOCK = re.compile(
     r"(?:<!-- file: (?P<file>\S+) -->\n+)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
 )
@@ -66,7 +67,7 @@ def run_console(page: Path, command: Command, monkeypatch: pytest.MonkeyPatch) -
         pytest.raises(SystemExit) as ended,
     ):
         run()
-    found = said.getvalue()
+    found = PROGRESS.sub("", said.getvalue())
     assert ended.value.code == command.exit_code, f"{where}\n{found}"
     if command.expected.strip():
         right = doctest.OutputChecker().check_output(command.expected, found, FLAGS)

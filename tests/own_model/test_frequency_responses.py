@@ -14,7 +14,8 @@ from click.testing import CliRunner
 from specan.errors import InputError, RequestError, SpecanError
 from specan.models import Frf, Model
 from specan.models.catalogue import load_model
-from specan.study.data.sources import DataFile, MeasuredFiles, kind_of, open_data
+from specan.study.data.open_transfer import open_data
+from specan.study.data.sources import DataFile, MeasuredFiles, kind_of
 from specan.study.data.transfer_file import read_transfer_file
 from specan.study.diagnose import diagnose
 from specan.study.estimation.base_problem import base_problem
@@ -106,7 +107,7 @@ def test_a_recording_of_the_true_model_is_told_so(place):
     (place / "run.csv").write_text(as_text(simulate(ThreeMasses(tuned_mass=1e-9), seed=8)), encoding="utf-8")
     model = load_model(TWO_MASS, {})
     path = place / "run.csv"
-    data = open_data(model, {"transfer": MeasuredFiles([DataFile("run.csv", path)])})
+    data = open_data(model, MeasuredFiles([DataFile("run.csv", path)]))
     found = diagnose(base_problem(model, data.fitted))
     assert found.verdict == "nothing-missing"
     assert found.lack_of_fit.reduced_chi2 == pytest.approx(1.0, abs=0.1)
@@ -115,9 +116,7 @@ def test_a_recording_of_the_true_model_is_told_so(place):
 def verdict_on(path: Path):
     model = load_model(TWO_MASS, {})
     assert kind_of(path, model) == "transfer"
-    return diagnose(
-        base_problem(model, open_data(model, {"transfer": MeasuredFiles([DataFile(path.name, path)])}).fitted)
-    )
+    return diagnose(base_problem(model, open_data(model, MeasuredFiles([DataFile(path.name, path)])).fitted))
 
 
 def test_a_table_of_transfer_functions(place):
@@ -154,7 +153,7 @@ def test_every_form_of_a_table_is_the_same_measurement(place, form):
         lambda frequency, size=1.0: size + 0j * frequency,
         conditions={"frequency": ("Hz", 8, 80)}, observables={"x1": Frf("um/N", uncertainty_percent=2)},
     )  # fmt: skip
-    data = open_data(model, {"transfer": MeasuredFiles([DataFile("frf.csv", place / "frf.csv")])})
+    data = open_data(model, MeasuredFiles([DataFile("frf.csv", place / "frf.csv")]))
     (one,) = data.fitted
     np.testing.assert_allclose(one.response[0], h, rtol=1e-9)
     np.testing.assert_allclose(one.frequency_hz, FREQUENCY, rtol=1e-9)
@@ -191,7 +190,7 @@ def test_universal_files_of_others(place):
             conditions={"frequency": "Hz"},
             observables={"x2": Frf("um/N", response="2+Z", reference="1Z", uncertainty_percent=1)},
         )  # fmt: skip
-        data = open_data(model, {"transfer": MeasuredFiles([DataFile(name, place / name)])})
+        data = open_data(model, MeasuredFiles([DataFile(name, place / name)]))
         np.testing.assert_allclose(data.fitted[0].response[0], h[1], rtol=1e-5)
 
 
@@ -241,7 +240,7 @@ def refused(path: Path, **observable) -> str:
         conditions={"frequency": ("Hz", 8, 80)}, observables={"x1": Frf(**{"unit": "um/N", **observable})},
     )  # fmt: skip
     with pytest.raises(SpecanError) as fault:
-        open_data(model, {"transfer": MeasuredFiles([DataFile(path.name, path)])})
+        open_data(model, MeasuredFiles([DataFile(path.name, path)]))
     return str(fault.value)
 
 
@@ -293,7 +292,7 @@ def test_a_model_without_a_frequency(place):
         conditions={"omega": ("rad/s", 8, 80)}, observables={"x1": Frf("um/N")},
     )  # fmt: skip
     with pytest.raises(RequestError, match="no single condition in Hz"):
-        open_data(model, {"transfer": MeasuredFiles([DataFile("frf.csv", place / "frf.csv")])})
+        open_data(model, MeasuredFiles([DataFile("frf.csv", place / "frf.csv")]))
 
 
 def test_two_files_share_parameters_and_a_third_octave_can_be_put_aside(place):
@@ -313,4 +312,4 @@ def test_no_line_in_the_band(place):
     with pytest.raises(
         InputError, match=r"has no line between 8 and 80 Hz; expected a band within 208 to 279\.75 Hz"
     ):
-        open_data(model, {"transfer": MeasuredFiles([DataFile("frf.csv", place / "frf.csv")])})
+        open_data(model, MeasuredFiles([DataFile("frf.csv", place / "frf.csv")]))

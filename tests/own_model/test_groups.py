@@ -149,14 +149,15 @@ def test_a_specimen_can_be_put_aside(place):
 
 def test_a_file_for_each_specimen(place):
     model = spring(groups="specimen")
-    from specan.study.data.sources import DataFile, MeasuredFiles, open_data
+    from specan.study.data.open_tables import open_data
+    from specan.study.data.sources import DataFile, MeasuredFiles
 
     files = []
     for name, slope in SLOPES.items():
         path = place / f"{name[-1]}.csv"
         path.write_text("stretch,force\n" + "".join(f"{x},{slope * x + 1.2:.3f}\n" for x in range(1, 10)))
         files.append(DataFile(path.name, path, conditions={"specimen": name}))
-    (found,) = open_data(model, {"table": MeasuredFiles(files)}).fitted
+    (found,) = open_data(model, MeasuredFiles(files)).fitted
     assert found.groups == {"specimen": tuple(SLOPES)}
     assert found.labels["specimen"][[0, 9, 18]].tolist() == list(SLOPES)
 

@@ -38,7 +38,7 @@ def campaign(seed, offset=0.0, drift=0.0, turn=600.0):
     rows = {name: values[order] for name, values in rows.items()}
     assembly = model.assemble(model.base_effects)
     time = turn * np.arange(order.size)
-    torque = predict(ChosenModel(assembly, assembly.defaults()), rows)["input_torque"]
+    torque = predict(ChosenModel(assembly, assembly.defaults), rows)["input_torque"]
     torque = torque + drift * time / 3600 + NOISE * rng.standard_normal(torque.size)
     return {**rows, "output_torque_Nm": rows["output_torque_Nm"] + offset, "input_torque_Nm": torque,
             "coupled": (rows["output_torque_Nm"] > 0).astype(float), "elapsed_time_s": time}  # fmt: skip
@@ -118,7 +118,7 @@ def test_noise_in_percent_and_of_read_temperatures_is_counted(tmp_path):
     # slope over temperature by differences of the true model
     model = build(rig())
     assembly = model.assemble(model.base_effects)
-    request = ChosenModel(assembly, assembly.defaults())
+    request = ChosenModel(assembly, assembly.defaults)
     ends = [
         predict(request, {**columns, "oil_temperature_C": columns["oil_temperature_C"] + d})["input_torque"]
         for d in (0.05, -0.05)

@@ -174,7 +174,7 @@ def _field(chosen: ChosenModel, points: Array, frequency_hz: float) -> NDArray[n
     )
     assembly = moved.assemble(uses)
     known = assembly.parameters
-    values = {**assembly.defaults(), **{n: v for n, v in chosen.values.items() if n in known}}
+    values = {**assembly.defaults, **{n: v for n, v in chosen.values.items() if n in known}}
     conditions = {"frequency": np.array([frequency_hz]), "velocity_psd": np.ones(1)}
     found: NDArray[np.complex128] = assembly.evaluate(conditions, values, wanted=["field"])["field"]
     return found

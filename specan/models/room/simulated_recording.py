@@ -142,7 +142,7 @@ def _filtered(
 
 def _transfer(chosen: ChosenModel, frequency: Array, velocity_psd: Array) -> NDArray[np.complex128]:
     conditions = {"frequency": frequency, "velocity_psd": velocity_psd}
-    values = {**chosen.assembly.defaults(), **chosen.values}
+    values = {**chosen.assembly.defaults, **chosen.values}
     found: NDArray[np.complex128] = chosen.assembly.evaluate(conditions, values, wanted=["indicated_frf"])[
         "indicated_frf"
     ]

@@ -258,7 +258,7 @@ class Reference:
         if not model.base_effects:
             return predicted
         ideal = model.assemble()
-        return predicted - crude(rows).predict(ideal, ideal.defaults())
+        return predicted - crude(rows).predict(ideal, ideal.defaults)
 
 
 def crude(rows: Rows, conditions: Mapping[str, Array] | None = None) -> TableObservation:
@@ -285,4 +285,4 @@ def reference(model: Model, rows: Rows) -> Reference:
         free = assembly.free(varying([rows.conditions]))
         return Reference(assembly, fit(Problem(assembly, (crude(rows),), free)).values)
     except SpecanError:  # too few rows, or data that the base cannot follow at all: the ideal slopes serve
-        return Reference(ideal, ideal.defaults())
+        return Reference(ideal, ideal.defaults)

@@ -113,11 +113,8 @@ def kind_of(path: Path, model: Model) -> str:
     )
 
 
-def open_data(model: Model, requests: Mapping[str, MeasuredFiles]) -> OpenedData:
-    """Open the files of every kind."""
-    parts = []
-    for kind, wanted in requests.items():
-        parts.append(kind_named(kind).open_data(model, wanted))
+def together(parts: Sequence[OpenedData]) -> OpenedData:
+    """The data of several kinds as one."""
     return OpenedData(
         fitted=tuple(o for p in parts for o in p.fitted),
         held_out=tuple(o for p in parts for o in p.held_out),

@@ -173,7 +173,7 @@ class Problem:
     @cached_property
     def _held(self) -> dict[str, Any]:
         held = {}
-        for name, default in self.assembly.defaults().items():
+        for name, default in self.assembly.defaults.items():
             value = self.values.get(name, default)
             if name in self.elements and np.ndim(value) == 0:
                 value = np.full(len(self.elements[name]), float(value))

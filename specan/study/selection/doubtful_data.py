@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from specan.study.data.plausible_rows import IDLE
 from specan.study.estimation.fit import fit
+from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
@@ -54,7 +55,12 @@ def suspect_rows(refit: Refit) -> str:
         worst = int(np.argmax(falls))
         block = blocks[worst]
         chance = len(blocks) * lack_of_fit_probability(falls[worst], block.size, problem.noise_dof)
-        if chance < STANDS_OUT and _without(refit, observation, block) > WHOLE:
+        if chance >= STANDS_OUT:
+            continue
+        # Refitted: a large error bends the fit out of the reach of linear algebra. What repeats of the other rows
+        # hold is no longer known by number, and counts as fit.
+        rest = _without(refit.problem, observation, block)
+        if Refit(frozenset(), rest, fit(rest, start=refit.fit.theta, starts=2)).lack_of_fit > WHOLE:
             where = _where(observation, block)
             return f"one {kind} carries the misfit ({where}): without it the model fits; check it before anything else"
     return ""
@@ -184,16 +190,11 @@ def rows_of_two_kinds(refit: Refit) -> str:
     return ""
 
 
-def _without(refit: Refit, observation: TableObservation, rows: NDArray[np.intp]) -> float:
-    """Lack of fit of the other rows, refitted: a large error bends the fit out of the reach of linear algebra.
-
-    What repeats of the other rows hold is no longer known by number, and counts as fit.
-    """
+def _without(problem: Problem, observation: TableObservation, rows: NDArray[np.intp]) -> Problem:
+    """The problem of the other rows."""
     kept = np.ones(observation.n, dtype=bool)
     kept[rows] = False
-    part = refit.problem.over([observation.take(kept)])
-    rest = Refit(frozenset(), part, fit(part, start=refit.fit.theta, starts=2))
-    return rest.lack_of_fit
+    return problem.over([observation.take(kept)])
 
 
 def _fall(refit: Refit, rows: NDArray[np.intp]) -> float:

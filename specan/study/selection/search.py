@@ -103,7 +103,7 @@ class Search:
         single = self.single
         if single is not None:
             self.best = single
-        pair = self._best_pair(single)
+        pair = self._best_pair(single, self._promising_pairs(single))
         if pair is not None:
             self.best = pair
         several = self._several_places()
@@ -219,9 +219,10 @@ class Search:
 
     # --- two effects -----------------------------------------------------------------------------
 
-    def _best_pair(self, single: Refit | None) -> Refit | None:
+    def _best_pair(
+        self, single: Refit | None, promising: Sequence[tuple[float, Refit, list[Scored]]]
+    ) -> Refit | None:
         """The pair that is better than the best single effect, or than the base where none passed."""
-        promising = self._promising_pairs(single)
         reference = single or self.base
         for predicted, start, members in promising[: self.base.problem.strategy.pairs]:
             if self._below_pruning_bound(reference, predicted):

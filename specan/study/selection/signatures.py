@@ -335,20 +335,12 @@ class _ShapeGrid:
     def defaults(self) -> Point:
         return {n: default_value(self.candidate, n) for n in self.candidate.shapes}
 
-    def _directions(self, points: Sequence[Point]) -> list[Array | None]:
-        """Unit vectors that are left of the signatures; None where nothing is, or no finite value."""
-        out: list[Array | None] = []
-        for column in changes(self.problem, self.fit, self.candidate, points, self.known):
-            projected = None if column is None else self.base.project_out(column)
-            if (
-                projected is None
-                or column is None
-                or not projected @ projected > COLLINEAR * (column @ column)
-            ):
-                out.append(None)
-            else:
-                out.append(projected / np.linalg.norm(projected))
-        return out
+    def _left(self, column: Array | None) -> Array | None:
+        """The unit vector that is left of a signature; None where nothing is, or no finite value."""
+        if column is None:
+            return None
+        left = self.base.project_out(column)
+        return left / np.linalg.norm(left) if left @ left > COLLINEAR * (column @ column) else None
 
     def sizes(self) -> list[float]:
         """Values of the amplitude whose signatures differ in direction; the default first."""
@@ -362,7 +354,9 @@ class _ShapeGrid:
             if values is not ends and len(kept) <= 1:
                 break  # the same direction at both ends: it is the same in between
             apart = [v for v in dict.fromkeys(values) if abs(v - neutral) > 1e-9 * reach]
-            for value, unit in zip(apart, self._directions([{**self.defaults, amplitude: v} for v in apart])):
+            points = [{**self.defaults, amplitude: v} for v in apart]
+            for value, column in zip(apart, changes(self.problem, self.fit, candidate, points, self.known)):
+                unit = self._left(column)
                 if unit is not None and all(abs(unit @ other) < SAME_DIRECTION for _, other in kept):
                     kept.append((value, unit))
         return [value for value, _ in kept]
@@ -384,7 +378,9 @@ class _ShapeGrid:
         for name in candidate.shapes:
             values = list(grid(*candidate.plausible(name), min(5, each))) if each > 1 else []
             for _ in range(ROUNDS):
-                units = self._directions([{**defaults, **rest, name: v} for v in values])
+                points = [{**defaults, **rest, name: v} for v in values]
+                columns = changes(self.problem, self.fit, candidate, points, self.known)
+                units = [self._left(column) for column in columns]
                 wide = [k for k in range(len(values) - 1) if _turns(units[k], units[k + 1])]
                 if not wide or len(values) + len(wide) > each:
                     break
