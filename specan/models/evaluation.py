@@ -230,12 +230,20 @@ class Evaluator:
     ) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
         base = self.model.quantities[name]
-        with _Reading(base, name, known, parameters) as (read, own):
-            contributions = {BASE: base.function(*read, **own)}
+        try:
+            own = {p: parameters[f"{name}.{p}"] for p in base.parameters}
+            contributions = {BASE: base.function(*_reads(base, known), **own)}
+        except Exception as fault:
+            _tell(fault, base)
+            raise
         for use in self._acting[name]:
             effect = self.model.effects[use.name]
-            with _Reading(effect, str(use), known, parameters) as (read, own):
-                given = effect.function(*read, **own)
+            try:
+                own = {p: parameters[f"{use}.{p}"] for p in effect.parameters}
+                given = effect.function(*_reads(effect, known), **own)
+            except Exception as fault:
+                _tell(fault, effect)
+                raise
             if len(effect.changes) > 1:
                 given = given[name]
             if effect.at:
@@ -299,8 +307,12 @@ class Evaluator:
 
         for name in loop:
             base = self.model.quantities[name]
-            with _Reading(base, name, known, parameters) as (read, own):
-                known[name] = base.function(*read, **own)
+            try:
+                own = {p: parameters[f"{name}.{p}"] for p in base.parameters}
+                known[name] = base.function(*_reads(base, known), **own)
+            except Exception as fault:
+                _tell(fault, base)
+                raise
         point = FixedPoint({name: known[name] for name in guessed})
         with np.errstate(all="ignore"):  # a loop that runs away is told below, once
             while point.goes_on:
@@ -356,30 +368,19 @@ class Evaluation:
         return self.parts[name]
 
 
-class _Reading:
-    """What the function of a quantity, or of an effect, reads; a user's mistake in the function is told as such."""
+def _reads(owner: Quantity | Effect, known: Mapping[str, Any]) -> list[Any]:
+    """Values of the quantities that a quantity or an effect reads."""
+    try:
+        return [known[name] for name in owner.reads]
+    except KeyError as missing:
+        name = missing.args[0]
+        raise RequestError(
+            f"{owner.name!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
+        ) from None
 
-    __slots__ = ("owner", "values")
 
-    def __init__(
-        self, owner: Quantity | Effect, called: str, known: Mapping[str, Any], parameters: Mapping[str, Any]
-    ) -> None:
-        try:
-            read = [known[name] for name in owner.reads]
-        except KeyError as missing:
-            name = missing.args[0]
-            raise RequestError(
-                f"{owner.name!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
-            ) from None
-        self.owner = owner
-        self.values = (read, {p: parameters[f"{called}.{p}"] for p in owner.parameters})
-
-    def __enter__(self) -> tuple[list[Any], dict[str, Any]]:
-        return self.values
-
-    def __exit__(self, kind: object, fault: BaseException | None, where: object) -> None:
-        if not isinstance(fault, Exception) or isinstance(fault, SpecanError):
-            return
-        mistake = users_mistake(fault, self.owner.function, self.owner.name)
-        if mistake is not None:
-            raise mistake from fault
+def _tell(fault: Exception, owner: Quantity | Effect) -> None:
+    """Raise what is a user's mistake, in the function of a quantity or an effect, as such; leave other faults."""
+    mistake = None if isinstance(fault, SpecanError) else users_mistake(fault, owner.function, owner.name)
+    if mistake is not None:
+        raise mistake from fault
