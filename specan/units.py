@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -29,6 +30,46 @@ _SPELLINGS = {
         "revolutions_per_minute",
     ),
 }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """A value in a unit, times the factor, plus the offset, is one in SI base units."""
+
+    base: str  # as the unit library writes them
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+# What conditions, parameters and columns of the models are in: for these the unit library, a quarter of a second, is
+# not loaded. It gives the same numbers, bit for bit (tests/data/test_common_units.py).
+_COMMON = {
+    "dimensionless": _Scale("dimensionless"),
+    "percent": _Scale("dimensionless", 0.01),
+    "revolutions_per_minute": _Scale("radian / second", 2 * math.pi / 60),
+    "rad/s": _Scale("radian / second"),
+    "K": _Scale("kelvin"),
+    "degC": _Scale("kelvin", 1.0, 273.15),
+    "s": _Scale("second"),
+    "ms": _Scale("second", 1e-3),
+    "Hz": _Scale("1 / second"),
+    "m": _Scale("meter"),
+    "um": _Scale("meter", 1e-6),
+    "m/s": _Scale("meter / second"),
+    "m/s^2": _Scale("meter / second ** 2"),
+    "m^2/s": _Scale("meter ** 2 / second"),
+    "mm^2/s": _Scale("meter ** 2 / second", 1e-6),
+    "kg/m^3": _Scale("kilogram / meter ** 3"),
+    "N": _Scale("kilogram * meter / second ** 2"),
+    "N/m": _Scale("kilogram / second ** 2"),
+    "N*m": _Scale("kilogram * meter ** 2 / second ** 2"),
+    "Pa": _Scale("kilogram / meter / second ** 2"),
+    "Pa*s/m": _Scale("kilogram / meter ** 2 / second"),
+    "W": _Scale("kilogram * meter ** 2 / second ** 3"),
+    "K/W": _Scale("kelvin * second ** 3 / kilogram / meter ** 2"),
+    "mN*m/K": _Scale("kilogram * meter ** 2 / kelvin / second ** 2", 1e-3),
+}
+_COMMON |= {scale.base: _Scale(scale.base) for scale in _COMMON.values()}
 
 
 @dataclass(frozen=True)
@@ -93,14 +134,26 @@ def convert(value: Any, unit: str, target: str) -> Any:
     >>> convert(20.0, "degC", "K")
     293.15
     """
+    given, wanted = _expression(unit), _expression(target)
+    if given in _COMMON and wanted in _COMMON and _is_real(value):
+        old, new = _COMMON[given], _COMMON[wanted]
+        if old.base == new.base:
+            if old.offset == new.offset:
+                return value if old == new else value * (old.factor / new.factor)
+            return value * old.factor + old.offset - new.offset
     registry = _registry()
     try:
-        return registry.Quantity(value, _expression(unit)).to(_expression(target)).magnitude
+        return registry.Quantity(value, given).to(wanted).magnitude
     except Exception as fault:  # the unit library raises many kinds, some of them not its own
         raise RequestError(
             f"the unit {unit!r} cannot be read as {target!r} ({fault})",
             expected=f"a unit convertible to {target}",
         ) from None
+
+
+def _is_real(value: Any) -> bool:
+    """Whether it is a number or an array of numbers in double precision (np.float64 is a float)."""
+    return isinstance(value, float) or str(getattr(value, "dtype", "")) == "float64"
 
 
 def printed_unit(unit: str) -> str:
@@ -134,9 +187,12 @@ def base_unit(unit: str) -> str:
     >>> base_unit("mm^2/s") == base_unit("m^2/s")
     True
     """
+    expression = _expression(unit)
+    if expression in _COMMON:
+        return _COMMON[expression].base
     registry = _registry()
     try:
-        return str(registry.Quantity(1.0, _expression(unit)).to_base_units().units)
+        return str(registry.Quantity(1.0, expression).to_base_units().units)
     except Exception as fault:  # as in `convert`
         raise RequestError(
             f"the unit {unit!r} is not known ({fault})", expected="an SI unit or a multiple"
