@@ -229,6 +229,7 @@ class Evaluator:
         parts: dict[str, dict[str, Any]],
     ) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
+        # Functions are called here and in `_settle`, not through a helper: it would cost at every evaluation of a fit.
         base = self.model.quantities[name]
         try:
             own = {p: parameters[f"{name}.{p}"] for p in base.parameters}
