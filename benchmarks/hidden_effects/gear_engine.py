@@ -7,7 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hidden_effects.gear_cases import Case
+from specan.models import Use
 from specan.models.planetary_gear.build import build
 from specan.study.data.open_orders import open_data
 from specan.study.data.sources import DataFile, MeasuredFiles
@@ -24,13 +27,55 @@ def diagnose(case: Case, directory: Path) -> dict[str, Any]:
 
 
 def measure(case: Case, truth: Gear, directory: Path, verdict: Mapping[str, Any]) -> dict[str, Any]:
-    """``lambda``: chi-square that the base leaves beyond its degrees of freedom; ``hidden``: true sizes."""
-    problem = _problem(case, directory)
-    best = fit(problem)
+    """What the data know, out of the fits of the verdict; the noise is in it.
+
+    Returns
+    -------
+    dict
+        ``lambda``: chi-square that the base leaves beyond its degrees of freedom. ``d``: evidence (BIC) of the right
+        effects over the best set without one of them; where they were not refitted, after a fit of them.
+        ``conditional_lambda``: of a pair, the same over the better one of its effects alone. ``hidden``: true sizes.
+        ``covered``: whether the 95 % interval holds the true size.
+    """
+    lack = verdict["lack_of_fit"]
+    names = set(case.truth)
+    wrong = [r["delta_bic"] for r in verdict["ranking"] if not names <= set(r["effects"])]
+    right = next((r for r in verdict["ranking"] if set(r["effects"]) == names), None)
+    gain = right["delta_bic"] if right else _gain_of(case, truth, directory) if names else 0.0
     return {
-        "lambda": max(best.chi2 - problem.n_effective, 0.0), "d": None, "hidden": truth.machine.hidden,
+        "lambda": max((lack["reduced_chi2"] - 1) * lack["n_effective"], 0.0),
+        "d": gain - max([0.0, *wrong]) if names else None,
+        "conditional_lambda": gain
+        - max([0.0, *(r["delta_bic"] for r in verdict["ranking"] if set(r["effects"]) < names)]),
+        "hidden": truth.machine.hidden,
+        "covered": _covered(truth, right) if right else None,
         "teeth": [truth.machine.z_sun, truth.machine.z_planet, truth.machine.z_ring, truth.machine.planets],
-    }  # fmt: skip
+    }
+
+
+_SIZE = {"planet-position-error": ("error", "error_um"), "unequal-load-sharing": ("share", "share")}
+
+
+def _covered(truth: Gear, right: Mapping[str, Any]) -> bool | None:
+    """Whether the interval of a size that model and simulator mean alike holds the true one."""
+    for effect, (own, name) in _SIZE.items():
+        rows = [v for k, v in right["parameters"].items() if k.startswith(effect) and k.endswith(own)]
+        if effect in truth.machine.hidden and rows:
+            return bool(rows[0]["low"] <= truth.machine.hidden[effect][name] <= rows[0]["high"])
+    return None
+
+
+def _gain_of(case: Case, truth: Gear, directory: Path) -> float:
+    """Fall in BIC by the hidden effects, from a fit of them."""
+    problem = _problem(case, directory)
+    uses = [
+        Use(name, f"P{int(size['planet'])}" if "planet" in size else "")
+        for name, size in truth.machine.hidden.items()
+    ]
+    base, richer = fit(problem), problem.with_uses(uses)
+    found = fit(richer, start=base.values, starts=3)
+    more = len(found.theta) - len(base.theta)
+    return float(base.chi2 - found.chi2 - more * np.log(problem.n_effective))
 
 
 def _problem(case: Case, directory: Path) -> Problem:

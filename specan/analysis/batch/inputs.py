@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from specan.analysis.batch.tables import check_table
 from specan.errors import InputError, RequestError
 from specan.io.file_lock import is_the_file, try_lock
 from specan.io.open import find_recordings
-from specan.io.output_file import check_output
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
         for name in tables:
             if (out / name).exists():
                 (out / name).open("a").close()  # a spreadsheet may hold it, or it may be a directory
-                check_output(out / name)
+                check_table(out / name)
     except OSError as fault:
         raise RequestError(
             f"the output directory {out} cannot be written to ({fault.strerror or fault})",

@@ -18,6 +18,9 @@ from specan.models.planetary_gear.kinematics import (
 )
 from specan.models.planetary_gear.rig import Gear, Rig
 
+# Part of the uncertainty of the answer to unlike planets that differs between recordings; the whole is common to all.
+OF_A_RECORDING = 0.5
+
 
 def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDArray[np.float64]:
     """Orders about each mesh harmonic at which teeth, runouts and passing planets can show.
@@ -86,7 +89,7 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
         stated={"carrier_torque": Stated("Torque", "Torque carrier", rig.operation.carrier_torque_Nm)},
         discrepancy=rig.uncertainty.model_discrepancy_percent / 100,
         path=rig.uncertainty.path_percent / 100,
-        response=rig.uncertainty.response_percent / 100,
+        response=OF_A_RECORDING * rig.uncertainty.response_percent / 100,
     )
 
 
