@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hidden_effects.gear_cases import Case
-from specan.models import Use
+from specan.models import Model, Use
 from specan.models.planetary_gear.build import build
 from specan.study.data.open_orders import open_data
 from specan.study.data.sources import DataFile, MeasuredFiles
 from specan.study.diagnose import diagnose as find_missing
 from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
+from specan.study.estimation.prediction_error import held_out_error
 from specan.study.estimation.problem import Problem
+from specan.study.observation.order_lines import OrderLinesObservation
 from truth.planetary_gear import Gear
+from truth.planetary_gear.recorded import Run
 
 
 def diagnose(case: Case, directory: Path) -> dict[str, Any]:
@@ -35,7 +38,8 @@ def measure(case: Case, truth: Gear, directory: Path, verdict: Mapping[str, Any]
         ``lambda``: chi-square that the base leaves beyond its degrees of freedom. ``d``: evidence (BIC) of the right
         effects over the best set without one of them; where they were not refitted, after a fit of them.
         ``conditional_lambda``: of a pair, the same over the better one of its effects alone. ``hidden``: true sizes.
-        ``covered``: whether the 95 % interval holds the true size.
+        ``covered``: whether the 95 % interval holds the true size. ``held_out``: of a pin, RMS (m/s^2) and level
+        error of lines (dB) on the torque that was held out, before and after it is added.
     """
     lack = verdict["lack_of_fit"]
     names = set(case.truth)
@@ -49,6 +53,9 @@ def measure(case: Case, truth: Gear, directory: Path, verdict: Mapping[str, Any]
         - max([0.0, *(r["delta_bic"] for r in verdict["ranking"] if set(r["effects"]) < names)]),
         "hidden": truth.machine.hidden,
         "covered": _covered(truth, right) if right else None,
+        "held_out": _held_out(case, truth, directory, right)
+        if right and "planet-position-error" in names
+        else None,
         "teeth": [truth.machine.z_sun, truth.machine.z_planet, truth.machine.z_ring, truth.machine.planets],
     }
 
@@ -65,14 +72,35 @@ def _covered(truth: Gear, right: Mapping[str, Any]) -> bool | None:
     return None
 
 
-def _gain_of(case: Case, truth: Gear, directory: Path) -> float:
-    """Fall in BIC by the hidden effects, from a fit of them."""
+def _held_out(
+    case: Case, truth: Gear, directory: Path, right: Mapping[str, Any]
+) -> list[tuple[float, float | None]]:
+    run = truth.held_out
     problem = _problem(case, directory)
-    uses = [
+    unseen = _observed(problem.assembly.model, directory, [*truth.runs, run])[-1:]
+    uses = _uses(truth)
+    richer = problem.with_uses(uses)
+    names = [name for name in right["parameters"] if name in richer.assembly.parameters]
+    start = {n: richer.assembly.parameters[n].to_si(right["parameters"][n]["value"]) for n in names}
+    base = fit(problem)
+    errors = [
+        held_out_error(p, f, unseen).errors[0]
+        for p, f in ((problem, base), (richer, fit(richer, start={**base.values, **start})))
+    ]
+    return [(error.rms, error.level_dB) for error in errors]
+
+
+def _uses(truth: Gear) -> list[Use]:
+    return [
         Use(name, f"P{int(size['planet'])}" if "planet" in size else "")
         for name, size in truth.machine.hidden.items()
     ]
-    base, richer = fit(problem), problem.with_uses(uses)
+
+
+def _gain_of(case: Case, truth: Gear, directory: Path) -> float:
+    """Fall in BIC by the hidden effects, from a fit of them."""
+    problem = _problem(case, directory)
+    base, richer = fit(problem), problem.with_uses(_uses(truth))
     found = fit(richer, start=base.values, starts=3)
     more = len(found.theta) - len(base.theta)
     return float(base.chi2 - found.chi2 - more * np.log(problem.n_effective))
@@ -80,6 +108,9 @@ def _gain_of(case: Case, truth: Gear, directory: Path) -> float:
 
 def _problem(case: Case, directory: Path) -> Problem:
     model = build(tomllib.loads((directory / "rig.toml").read_text(encoding="utf-8")))
-    gear = case.simulate()
-    paths = [directory / f"run_{run.sun_hz:.0f}Hz_{run.torque:.0f}Nm.tdms" for run in gear.runs]
-    return base_problem(model, open_data(model, MeasuredFiles([DataFile(p.name, p) for p in paths])).fitted)
+    return base_problem(model, _observed(model, directory, case.simulate().runs))
+
+
+def _observed(model: Model, directory: Path, runs: Sequence[Run]) -> list[OrderLinesObservation]:
+    paths = [directory / f"run_{run.sun_hz:.0f}Hz_{run.torque:.0f}Nm.tdms" for run in runs]
+    return list(open_data(model, MeasuredFiles([DataFile(p.name, p) for p in paths])).fitted)

@@ -46,6 +46,13 @@ ROWS = (
         lambda r: r.get("covered") is not None,
         lambda r: bool(r["covered"]),
     ),
+    Row(
+        "pin added: RMS falls on the torque held out",
+        lambda r: bool(r.get("held_out")),
+        lambda r: bool(r["held_out"][1][0] < r["held_out"][0][0]),
+        "all",
+        at_least(1.0),
+    ),
     Row("single, lambda >= 100: first", is_single(100), truth_first),
     Row("  or the one with the same lines", is_single(100), same_lines),
     Row("  truth among the alternatives", is_single(100), among),
