@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import say
-from specan_cli.verbosity import is_quiet
+from specan_cli.output import is_quiet, say
 
 if TYPE_CHECKING:
     from specan.data.recording import Recording

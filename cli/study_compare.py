@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.figure_output import plot_option
 from specan_cli.output_file import Verb
+from specan_cli.results import plot_option
 from specan_cli.study_output import study_options
 
 if TYPE_CHECKING:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json, table
 from specan_cli.output_file import Verb
-from specan_cli.results import draw
+from specan_cli.results import draw, plot_option
 from specan_cli.study_output import open_study, probability, study_options, told
 
 if TYPE_CHECKING:

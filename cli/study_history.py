@@ -6,9 +6,8 @@ from pathlib import Path
 
 import click
 
-from specan_cli.figure_output import plot_option
 from specan_cli.output_file import Verb
-from specan_cli.results import draw
+from specan_cli.results import draw, plot_option
 
 
 @click.command("history", cls=Verb)

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.figure_output import plot_option
 from specan_cli.output_file import Verb
-from specan_cli.results import draw
+from specan_cli.results import draw, plot_option
 from specan_cli.study_output import study_options, told
 
 if TYPE_CHECKING:

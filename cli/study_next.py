@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from specan_cli.figure_output import plot_option
 from specan_cli.output import emit_json
 from specan_cli.output_file import Verb
+from specan_cli.results import plot_option
 from specan_cli.study_output import open_study, study_options, told
 
 

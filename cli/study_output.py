@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import say, table
-from specan_cli.verbosity import is_quiet
+from specan_cli.output import is_quiet, say, table
 
 if TYPE_CHECKING:
     from specan.study.estimation.prediction_error import ObservableError

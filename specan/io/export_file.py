@@ -1,8 +1,10 @@
-"""What the export formats share: samples in blocks, a missing library."""
+"""An excerpt of a recording written for other programs: CSV, WAV, Parquet."""
 
 from __future__ import annotations
 
+import csv
 import importlib
+import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan import __version__
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import RequestError
+from specan.io.output_file import whole_file
+from specan.io.results_text import escaped, harmless
 
 BLOCK = 1 << 16
 
@@ -71,3 +76,100 @@ def together(channels: Sequence[Channel]) -> str:
     """Units of several channels in words: ``Pa (Mic 1, Mic 2), V (Generator)``."""
     units = dict.fromkeys(c.unit for c in channels)
     return ", ".join(f"{unit} ({', '.join(c.name for c in channels if c.unit == unit)})" for unit in units)
+
+
+def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
+    """Write time and samples, one column a channel, nine significant digits.
+
+    Parameters
+    ----------
+    decimal : {".", ","}
+        With a comma, as Polish and German spreadsheets expect it, columns are separated by semicolons and
+        the file begins with a byte order mark, by which these programs know UTF-8.
+
+    Notes
+    -----
+    A name that a spreadsheet would take for a formula has an apostrophe before it; see `specan.io.results_text`.
+
+    Raises
+    ------
+    RequestError
+        The decimal sign is another one, or the file cannot be written.
+    """
+    if decimal not in (".", ","):
+        raise RequestError(f"the decimal sign is {decimal!r}", expected="a point or a comma")
+    separator = "," if decimal == "." else ";"
+    header = [
+        "time_s",
+        *(harmless(f"{n} [{c.unit}]") for n, c in zip(excerpt.names(), excerpt.channels, strict=True)),
+    ]
+    row = separator.join(["%.9g"] * len(header)) + "\n"
+    encoding = "utf-8" if decimal == "." else "utf-8-sig"
+    with whole_file(path) as half, half.open("w", encoding=encoding, newline="") as file:
+        csv.writer(file, delimiter=separator, lineterminator="\n").writerow(header)
+        for time, samples in excerpt.blocks():
+            columns = [time.tolist(), *samples.tolist()]
+            text = "".join(row % values for values in zip(*columns, strict=True))
+            file.write(text if decimal == "." else text.replace(".", ","))
+
+
+_LARGEST = 2**32 - 256  # bytes; sizes are 32-bit numbers
+_IEEE_FLOAT = 3
+
+
+def write_wav(excerpt: Excerpt, path: Path) -> None:
+    """Write all channels interleaved; 1.0 is 1 Pa, 1 m/s, 1 V.
+
+    Raises
+    ------
+    RequestError
+        The sampling rate is no whole number, or the samples need more than the 4 GB that WAV can hold.
+    """
+    channels, rate = len(excerpt.channels), excerpt.rate
+    if rate != round(rate):
+        raise RequestError(
+            f"{excerpt.recording.label} is sampled at {rate:.9g} Hz",
+            expected="a whole number of hertz for WAV",
+            remedy="export to Parquet or CSV",
+        )
+    size = excerpt.n * channels * 4
+    if size > _LARGEST:
+        raise RequestError(
+            f"{channels} channels of {excerpt.n} samples need {size / 1e9:.1f} GB",
+            expected="at most 4.3 GB for WAV",
+            remedy="choose fewer channels or a shorter section, or export to Parquet",
+        )
+    form = struct.pack(
+        "<HHIIHH", _IEEE_FLOAT, channels, round(rate), round(rate) * channels * 4, channels * 4, 32
+    )
+    # Other than PCM wants the size of the extension (none) and a fact chunk with the number of samples.
+    chunks = b"fmt " + struct.pack("<I", 18) + form + struct.pack("<H", 0)
+    chunks += b"fact" + struct.pack("<II", 4, excerpt.n) + b"data" + struct.pack("<I", size)
+    with whole_file(path) as half, half.open("wb") as file:
+        file.write(b"RIFF" + struct.pack("<I", 4 + len(chunks) + size) + b"WAVE" + chunks)
+        for _, samples in excerpt.blocks():
+            file.write(samples.T.astype("<f4").tobytes())
+
+
+def write_parquet(excerpt: Excerpt, path: Path) -> None:
+    """Write time and samples, one column a channel; unit, role and group are in the columns' metadata.
+
+    Raises
+    ------
+    RequestError
+        pyarrow is not installed, or the file cannot be written.
+    """
+    pyarrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
+    fields = [pyarrow.field("time_s", pyarrow.float64(), metadata={"unit": "s"})]
+    for name, channel in zip(excerpt.names(), excerpt.channels, strict=True):
+        about = {"unit": channel.unit, "role": channel.role, "group": escaped(channel.group)}
+        fields.append(pyarrow.field(escaped(name), pyarrow.float64(), metadata=about))
+    whole = {
+        "writer": f"specan {__version__}",
+        "recording": escaped(excerpt.recording.label),
+        "sampling_rate_hz": repr(excerpt.rate),
+    }
+    schema = pyarrow.schema(fields, metadata=whole)
+    with whole_file(path) as half, parquet.ParquetWriter(half, schema) as writer:
+        for time, samples in excerpt.blocks():
+            writer.write_table(pyarrow.table([time, *samples], schema=schema))

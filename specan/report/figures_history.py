@@ -9,7 +9,7 @@ import numpy as np
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, GREY, heading, new_figure, styled
-from specan.report.study_words import history_sentence
+from specan.report.verdict_words import history_sentence
 from specan.study.history import History, Step
 from specan.units import printed_unit
 

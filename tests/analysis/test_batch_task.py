@@ -11,7 +11,7 @@ from specan.analysis.batch.one_file import analyse_file
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import Store
 from specan.analysis.batch.task import analyse_unchanged
-from specan.io.tdms_metadata import metadata_of
+from specan.io.tdms_headers import metadata_of
 from truth.rig import box_rig, sine_take
 from truth.rig_files import write_tdms
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from specan.analysis.batch.one_pass import feed
+from specan.analysis.accumulator import feed
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.order_settings import OrderSettings

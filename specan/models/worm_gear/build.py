@@ -10,7 +10,7 @@ from specan.models.catalogue import effects_in
 from specan.models.model import LawSpace, Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, SettingError
 from specan.models.rig import RigStatement
-from specan.models.worm_gear import mesh, power
+from specan.models.worm_gear import mesh
 from specan.models.worm_gear.article import article_quantities
 from specan.models.worm_gear.bearings import bearing_quantities, force_quantities
 from specan.models.worm_gear.oil import viscosity_quantities
@@ -64,7 +64,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         *mesh.QUANTITIES,
         *force_quantities(settings, bearings),
         *bearing_quantities(bearings, settings.gear.z_wheel / settings.gear.z_worm),
-        *power.QUANTITIES,
+        *mesh.BALANCE,
         mesh.brake_quantity(
             bool(settings.operation.idle_uncoupled), max(map(abs, settings.limits.output_torque_Nm))
         ),
