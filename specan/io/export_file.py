@@ -67,9 +67,14 @@ def library(name: str, extra: str) -> Any:
 
 def write_excerpt(excerpt: Excerpt, form: str, path: Path, decimal: str = ".") -> None:
     """Write it as ``csv``, ``uff``, ``wav`` or ``parquet``; `decimal` is the decimal sign of CSV."""
-    module = importlib.import_module(f"specan.io.export_{form}")
-    extra = (decimal,) if form == "csv" else ()
-    getattr(module, f"write_{form}")(excerpt, path, *extra)
+    if form == "csv":
+        write_csv(excerpt, path, decimal)
+    elif form == "uff":
+        from specan.io.export_uff import write_uff
+
+        write_uff(excerpt, path)
+    else:
+        {"wav": write_wav, "parquet": write_parquet}[form](excerpt, path)
 
 
 def together(channels: Sequence[Channel]) -> str:

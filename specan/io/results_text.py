@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import re
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -140,13 +141,52 @@ def rows(columns: Sequence[Sequence[str]]) -> str:
     return f"{lines}\n" if lines else ""
 
 
-def rows_of_channels(
-    names: Sequence[str], columns: Callable[[int], Sequence[Sequence[str]]]
-) -> Iterator[str]:
-    """Lines of one channel after the other: its name before the columns that its number gives."""
-    for number, name in enumerate(names):
-        own = columns(number)
-        yield rows([[word(name)] * len(own[0]), *own])
+def table_lines(columns: Mapping[str, Any], names: Sequence[str] = ()) -> str:
+    """Named columns as lines of a table, numbers in the form that belongs to the name of their column.
+
+    Parameters
+    ----------
+    columns : mapping
+        Name to numbers, to cells (a sequence of str), to words that stand in one cell (a sequence of sequences of str),
+        or to what is the same in every row: a name or a number.
+    names : sequence of str, optional
+        Those of the table, in order; a column that is not given is empty.
+
+    Examples
+    --------
+    >>> table_lines({"channel": "Mic 1", "frequency_hz": [1.0, 2.5], "phase_deg": [-180.0, 3.14159]})
+    'Mic 1\\t1\\t180.00\\nMic 1\\t2.5\\t3.14\\n'
+    """
+    count = next(len(v) for v in columns.values() if not np.isscalar(v))
+    found = {
+        name: _cells(name, [word(values) if isinstance(values, str) else values]) * count
+        if np.isscalar(values)
+        else _cells(name, values)
+        for name, values in columns.items()
+    }
+    return rows([found.get(name, [""] * count) for name in names or columns])
+
+
+def _cells(name: str, values: Any) -> list[str]:
+    first = values[0] if len(values) else ""
+    if isinstance(first, str):
+        return list(values)
+    if isinstance(first, (tuple, list)):
+        return [" ".join(words) for words in values]
+    if name in ("frequency_hz", "order"):
+        return frequencies(values)
+    if name == "phase_deg":
+        return phases(values)
+    if name == "coherence":
+        return fixed(values, 4)
+    if name.endswith("_dB"):
+        return levels(values)
+    return significant(values, 3 if name.split("_")[0] == "u" else 6)
+
+
+def words(names: Iterable[object]) -> list[str]:
+    """Names as cells; see `word`."""
+    return [word(name) for name in names]
 
 
 def write_table(
@@ -177,11 +217,16 @@ def write_table(
 
 
 def write_result(
-    path: Path, verb: str, found: Any, about: Iterable[str], columns: Sequence[str], blocks: Iterable[str]
+    path: Path, verb: str, found: Any, about: Iterable[str], tables: Iterable[Mapping[str, Any]]
 ) -> None:
-    """Write the table of one result; its header says which verb made it, and ends with its settings and notes."""
+    """Write one result: named columns as `table_lines` takes them, one set after the other.
+
+    The header says which verb made it, and ends with its settings and notes.
+    """
     header = [f"specan {__version__} {verb}", *about, f"settings: {found.settings}", *found.notes]
-    write_table(path, header, columns, blocks)
+    parts = iter(tables)
+    first = next(parts)
+    write_table(path, header, list(first), map(table_lines, chain([first], parts)))
 
 
 # A name as a cell of a table: read back as it was by pandas, R and spreadsheets, whatever it holds.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,28 +14,16 @@ from specan.io import results_text as text
 from specan.units import level_reference
 
 
-@dataclass(frozen=True)
-class _Line:
-    row: int
-    band: str
-    level: float
-    u_level: float
-    rms: float
-    flags: tuple[str, ...]
-
-
 def band_lines(levels: BandLevels) -> str:
     """Lines of `bands.txt`: the bands of each channel, then its totals with every weighting."""
-    lines = list(_lines(levels))
-    return text.rows(
-        [
-            [text.word(levels.label)] * len(lines),
-            [text.word(levels.channels[line.row]) for line in lines],
-            [line.band for line in lines],
-            text.levels([line.level for line in lines]),
-            text.levels([line.u_level for line in lines]),
-            [" ".join(line.flags) for line in lines],
-        ]
+    return "".join(text.table_lines(columns, text.COLUMNS["bands.txt"]) for columns in _columns(levels))
+
+
+def other_lines(levels: BandLevels, roles: tuple[str, ...]) -> str:
+    """Lines of `other.txt`: the same with role, unit, and the RMS value of each channel."""
+    return "".join(
+        text.table_lines({**columns, "role": role, "unit": unit}, text.COLUMNS["other.txt"])
+        for columns, role, unit in zip(_columns(levels), roles, levels.units, strict=True)
     )
 
 
@@ -44,59 +32,34 @@ def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Se
     zero = np.array([level_reference(c.unit).value for c in channels])
     with np.errstate(divide="ignore"):
         level = 20 * np.log10(np.asarray(rms) / zero)
-    n = len(channels)
-    return text.rows(
-        [
-            [text.word(label)] * n,
-            [text.word(c.name) for c in channels],
-            [c.role for c in channels],
-            [text.word(c.unit) for c in channels],
-            ["total-Z"] * n,
-            text.significant(rms),
-            text.levels(level),
-            [""] * n,
-            [" ".join(words) for words in flags],
+    columns = {
+        "file": label,
+        "channel": text.words(c.name for c in channels),
+        "role": [c.role for c in channels],
+        "unit": text.words(c.unit for c in channels),
+        "band_hz": "total-Z",
+        "rms": rms,
+        "level_dB": level,
+        "flags": flags,
+    }
+    return text.table_lines(columns, text.COLUMNS["other.txt"])
+
+
+def _columns(levels: BandLevels) -> Iterator[dict[str, Any]]:
+    """The lines of each channel; only the total with Z has an RMS value."""
+    bands = levels.exact_hz.size
+    for row, name in enumerate(levels.channels):
+        totals = {w: v[row] for w, v in levels.overall_dB.items() if not np.isnan(v[row]) or w == "Z"}
+        rms = [
+            levels.references[row].value * 10 ** (v / 20) if w == "Z" else np.nan for w, v in totals.items()
         ]
-    )
-
-
-def other_lines(levels: BandLevels, roles: tuple[str, ...]) -> str:
-    """Lines of `other.txt`: the same with role, unit, and the RMS value of each channel."""
-    lines = list(_lines(levels))
-    return text.rows(
-        [
-            [text.word(levels.label)] * len(lines),
-            [text.word(levels.channels[line.row]) for line in lines],
-            [roles[line.row] for line in lines],
-            [text.word(levels.units[line.row]) for line in lines],
-            [line.band for line in lines],
-            text.significant([line.rms for line in lines]),
-            text.levels([line.level for line in lines]),
-            text.levels([line.u_level for line in lines]),
-            [" ".join(line.flags) for line in lines],
-        ]
-    )
-
-
-def _lines(levels: BandLevels) -> Iterator[_Line]:
-    for row in range(len(levels.channels)):
-        for band, nominal in enumerate(levels.nominal_hz):
-            yield _Line(
-                row,
-                f"{nominal:g}",
-                float(levels.level_dB[row, band]),
-                float(levels.u_dB[band]),
-                np.nan,
-                levels.band_flags(row, band),
-            )
-        for weighting, totals in levels.overall_dB.items():
-            if not np.isnan(totals[row]) or weighting == "Z":
-                rms = levels.references[row].value * 10 ** (totals[row] / 20) if weighting == "Z" else np.nan
-                yield _Line(
-                    row,
-                    f"total-{weighting}",
-                    float(totals[row]),
-                    np.nan,
-                    float(rms),
-                    levels.overall_flags(row, weighting),
-                )
+        flags = [levels.band_flags(row, band) for band in range(bands)]
+        yield {
+            "file": levels.label,
+            "channel": name,
+            "band_hz": [*(f"{f:g}" for f in levels.nominal_hz), *(f"total-{w}" for w in totals)],
+            "rms": [*[np.nan] * bands, *rms],
+            "level_dB": [*levels.level_dB[row], *totals.values()],
+            "u_dB": [*levels.u_dB, *[np.nan] * len(totals)],
+            "flags": [*flags, *(levels.overall_flags(row, w) for w in totals)],
+        }

@@ -69,22 +69,22 @@ def order_lines(orders: OrderSpectrum, flags: Sequence[Sequence[str]]) -> str:
         lines = orders.lines
         order = orders.order[1:] if lines is None else lines.order
         amplitude = orders.amplitude[row, 1:] if lines is None else np.abs(lines.amplitude[row])
-        nothing = [""] * order.size
         with np.errstate(divide="ignore"):
             level = 20 * np.log10(amplitude / np.sqrt(2) / level_reference(unit).value)
-        first = [orders.label, name, unit]
-        blocks.append(
-            text.rows(
-                [
-                    *([text.word(cell)] * order.size for cell in first),
-                    text.frequencies(order),
-                    text.significant(amplitude),
-                    text.levels(level),
-                    nothing if lines is None else text.phases(lines.phase_deg[row]),
-                    nothing if lines is None else text.significant(lines.u[row], 3),
-                    nothing if lines is None else text.significant(lines.u_scatter[row], 3),
-                    [" ".join(flags[row])] * order.size,
-                ]
-            )
-        )
+        columns = {
+            "file": orders.label,
+            "channel": name,
+            "unit": unit,
+            "order": order,
+            "amplitude": amplitude,
+            "level_dB": level,
+            "flags": " ".join(flags[row]),
+        }
+        if lines is not None:
+            columns |= {
+                "phase_deg": lines.phase_deg[row],
+                "u": lines.u[row],
+                "u_blocks": lines.u_scatter[row],
+            }
+        blocks.append(text.table_lines(columns, text.COLUMNS[TABLE]))
     return "".join(blocks)

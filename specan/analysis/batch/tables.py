@@ -111,7 +111,7 @@ def _skipped(results: Sequence[FileResult]) -> Iterator[str]:
         if isinstance(joined, InputError):
             rows.append((label, "", "aside", f"no stepped-sine characteristic: {joined}"))
     for row in sorted(rows, key=lambda row: row[0]):
-        yield text.rows([[text.word(cell)] for cell in row])
+        yield text.rows([text.words([cell]) for cell in row])
 
 
 def _directories(results: Sequence[FileResult]) -> dict[str, list[ToneTable]]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.tone import ToneTable
@@ -27,22 +27,18 @@ def with_flags(table: ToneTable, quality: Sequence[Sequence[str]]) -> ToneTable:
 
 def tone_lines(table: ToneTable) -> str:
     """One line a channel, and the energy mean of the microphones if there are several."""
-    n = len(table.channels)
-    itself = np.array([name == table.reference for name in table.channels])
+    others = np.array([name != table.reference for name in table.channels])
     lines = _lines(
-        table.label,
-        table.channels,
-        table.roles,
-        table.units,
-        [table.frequency_hz] * n,
+        table,
+        channel=text.words(table.channels),
+        role=table.roles,
+        unit=text.words(table.units),
         rms=table.rms,
-        level=table.level_dB,
+        level_dB=table.level_dB,
         tone_rms=table.tone_rms,
-        phase=np.where(itself, np.nan, table.phase_deg),
-        u_phase=np.where(itself, np.nan, table.u_phase_deg),
-        magnitude=np.where(itself, np.nan, table.magnitude),
-        reference=table.reference or "",
-        reference_rms=table.reference_rms,
+        phase_deg=np.where(others, table.phase_deg, np.nan),
+        u_phase_deg=text.significant(np.where(others, table.u_phase_deg, np.nan), 2),
+        magnitude_re_reference=np.where(others, table.magnitude, np.nan),
         flags=table.flags,
     )
     return lines + _energy_mean(table)
@@ -59,21 +55,24 @@ def _energy_mean(table: ToneTable) -> str:
         return ""
     rms, tone = (float(np.sqrt(np.mean(values[rows] ** 2))) for values in (table.rms, table.tone_rms))
     return _lines(
-        table.label,
-        [MEAN],
-        ["microphone"],
-        ["Pa"],
-        [table.frequency_hz],
-        rms=[rms],
-        level=[20 * np.log10(rms / level_reference("Pa").value)],
-        tone_rms=[tone],
-        phase=[np.nan],
-        u_phase=[np.nan],
-        magnitude=[tone / table.reference_rms if table.reference_rms > 0 else np.nan],
-        reference=table.reference or "",
-        reference_rms=table.reference_rms,
+        table,
+        channel=MEAN,
+        role="microphone",
+        unit="Pa",
+        rms=rms,
+        level_dB=20 * np.log10(rms / level_reference("Pa").value),
+        tone_rms=tone,
+        magnitude_re_reference=tone / table.reference_rms if table.reference_rms > 0 else np.nan,
         flags=[tuple(dict.fromkeys(word for i in rows for word in table.flags[i]))],
     )
+
+
+def _lines(table: ToneTable, **columns: Any) -> str:
+    common = {
+        "file": table.label, "frequency_hz": table.frequency_hz, "reference": table.reference or "",
+        "reference_rms": table.reference_rms,
+    }  # fmt: skip
+    return text.table_lines({**common, **columns}, text.COLUMNS["sine.txt"])
 
 
 def joined_lines(response: FrequencyResponse, roles: dict[str, str], units: dict[str, str]) -> str:
@@ -82,61 +81,17 @@ def joined_lines(response: FrequencyResponse, roles: dict[str, str], units: dict
     blocks = []
     for row, name in enumerate(response.channels):
         known = np.flatnonzero(np.isfinite(response.response[row]))
-        nothing = np.full(known.size, np.nan)
-        blocks.append(
-            _lines(
-                response.label,
-                [name] * known.size,
-                [roles[name]] * known.size,
-                [units[name]] * known.size,
-                response.frequency_hz[known],
-                rms=nothing,
-                level=nothing,
-                tone_rms=nothing,
-                phase=response.phase_deg[row, known],
-                u_phase=u_phase[row, known],
-                magnitude=response.magnitude[row, known],
-                reference=response.reference,
-                reference_rms=np.nan,
-                flags=[(JOINED, *response.flags[row])] * known.size,
-            )
-        )
+        columns = {
+            "file": response.label,
+            "channel": name,
+            "role": roles[name],
+            "unit": units[name],
+            "frequency_hz": response.frequency_hz[known],
+            "phase_deg": response.phase_deg[row, known],
+            "u_phase_deg": text.significant(u_phase[row, known], 2),
+            "magnitude_re_reference": response.magnitude[row, known],
+            "reference": response.reference,
+            "flags": " ".join((JOINED, *response.flags[row])),
+        }
+        blocks.append(text.table_lines(columns, text.COLUMNS["sine.txt"]))
     return "".join(blocks)
-
-
-def _lines(
-    label: str,
-    channels: Sequence[str],
-    roles: Sequence[str],
-    units: Sequence[str],
-    frequency: ArrayLike,
-    *,
-    rms: ArrayLike,
-    level: ArrayLike,
-    tone_rms: ArrayLike,
-    phase: ArrayLike,
-    u_phase: ArrayLike,
-    magnitude: ArrayLike | NDArray[np.float64],
-    reference: str,
-    reference_rms: float,
-    flags: Sequence[Sequence[str]],
-) -> str:
-    n = len(channels)
-    return text.rows(
-        [
-            [text.word(label)] * n,
-            [text.word(name) for name in channels],
-            roles,
-            [text.word(unit) for unit in units],
-            text.frequencies(frequency),
-            text.significant(rms),
-            text.levels(level),
-            text.significant(tone_rms),
-            text.phases(phase),
-            text.significant(u_phase, 2),
-            text.significant(magnitude),
-            [text.word(reference)] * n,
-            text.significant(reference_rms) * n,
-            [" ".join(words) for words in flags],
-        ]
-    )
