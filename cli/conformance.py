@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.limit import EXCEEDED
+from specan_cli.options import EXCEEDED
 from specan_cli.output import emit_json, is_quiet, say, table
 from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
 

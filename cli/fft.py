@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan import __version__
-from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
-from specan_cli.options import weighting_option
+from specan_cli.options import limit_code, limit_content, limit_option, show_limit, weighting_option
 from specan_cli.output import table
 from specan_cli.output_file import say_written, to_standard_output
 from specan_cli.recording_input import given, opened, quantity_option, say_notes, section_options

@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
-from specan_cli.options import FRACTIONS, level_options, weighting_option
+from specan_cli.options import (
+    FRACTIONS,
+    level_options,
+    limit_code,
+    limit_content,
+    limit_option,
+    show_limit,
+    weighting_option,
+)
 from specan_cli.output import table
 from specan_cli.recording_input import given, opened, quantity_option, say_notes, section_options
 from specan_cli.results import deliver, plot_option, result_options

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from specan.errors import RequestError
-from specan.io.file_lock import is_the_file, try_lock
+from specan.io.output_file import is_the_file, try_lock
 from specan.result import Result, counted, finite
 from specan.study.study_file import NAME as STUDY_FILE
 

@@ -7,11 +7,11 @@ import pytest
 
 from specan.analysis import accumulator
 from specan.analysis.batch.inputs import Input, find_inputs
-from specan.analysis.batch.noise_lines import noise_lines
 from specan.analysis.batch.one_file import RmsPass
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import run_batch
 from specan.analysis.batch.settings import BatchSettings, read_settings
+from specan.analysis.batch.table_lines import noise_lines
 from specan.analysis.batch.tables import write_tables
 from specan.analysis.tone import Tone
 from specan.analysis.transfer_function import TransferFunction

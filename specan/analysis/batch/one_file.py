@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
@@ -12,13 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.accumulator import Reader, feed
-from specan.analysis.batch.band_lines import band_lines, other_lines, rms_lines
+from specan.analysis.batch.identity import Identity, identify
 from specan.analysis.batch.inputs import Input
-from specan.analysis.batch.noise_lines import noise_lines
-from specan.analysis.batch.order_lines import with_orders
 from specan.analysis.batch.result import FileResult, Kind
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.tone_lines import tone_lines, with_flags
+from specan.analysis.batch.table_lines import (
+    band_lines,
+    noise_lines,
+    other_lines,
+    rms_lines,
+    tone_lines,
+    with_flags,
+    with_orders,
+)
 from specan.analysis.excitation import recognise
 from specan.analysis.octave import Octave, OctaveAccumulator
 from specan.analysis.quality import QualityPass
@@ -303,3 +310,42 @@ class RmsPass:
         self._take(self._grid.rest())
         n = self.stop - self.start
         return np.sqrt(np.maximum(self._squares / n - (self._sum / n) ** 2, 0.0))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a file and what the file was then; without an identity the result is not to be kept."""
+
+    result: FileResult
+    identity: Identity | None = None
+
+
+def analyse_unchanged(
+    entry: Input, settings: BatchSettings, calibration: Calibration | None, *, whole: bool = False
+) -> Outcome:
+    """Result of one file; a file that changes while it is read has none.
+
+    Parameters
+    ----------
+    whole : bool
+        Hash all bytes of the file as well.
+    """
+    try:
+        before = identify(entry.path, whole=whole)
+    except Exception:
+        before = None  # the analysis says why
+    result = analyse_file(entry, settings, calibration)
+    if before is None:
+        return Outcome(result)
+    if not before.untouched(entry.path):
+        return Outcome(FileResult(entry.label, "failed", _changed(entry, before)))
+    return Outcome(result, None if result.kind == "failed" else before)
+
+
+def _changed(entry: Input, before: Identity) -> str:
+    try:
+        size = os.stat(entry.path).st_size
+    except OSError:
+        return "it vanished while it was read; put it back and run the batch again"
+    how = f"from {before.size} to {size} bytes" if size != before.size else "in time, not in size"
+    return f"it changed while it was read ({how}); run the batch again when the recording is complete"

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 from specan import __version__
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.store import Kept
-from specan.analysis.batch.tone_lines import joined_lines
+from specan.analysis.batch.table_lines import joined_lines
 from specan.analysis.stepped_sine import join_stepped_sine, not_steps
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.tone import ToneTable

@@ -11,8 +11,8 @@ from specan.models.model import LawSpace, Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, SettingError
 from specan.models.rig import RigStatement
 from specan.models.worm_gear import mesh
-from specan.models.worm_gear.article import article_quantities
 from specan.models.worm_gear.bearings import bearing_quantities, force_quantities
+from specan.models.worm_gear.mesh import article_quantities
 from specan.models.worm_gear.oil import viscosity_quantities
 from specan.models.worm_gear.rig import (
     Operation,
