@@ -119,6 +119,7 @@ def show(found: FrequencyResponse, at_hz: tuple[float, ...]) -> None:
 
 def write_text(found: FrequencyResponse, path: Path) -> None:
     """All lines, tab-separated, the channels one after the other."""
+    from specan.data.frequency_response import COMMON, LINES
     from specan.io import results_text as text
 
     doubts = found.line_flags
@@ -134,17 +135,12 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
         "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of calibration "
         "and delay",
     ]
-    uncertainties = (
-        "u_magnitude_percent", "u_phase_deg", "u_leakage_percent", "u_common_percent", "u_common_phase_deg",
-    )  # fmt: skip
+    lines = found.picked(f"magnitude phase_deg {LINES} {COMMON}")
     tables = (
         {
             "channel": name,
             "frequency_hz": found.frequency_hz,
-            "magnitude": found.magnitude[row],
-            "phase_deg": found.phase_deg[row],
-            "coherence": found.coherence[row],
-            **{key: getattr(found, key)[row] for key in uncertainties},
+            **{key: values[row] for key, values in lines.items()},
             "flags": [flags(row, line) for line in range(found.frequency_hz.size)],
         }
         for row, name in enumerate(found.channels)

@@ -97,24 +97,10 @@ def write_text(found: SignalLevels, path: Path) -> None:
     """One row a channel, tab-separated."""
     from specan.io import results_text as text
 
+    names = {"channel": found.channels, "group": found.groups, "unit": found.units}
     columns = {
-        "channel": text.words(found.channels),
-        "group": text.words(found.groups),
-        "unit": text.words(found.units),
-        **{
-            name: getattr(found, name)
-            for name in ("rms", "peak", "crest_factor", "mean", "minimum", "maximum")
-        },
-        "level_reference": text.words(reference.text for reference in found.references),
-        "level_dB": found.level_dB,
-        "peak_dB": found.peak_dB,
-        "C_peak_dB": found.c_peak_dB,
-        **{f"Leq_{weighting}_dB": values for weighting, values in found.equivalent_dB.items()},
-        **{f"LE_{weighting}_dB": values for weighting, values in found.exposure_dB.items()},
-        "max_dB": found.max_dB,
-        "min_dB": found.min_dB,
-        **{f"L{n:g}_dB": values for n, values in found.percentile_dB.items()},
-        "flags": found.flags,
+        **{name: text.words(values) for name, values in names.items()},
+        **{name: values for name, values in found.columns().items() if name not in names},
     }
     about = [
         f"levels of {found.label}, {found.start_s:g} s to {found.start_s + found.duration_s:g} s, about the mean",

@@ -41,6 +41,10 @@ class Result:
         """What `to_json` gives, with arrays in it."""
         return {"rows": records(**self.columns())}
 
+    def picked(self, names: str) -> dict[str, Any]:
+        """Attributes by their names, which stand apart by blanks."""
+        return {name: getattr(self, name) for name in names.split()}
+
     def overview(self) -> pd.DataFrame:
         """The table that a notebook shows; the whole data frame unless a result has thousands of rows."""
         return self.to_dataframe()
@@ -94,18 +98,23 @@ class Result:
                 expected="one name for each channel",
                 remedy="choose the channels of one group",
             )
-        try:
-            return frame.set_index(list(self.dimensions)).to_xarray()
-        except ImportError:
-            raise RequestError(
-                "a data set needs xarray, which is not installed", remedy='pip install "specan[xarray]"'
-            ) from None
+        return data_set(frame.set_index(list(self.dimensions)))
 
     def plot(self, **options: Any) -> Figure:
         """The figure that ``--plot`` draws; see `specan.plot`."""
         import specan  # the front door knows who draws; results know no figure
 
         return specan.plot(self, **options)
+
+
+def data_set(frame: pd.DataFrame) -> xr.Dataset:
+    """The columns of a data frame over its index; an error says what to install."""
+    try:
+        return frame.to_xarray()
+    except ImportError:
+        raise RequestError(
+            "a data set needs xarray, which is not installed", remedy='pip install "specan[xarray]"'
+        ) from None
 
 
 def finite(value: Any) -> Any:

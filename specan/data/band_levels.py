@@ -152,25 +152,15 @@ class BandLevels(Result):
         """What `to_json` gives, with arrays in it."""
         return {
             "file": self.label,
-            "fraction": self.fraction,
-            "weighting": self.weighting,
-            "averaging": self.averaging,
-            "hold": self.hold,
-            "start_s": self.start_s,
-            "duration_s": self.duration_s,
+            **self.picked("fraction weighting averaging hold start_s duration_s"),
             "sampling_rate_hz": self.sampling_rate,
             "settling": self.settling,
             "other_settling": None if self.other is None else self.other.name,
-            "nominal_hz": self.nominal_hz,
-            "exact_hz": self.exact_hz,
-            "lower_hz": self.lower_hz,
-            "upper_hz": self.upper_hz,
-            "u_dB": self.u_dB,
+            **self.picked("nominal_hz exact_hz lower_hz upper_hz u_dB"),
             "history_interval_s": None if self.history is None else self.history.interval_s,
             "history_time_s": None if self.history is None else self.history.time_s,
             "channels": records(**self._of_channels()),
-            "notes": self.notes,
-            "settings": self.settings,
+            **self.picked("notes settings"),
         }
 
     def _of_channels(self) -> dict[str, Any]:

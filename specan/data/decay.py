@@ -112,9 +112,7 @@ class DecayTimes(Result):
         """What `to_json` gives, with arrays in it."""
         return {
             "file": self.label,
-            "fraction": self.fraction,
-            "nominal_hz": self.nominal_hz,
-            "exact_hz": self.exact_hz,
+            **self.picked("fraction nominal_hz exact_hz"),
             "channels": records(
                 channel=self.channels,
                 group=self.groups,
@@ -122,8 +120,7 @@ class DecayTimes(Result):
                 **{name: getattr(self, name) for name in VALUES},
                 flags=self._all_flags(),
             ),
-            "notes": self.notes,
-            "settings": self.settings,
+            **self.picked("notes settings"),
         }
 
     def _all_flags(self) -> list[list[tuple[str, ...]]]:
