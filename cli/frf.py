@@ -121,6 +121,7 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
     """All lines, tab-separated, the channels one after the other."""
     from specan.data.frequency_response import COMMON, LINES
     from specan.io import results_text as text
+    from specan.result import picked
 
     doubts = found.line_flags
 
@@ -135,7 +136,7 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
         "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of calibration "
         "and delay",
     ]
-    lines = found.picked(f"magnitude phase_deg {LINES} {COMMON}")
+    lines = picked(found, f"magnitude phase_deg {LINES} {COMMON}")
     tables = (
         {
             "channel": name,

@@ -41,10 +41,6 @@ class Result:
         """What `to_json` gives, with arrays in it."""
         return {"rows": records(**self.columns())}
 
-    def picked(self, names: str) -> dict[str, Any]:
-        """Attributes by their names, which stand apart by blanks."""
-        return {name: getattr(self, name) for name in names.split()}
-
     def overview(self) -> pd.DataFrame:
         """The table that a notebook shows; the whole data frame unless a result has thousands of rows."""
         return self.to_dataframe()
@@ -105,6 +101,17 @@ class Result:
         import specan  # the front door knows who draws; results know no figure
 
         return specan.plot(self, **options)
+
+
+def picked(found: Any, names: str) -> dict[str, Any]:
+    """Attributes by their names, which stand apart by blanks.
+
+    Examples
+    --------
+    >>> picked(1.5 + 2j, "real imag")
+    {'real': 1.5, 'imag': 2.0}
+    """
+    return {name: getattr(found, name) for name in names.split()}
 
 
 def data_set(frame: pd.DataFrame) -> xr.Dataset:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.result import Result, counted, crossed, records
+from specan.result import Result, counted, crossed, picked, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,7 +116,7 @@ class FrequencyResponse(Result):
             **crossed(channel=self.channels, frequency_hz=self.frequency_hz),
             **{
                 name: values.ravel()
-                for name, values in self.picked(f"magnitude phase_deg {LINES} {COMMON}").items()
+                for name, values in picked(self, f"magnitude phase_deg {LINES} {COMMON}").items()
             },
         }
 
@@ -124,14 +124,14 @@ class FrequencyResponse(Result):
         """What `to_json` gives, with arrays in it."""
         return {
             "file": self.label,
-            **self.picked("reference reference_unit reference_rms estimator n_blocks n_effective"),
-            **self.picked("line_correlation frequency_hz"),
+            **picked(self, "reference reference_unit reference_rms estimator n_blocks n_effective"),
+            **picked(self, "line_correlation frequency_hz"),
             "channels": records(
                 channel=self.channels,
                 unit=self.units,
-                **self.picked(f"magnitude phase_deg {LINES} degrees_of_freedom {COMMON} delay_s flags"),
+                **picked(self, f"magnitude phase_deg {LINES} degrees_of_freedom {COMMON} delay_s flags"),
             ),
-            **self.picked("notes settings"),
+            **picked(self, "notes settings"),
         }
 
     def overview(self) -> pd.DataFrame:
@@ -166,7 +166,7 @@ class FrequencyResponse(Result):
                 f"no line lies between {fmin_hz:g} and {fmax_hz:g} Hz",
                 expected=f"a range within {self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz",
             )
-        lines = self.picked(f"response {LINES} degrees_of_freedom {COMMON}")
+        lines = picked(self, f"response {LINES} degrees_of_freedom {COMMON}")
         return replace(
             self,
             frequency_hz=self.frequency_hz[kept],

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, full_names, records
+from specan.result import Result, counted, full_names, picked, records
 from specan.units import LevelReference
 
 Real = NDArray[np.float64]
@@ -135,13 +135,13 @@ class SignalLevels(Result):
         return {
             "channel": full_names(self.channels, self.groups),
             "unit": list(self.units),
-            **self.picked("rms peak crest_factor mean minimum maximum"),
+            **picked(self, "rms peak crest_factor mean minimum maximum"),
             "level_reference": [reference.text for reference in self.references],
-            **self.picked("level_dB peak_dB"),
+            **picked(self, "level_dB peak_dB"),
             "C_peak_dB": self.c_peak_dB,
             **{f"Leq_{weighting}_dB": values for weighting, values in self.equivalent_dB.items()},
             **{f"LE_{weighting}_dB": values for weighting, values in self.exposure_dB.items()},
-            **self.picked("max_dB min_dB"),
+            **picked(self, "max_dB min_dB"),
             **{f"L{n:g}_dB": values for n, values in self.percentile_dB.items()},
             "flags": [" ".join(words) for words in self.flags],
         }
@@ -160,7 +160,7 @@ class SignalLevels(Result):
         ]
         return {
             "file": self.label,
-            **self.picked("start_s duration_s"),
+            **picked(self, "start_s duration_s"),
             "sampling_rate_hz": self.sampling_rate,
             "settling": self.settling,
             "channels": records(
@@ -168,13 +168,13 @@ class SignalLevels(Result):
                 group=self.groups,
                 unit=self.units,
                 level_reference=[reference.text for reference in self.references],
-                **self.picked("rms level_dB peak peak_dB"),
+                **picked(self, "rms level_dB peak peak_dB"),
                 C_peak_dB=self.c_peak_dB,
-                **self.picked("crest_factor mean minimum maximum"),
+                **picked(self, "crest_factor mean minimum maximum"),
                 equivalent_dB=records(**self.equivalent_dB),
                 exposure_dB=records(**self.exposure_dB),
                 time_weighted_dB=time_weighted,
                 flags=self.flags,
             ),
-            **self.picked("notes settings"),
+            **picked(self, "notes settings"),
         }
