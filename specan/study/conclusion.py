@@ -12,6 +12,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.localisation.by_blocks import MOST_ROWS
 from specan.study.localisation.localise import localise
 from specan.study.selection.acceptance import DECISIVE
+from specan.study.selection.beyond_known import sizes_beyond
 from specan.study.selection.doubtful_data import WHOLE, suspect_rows
 from specan.study.selection.pulls import ODDS, DataAlone, Pull, data_alone, stretched, what_would_tell
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
@@ -43,7 +44,7 @@ def conclude(search: Search, sets: Sequence[Refit]) -> Conclusion:
     """The verdict on a finished search and the sets that the data cannot tell from its best."""
     base, best = search.base, search.best
     if not best.uses:
-        return _of_base(search)
+        return _of_larger_size(search) or _of_base(search)
     names = _names(sets)
     if search.third is not None:
         return Conclusion(
@@ -82,7 +83,9 @@ def _with_doubts(explained: Explained) -> Conclusion:
         )
     if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
         reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
-    suspect = bool(suspect_rows(base) or stretched(best) or better_but_too_far(search, sets))
+    beyond = [f"{_names([one])} fits as well, with {_values(values)}" for one, values in sizes_beyond(search, sets)]
+    reasons += beyond[:MOST_PULLS]
+    suspect = bool(suspect_rows(base) or stretched(best) or beyond or better_but_too_far(search, sets))
     return replace(found, reason="; ".join(reasons), doubt=left or bool(second) or several or suspect)
 
 
@@ -103,6 +106,16 @@ def _second_possible(search: Search) -> list[str]:
         and decision.held_out_gain > 0
     ]
     return [f"{name} (p = {p:.1g})" for p, name in sorted(found)[:MOST_SECOND]]
+
+
+def _of_larger_size(search: Search) -> Conclusion | None:
+    """An effect that would be named if its size were known to be so large; None where there is none."""
+    for one, values in sizes_beyond(search, ()):
+        if one.lack_of_fit >= LACK_OF_FIT and search.step(search.base).acceptance.decision(one).accepted:
+            return Conclusion(
+                "fits-only-if", f"it fits with {_names([one])}, but only with {_values(values)}{_telling(one)}", True, values
+            )
+    return None
 
 
 def _of_base(search: Search) -> Conclusion:
