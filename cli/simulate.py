@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from specan_cli.output_file import OutputFile, Verb
+from specan_cli.output import OutputFile, Verb
 
 
 @click.command("simulate", cls=Verb)

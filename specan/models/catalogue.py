@@ -149,7 +149,7 @@ def _package(name: str) -> Any:
 
 
 def effects_in(package: str) -> dict[str, Effect]:
-    """Every effect in the modules of a package, one module an effect."""
+    """Every effect in the modules of a package; a module may hold several."""
     found: dict[str, Effect] = {}
     home = importlib.import_module(package)
     for entry in pkgutil.iter_modules(home.__path__):
