@@ -311,7 +311,10 @@ class Problem:
         ranged = [i for i, owner in enumerate(self._owner) if owner not in self.priors]
         prior = np.array([self.priors[self._owner[i]] for i in held]).reshape(-1, 2)
         ends = np.array(
-            [(-np.inf, np.inf) if o in self.unheld else self.plausible(o) for o in (self._owner[i] for i in ranged)]
+            [
+                (-np.inf, np.inf) if o in self.unheld else self.plausible(o)
+                for o in (self._owner[i] for i in ranged)
+            ]
         ).reshape(-1, 2)
         return PseudoMeasurements(
             np.array(held, dtype=np.intp), np.array(ranged, dtype=np.intp), prior[:, 0], prior[:, 1],

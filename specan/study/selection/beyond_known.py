@@ -1,8 +1,8 @@
 """Effects of a size beyond what is known of them, which the data alone would take.
 
-A known range pulls at a size outside of it, and the set that a search finds best has paid for its pulls. A real size may
-lie beyond the range all the same, and then another effect of a known size that looks much like it is named. So every
-single effect that improves the model is fitted once more with its sizes free.
+A known range pulls at a size outside of it, and the set that a search finds best has paid for its pulls. A real size
+may lie beyond the range all the same, and then another effect of a known size that looks much like it is named. So
+every single effect that improves the model is fitted once more with its sizes free.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def refit_promising(search: Search) -> None:
     step = search.step(search.base)
     if not search.base.problem.strategy.secondary_refits:
         return
-    for use, items in step.by_use.items():
+    for items in step.by_use.values():
         if step.start.promised(items[0]) < 0:
             search.refits.fit(step.seen, [[item] for item in different(items, STARTS)])
 
@@ -50,7 +50,8 @@ def sizes_beyond(search: Search, sets: Sequence[Refit]) -> list[tuple[Refit, tup
         free = _with_free_sizes(refit)
         if free is None or free.bic(best.dispersion) - least >= DECISIVE:
             continue
-        outside = tuple(p for p in pulls(replace(free, problem=refit.problem)) if p.too_far and _is_size(refit, p.parameter))
+        held = replace(free, problem=refit.problem)
+        outside = tuple(p for p in pulls(held) if p.too_far and _is_size(refit, p.parameter))
         if outside:
             found.append((free, outside))
     return sorted(found, key=lambda one: one[0].bic(best.dispersion))
@@ -66,7 +67,9 @@ def _with_free_sizes(refit: Refit) -> Refit | None:
         reached = descend(problem, refit.fit.theta)
     except ComputationError:
         return None
-    return replace(refit, problem=problem, fit=describe(problem, reached.theta, reached.residual, reached.jacobian))
+    return replace(
+        refit, problem=problem, fit=describe(problem, reached.theta, reached.residual, reached.jacobian)
+    )
 
 
 def _is_size(refit: Refit, name: ParameterName) -> bool:
