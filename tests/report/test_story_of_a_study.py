@@ -10,10 +10,10 @@ from specan.report.figures_change import figure_change
 from specan.report.figures_diagnosis import figure_diagnosis
 from specan.report.figures_history import figure_history
 from specan.report.study_report import study_report
-from specan.report.verdict_words import headline
 from specan.study.create import begin
 from specan.study.edit import add_effect
-from specan.study.kept_results import NAME, diagnosis_of
+from specan.study.history import NAME, diagnosis_of
+from specan.study.verdict import headline
 
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
 
