@@ -259,7 +259,7 @@ _ARRAY = "float64 array"
 
 Kept = TypeVar("Kept")
 
-NAME = "diagnoses.jsonl"
+DIAGNOSES = "diagnoses.jsonl"
 STATE = ("study", "rig", "files", "effect_files")
 
 
@@ -386,7 +386,7 @@ def _built(hint: Any, value: Any) -> Any:
 
 
 def keep_diagnosis(directory: Path, hashes: Mapping[str, Any], found: Diagnosis) -> None:
-    """Append a diagnosis, with the state of the study that it is about, to `NAME` in the study's directory.
+    """Append a diagnosis, with the state of the study that it is about, to `DIAGNOSES` in the study's directory.
 
     Nothing is kept in a directory that cannot be written to, or that another command is changing.
     """
@@ -398,7 +398,7 @@ def keep_diagnosis(directory: Path, hashes: Mapping[str, Any], found: Diagnosis)
     with (
         contextlib.suppress(OSError, RequestError),
         changing(directory),
-        (directory / NAME).open("a", encoding="utf-8") as file,
+        (directory / DIAGNOSES).open("a", encoding="utf-8") as file,
     ):
         file.write(line)
 
@@ -411,7 +411,7 @@ def diagnosis_of(directory: Path, hashes: Mapping[str, Any]) -> dict[str, Any] |
     hashes : mapping
         The state: those of a step of the history, or of the study as it is.
     """
-    path = directory / NAME
+    path = directory / DIAGNOSES
     if not path.exists():
         return None
     wanted = {name: hashes[name] for name in STATE}
