@@ -10,8 +10,7 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import MOST_ROWS
-from specan.study.localisation.localise import localise
+from specan.study.localisation.localise import MOST_ROWS, localise
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.alternatives import seen_from
 from specan.study.selection.beyond_known import sizes_beyond
