@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError
+from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import MOST_ROWS, localise
 from specan.study.selection.acceptance import DECISIVE
@@ -97,11 +98,13 @@ def _one_unknown(search: Search) -> str:
     """One effect outside the catalogue that the data admit as well as a set of several: a law of the grammar.
 
     It is fitted beside the base where that is with the set, and is as likely unless its BIC is higher by more than 6.
-    Where no law can be fitted, one unknown effect is always possible.
+    Where no law can be fitted, and where the effects cancel each other, one unknown effect is always possible.
     """
     base, best = search.base, search.best
     if not _has_independent_rows(best.problem):
         return "one unknown effect"
+    if _cancel(best):
+        return "the effects largely cancel each other, and one unknown effect"
     try:
         laws = search_laws(seen_from(search.step(base).seen, best)).laws
     except ComputationError:
@@ -113,6 +116,21 @@ def _one_unknown(search: Search) -> str:
         if law.chi2 / best.dispersion + price * (1 + len(law.shapes)) < best.bic(best.dispersion) + DECISIVE
     ]
     return f"one unknown effect ({' x '.join(likely[0].formula.family)})" if likely else ""
+
+
+def _cancel(best: Refit) -> bool:
+    """Whether the effects of a set change the data less together than each of them does, beside the base refitted."""
+    fit, uses = best.fit, {str(use): use for use in best.uses}
+    columns = fit.jacobian * best.weights[:, None]
+    base = [k for k, name in enumerate(fit.names) if name.owner not in uses]
+    beside = Projection.of(fit.residual * best.weights, columns[:, base])
+    changes = np.zeros((len(uses), fit.residual.size))
+    for row, use in zip(changes, uses.values(), strict=True):
+        neutral = best.problem.assembly.model.effects[use.name].neutral_si
+        for k, name in enumerate(fit.names):
+            if name.owner == str(use) and name.own in neutral:
+                row += beside.project_out(columns[:, k] * (fit.theta[k] - neutral[name.own]))
+    return bool(np.sum(changes.sum(axis=0) ** 2) < np.sum(changes**2, axis=1).min())
 
 
 def _second_possible(search: Search) -> list[str]:

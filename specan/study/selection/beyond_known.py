@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from specan.errors import ComputationError
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.estimation.fit import describe
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.selection.acceptance import DECISIVE
@@ -19,6 +19,8 @@ from specan.study.selection.pulls import Pull, pulls
 from specan.study.selection.refits import Refit
 from specan.study.selection.score_test import different
 from specan.study.selection.search import STARTS, Search
+
+MOST_BEYOND = 10.0  # times the largest size known: what would need a larger one is ruled out by what is known
 
 
 def refit_promising(search: Search) -> None:
@@ -38,7 +40,8 @@ def refit_promising(search: Search) -> None:
 def sizes_beyond(search: Search, sets: Sequence[Refit]) -> list[tuple[Refit, tuple[Pull, ...]]]:
     """Single effects outside a verdict that meet the data as well as its best set, with a size beyond what is known.
 
-    As well is a BIC within 6 of the best, pulls of its own sizes not counted. Beside the fit stand those sizes.
+    As well is a BIC within 6 of the best, pulls of its own sizes not counted. Beside the fit stand those sizes, none
+    more than an order of magnitude beyond.
     """
     best, found = search.best, []
     if not search.base.problem.strategy.secondary_refits:
@@ -52,7 +55,7 @@ def sizes_beyond(search: Search, sets: Sequence[Refit]) -> list[tuple[Refit, tup
             continue
         held = replace(free, problem=refit.problem)
         outside = tuple(p for p in pulls(held) if p.too_far and _is_size(refit, p.parameter))
-        if outside:
+        if outside and all(abs(p.value) <= MOST_BEYOND * max(map(abs, p.known)) for p in outside):
             found.append((free, outside))
     return sorted(found, key=lambda one: one[0].bic(best.dispersion))
 
