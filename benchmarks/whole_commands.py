@@ -98,7 +98,10 @@ def table() -> list[str]:
     return [
         "| command | CPU s | bar |",
         "|---|---|---|",
-        *(f"| {name} | {used:.2f} | {bar:g}{'' if used <= bar else ', missed'} |" for name, (used, bar) in found.items()),
+        *(
+            f"| {name} | {used:.2f} | {bar:g}{'' if used <= bar else ', missed'} |"
+            for name, (used, bar) in found.items()
+        ),
     ]
 
 
