@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.options import EXCEEDED
-from specan_cli.output import emit_json, is_quiet, say, table
-from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
+from specan_cli.output import (
+    OutputFile,
+    Verb,
+    emit_json,
+    is_quiet,
+    say,
+    say_written,
+    table,
+    to_standard_output,
+)
 
 if TYPE_CHECKING:
     from specan.analysis.conformance import Check

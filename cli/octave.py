@@ -16,9 +16,15 @@ from specan_cli.options import (
     show_limit,
     weighting_option,
 )
-from specan_cli.output import table
-from specan_cli.recording_input import given, opened, quantity_option, say_notes, section_options
-from specan_cli.results import deliver, plot_option, result_options
+from specan_cli.output import deliver, plot_option, table
+from specan_cli.recording_input import (
+    given,
+    opened,
+    quantity_option,
+    result_options,
+    say_notes,
+    section_options,
+)
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:

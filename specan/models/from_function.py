@@ -10,10 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 from specan.errors import RequestError, nearest
-from specan.models.effect import Effect
-from specan.models.parameter import Parameter
-from specan.models.quantity import KIND, Condition, Frf, Observable, Quantity, SettingError
-from specan.models.rig import rig_statement
+from specan.models.effect import Effect, Parameter
+from specan.models.quantity import KIND, Condition, Frf, Observable, Quantity, SettingError, rig_statement
 from specan.units import base_unit, convert
 
 _FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"

@@ -15,9 +15,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from specan.errors import RequestError, nearest
-from specan.models.effect import Effect
+from specan.models.effect import Effect, Parameter
 from specan.models.from_function import Instead
-from specan.models.parameter import Parameter
 from specan.models.quantity import Condition, Quantity, SettingError
 
 ModelT = TypeVar("ModelT", bound=Any)  # a `specan.models.model.Model`, which this module is a part of

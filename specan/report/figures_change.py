@@ -13,7 +13,7 @@ from specan.report.channel_lines import draw_range
 from specan.report.figure_style import COLOURS, GREY, heading, legend_above, new_figure, octave_axis, styled
 from specan.report.measured_transfer import measured_transfer
 from specan.report.residual_map import axis_text, map_axes
-from specan.report.verdict_words import fall_text, history_sentence, state_of
+from specan.report.study_words import fall_text, history_sentence, state_of
 from specan.study.history import History, Step
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.table import TableObservation

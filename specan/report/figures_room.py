@@ -17,7 +17,7 @@ from specan.report.figure_style import (
     with_gaps,
 )
 from specan.report.measured_transfer import level_dB, measured_transfer, phase_deg
-from specan.report.verdict_words import state_of
+from specan.report.study_words import state_of
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.units import printed_unit
 

@@ -13,7 +13,7 @@ from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.report.figures_study_frf import figure_compare_frf
 from specan.report.residual_map import axis_text, residual_map
-from specan.report.verdict_words import state_of
+from specan.report.study_words import state_of
 from specan.study.observation import variable_named
 from specan.study.observation.table import TableObservation
 from specan.units import convert, printed_unit

@@ -1,0 +1,42 @@
+"""Short texts on a study's errors, for figures, the report and the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from specan.units import printed_unit
+
+if TYPE_CHECKING:
+    from specan.study.history import Step
+    from specan.study.study import Study
+
+
+def state_of(study: Study) -> list[str]:
+    """What a figure of a study says of the model and of how well it fits."""
+    effects = ", ".join(study.model_effects) or study.model.words.ideal
+    errors = "; ".join(
+        f"RMS error of {e.observable.replace('_', ' ')} {e.rms:.3g} {printed_unit(e.unit)} ({e.relative_rms:.2g} %)"
+        for e in study.errors
+    )
+    chi2 = f"chi²/n {study.shown.reduced_chi2:.3g}, " if study.data.known else ""
+    return [f"Model: {effects}", chi2 + errors]
+
+
+def history_sentence(steps: Sequence[Step]) -> str:
+    """``Fitted: 0.0276 to 0.0065 Nm (-77 %). Held out: 0.03 to 0.0072 Nm (-76 %).``"""
+    texts = []
+    for attribute, text in (("fit_error", "Fitted"), ("held_out_error", "Held out")):
+        errors = [e for s in steps if (e := getattr(s, attribute)) is not None]
+        if errors:
+            texts.append(f"{text}: {fall_text(errors[0], errors[-1])}.")
+    return " ".join(texts)
+
+
+def fall_text(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
+    """``0.0276 to 0.0065 Nm (-77 %)``; of one and the same error, its value."""
+    unit = f" {printed_unit(after['unit'])}".rstrip()
+    if before == after or not before["value"]:
+        return f"{after['value']:.3g}{unit}"
+    change = 100 * (after["value"] / before["value"] - 1)
+    return f"{before['value']:.3g} to {after['value']:.3g}{unit} ({change:+.0f} %)"
