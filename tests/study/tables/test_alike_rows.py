@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.study.observation.alike_rows import InverseRoot
+from specan.study.observation.table import InverseRoot
 
 SETS = np.array([0, 1, 0, 2, 3, 1, 0, 4, 4, 4])  # 3 three times, pairs and single ones, not in order
 
