@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,3 +75,41 @@ def _series(x: NDArray, divisor: Callable[[int], float]) -> NDArray:
         total *= x / divisor(n)
         total += 1
     return total
+
+
+def ball_above(port: Port, top: tuple[float, ...]) -> float:
+    """What modes above a truncation add to a ball's coupling with itself, 1/m; of slopes 1/m^3.
+
+    There the room is free space, where modes are plane waves: with ``b`` from `ball_mean` and V the volume,
+    ``(2 pi)^-3 int b^2 / k^2 d^3k = 3 / (10 pi a)``, and with ``k_i^2`` for a slope along i, ``1 / (3 V)``; less the
+    part with wave numbers below the truncation.
+
+    Parameters
+    ----------
+    port : Port
+        A ball.
+    top : tuple of float
+        Largest wave number along each axis that the modes have, 1/m.
+    """
+    size, weights = _waves_below(top)
+    below = weights[0 if port.slope is None else 1 + port.slope] @ ball_mean(size, port.radius) ** 2
+    whole = 0.3 / (np.pi * port.radius) if port.slope is None else 1 / (4 * np.pi * port.radius**3)
+    return float(whole - below)
+
+
+@lru_cache(maxsize=12)
+def _waves_below(top: tuple[float, ...], order: int = 10) -> tuple[Real, Real]:
+    """Squares of plane waves' numbers up to a top along each axis, and weights of ``1 / k^2`` and ``k_i^2 / k^2``.
+
+    Three pyramids ``k = u K (1, v, w)``, whose volume element holds ``u^2``.
+    """
+    points, weights = np.polynomial.legendre.leggauss(order)
+    u, v, w = (a.ravel() for a in np.meshgrid(*3 * [(points + 1) / 2], indexing="ij"))
+    each = np.prod(np.meshgrid(*3 * [weights / 2], indexing="ij"), axis=0).ravel()
+    sizes, parts = [], []
+    for axis in range(3):
+        direction = np.roll([np.ones_like(u), v, w], axis, axis=0) * np.array(top)[:, None]
+        square = np.sum(direction**2, axis=0)
+        sizes.append(u**2 * square)
+        parts.append(np.stack([each / square, *(each * u**2 * direction**2 / square)]))
+    return np.concatenate(sizes), np.concatenate(parts, axis=1) * np.prod(top) / np.pi**3
