@@ -11,8 +11,7 @@ import click
 
 from specan_cli.option_groups import Grouped
 from specan_cli.options import FRACTIONS, weighting_option
-from specan_cli.output import emit_json, say, table
-from specan_cli.verbosity import is_quiet
+from specan_cli.output import emit_json, is_quiet, say, table
 
 if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport

@@ -8,11 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, say, table
-from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
+from specan_cli.output import (
+    OutputFile,
+    Verb,
+    draw,
+    emit_json,
+    plot_option,
+    say,
+    say_written,
+    table,
+    to_standard_output,
+)
 from specan_cli.recording_input import given
-from specan_cli.results import draw
 
 if TYPE_CHECKING:
     from specan.data.calibration import Calibration, ChannelCalibration

@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING
 import click
 
 from specan_cli.limit import EXCEEDED
-from specan_cli.output import emit_json, say, table
-from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
-from specan_cli.verbosity import is_quiet
+from specan_cli.output import (
+    OutputFile,
+    Verb,
+    emit_json,
+    is_quiet,
+    say,
+    say_written,
+    table,
+    to_standard_output,
+)
 
 if TYPE_CHECKING:
     from specan.analysis.conformance import Check

@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan import __version__
-from specan_cli.figure_output import plot_option
 from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
 from specan_cli.options import weighting_option
-from specan_cli.output import table
-from specan_cli.output_file import say_written, to_standard_output
-from specan_cli.recording_input import given, opened, quantity_option, say_notes, section_options
-from specan_cli.results import deliver, result_options
+from specan_cli.output import deliver, plot_option, say_written, table, to_standard_output
+from specan_cli.recording_input import (
+    given,
+    opened,
+    quantity_option,
+    result_options,
+    say_notes,
+    section_options,
+)
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 PIECE = 1 << 15  # lines of a table at once

@@ -8,11 +8,17 @@ from typing import Any
 import click
 
 from specan_cli.export import SUFFIXES
-from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json
-from specan_cli.output_file import OutputFile, Verb, refuse_unsafe, say_written, to_standard_output
+from specan_cli.output import (
+    OutputFile,
+    Verb,
+    draw,
+    emit_json,
+    plot_option,
+    refuse_unsafe,
+    say_written,
+    to_standard_output,
+)
 from specan_cli.recording_input import given, opened, opening_options, say_notes, section_options
-from specan_cli.results import draw
 
 
 @click.command("impulse", cls=Verb)

@@ -8,11 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, say, table
-from specan_cli.output_file import Verb
+from specan_cli.output import Verb, draw, emit_json, plot_option, say, table
 from specan_cli.recording_input import opening_options
-from specan_cli.results import draw
 from specan_cli.several_files import expand
 
 if TYPE_CHECKING:

@@ -100,7 +100,7 @@ def _recording(place: Path, overlay: Path | None, opening: dict[str, Any]) -> Ca
 
 
 def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], None]:
-    from specan_cli.study_output import open_study
+    from specan_cli.study import open_study
 
     study = open_study(place, effects)
     _require_bokeh()

@@ -54,7 +54,7 @@ class LazyGroup(click.Group):
         if cmd_name not in self.verbs:
             return None
         module = importlib.import_module(f"specan_cli.{self.verbs[cmd_name][0]}")
-        from specan_cli.verbosity import add_options
+        from specan_cli.output import add_options
 
         add_options(module.command)
         return module.command

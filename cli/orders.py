@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output import say, table
-from specan_cli.recording_input import given, opened, say_notes, section_options
-from specan_cli.results import deliver, result_options
+from specan_cli.output import deliver, plot_option, say, table
+from specan_cli.recording_input import given, opened, result_options, say_notes, section_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:

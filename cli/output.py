@@ -1,15 +1,25 @@
-"""What every verb prints: a readable table, or JSON and nothing else on standard output."""
+"""What every verb puts out: tables or JSON on standard output, notes on standard error, files and figures.
+
+With the options for it: ``-q`` and ``-v``, which every verb has, ``--plot``, and files that are not replaced.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
+
+from specan_cli.option_groups import Grouped
+
+if TYPE_CHECKING:
+    from specan.result import Result
 
 _COLLECTED = "specan_cli.collected"
 # What makes rich treat standard output as a terminal, or of another width.
@@ -111,3 +121,171 @@ def _numeric(rows: Sequence[Sequence[Any]], index: int) -> bool:
 def say(text: str) -> None:
     """A line of progress or warning, on standard error."""
     click.echo(text, err=True)
+
+
+_QUIET, _VERBOSE = "specan_cli.quiet", "specan_cli.verbose"
+
+
+def add_options(command: click.Command) -> None:
+    """Give a verb ``-q`` and ``-v``, once."""
+    if isinstance(command, click.Group) or any(p.name == "quiet" for p in command.params):
+        return
+    for names, text in (
+        (["-q", "--quiet"], "No notes and no progress; warnings and errors only."),
+        (["-v", "--verbose"], "Print also what is read and how long it takes."),
+    ):
+        command.params.append(
+            click.Option(names, is_flag=True, expose_value=False, callback=_keep, help=text)
+        )
+
+
+def is_quiet() -> bool:
+    """Whether notes and progress are unwanted."""
+    return bool(_asked(_QUIET))
+
+
+def is_verbose() -> bool:
+    """Whether more is to be said."""
+    return bool(_asked(_VERBOSE))
+
+
+def _asked(key: str) -> Any:
+    context = click.get_current_context(silent=True)
+    return context is not None and context.meta.get(key, False)
+
+
+def _keep(context: click.Context, option: click.Parameter, value: bool) -> None:
+    context.meta[_QUIET if option.name == "quiet" else _VERBOSE] = value
+    if value and option.name == "verbose":
+        begun, processor = time.perf_counter(), time.process_time()
+
+        def took() -> None:
+            passed, used = time.perf_counter() - begun, time.process_time() - processor
+            click.echo(f"{context.info_name}: {passed:.2f} s, {used:.2f} s of processor time", err=True)
+
+        context.call_on_close(took)
+
+
+_STANDARD_OUTPUT = Path("-")
+_FORCE = "specan_cli.force"
+
+
+class OutputFile(click.Path):
+    """Type of an option that names a file to be written; ``-`` is standard output."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+
+class Verb(Grouped):
+    """A verb that writes files: its options of type `OutputFile` are checked before the work begins."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.params.append(
+            click.Option(
+                ["--force"],
+                is_flag=True,
+                expose_value=False,
+                callback=lambda ctx, _, value: ctx.meta.__setitem__(_FORCE, value),
+                help="Replace a file that specan did not write; a recording is never replaced.",
+            )
+        )
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Refuse targets whose content must not be lost; then do the work."""
+        names = {p.name for p in self.params if isinstance(p.type, OutputFile)}
+        targets = [ctx.params[name] for name in sorted(names) if ctx.params.get(name) is not None]
+        for target in targets:
+            refuse_unsafe(target, ctx)
+        if _STANDARD_OUTPUT in targets and (ctx.params.get("as_json") or targets.count(_STANDARD_OUTPUT) > 1):
+            from specan.errors import RequestError
+
+            raise RequestError(
+                "standard output is asked for twice", expected="either --json or one file called '-'"
+            )
+        return super().invoke(ctx)
+
+
+def refuse_unsafe(target: Path, ctx: click.Context | None = None) -> None:
+    """Refuse a file that the verb reads, a recording, and without --force what specan did not write.
+
+    Raises
+    ------
+    RequestError
+        As `specan.io.output_file.check_output`.
+    """
+    from specan.io.output_file import check_output
+
+    ctx = ctx or click.get_current_context()
+    outputs = {p.name for p in ctx.command.params if isinstance(p.type, OutputFile)}
+    inputs = [path for name, value in ctx.params.items() if name not in outputs for path in _paths(value)]
+    check_output(target, inputs, force=ctx.meta.get(_FORCE, False))
+
+
+def to_standard_output(*targets: Path | None) -> bool:
+    """Whether a file goes to standard output, which then holds nothing else."""
+    return _STANDARD_OUTPUT in targets
+
+
+def say_written(*targets: Path | None) -> None:
+    """Which files were written."""
+    for target in targets:
+        if target is not None:
+            click.echo(f"Written to {target}.")
+
+
+def _paths(value: Any) -> Iterator[Path]:
+    if isinstance(value, Path):
+        yield value
+    elif isinstance(value, (tuple, list)):
+        for part in value:
+            yield from _paths(part)
+
+
+def _checked(context: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
+    """A name that cannot be written is told before the work is done."""
+    if path is not None:
+        from specan.report.figure_style import figure_format
+
+        figure_format(path)
+    return path
+
+
+def plot_option(what: str = "") -> Callable[[Any], Any]:
+    """The option ``--plot FILE``."""
+    text = f"Draw {what} to a .png, .svg or .pdf." if what else "Draw to a .png, .svg or .pdf."
+    return click.option("--plot", type=OutputFile(), callback=_checked, metavar="FILE", help=text)
+
+
+def draw(found: Result, plot: Path | None, **options: Any) -> None:
+    """The figure of a result, where one was asked for; see `specan.plot` for the options."""
+    if plot is not None:
+        import specan
+
+        specan.plot(found, plot, **options)
+
+
+def deliver(
+    found: Result,
+    plot: Path | None,
+    output: Path | None,
+    as_json: bool,
+    *,
+    write: Callable[[Any, Path], None],
+    show: Callable[[], None],
+    content: Callable[[], Any] | None = None,
+    **drawn: Any,
+) -> None:
+    """Draw and write a result where that was asked for, then print it: as JSON, or to read.
+
+    Nothing is printed to read where the text itself goes to standard output.
+    """
+    draw(found, plot, **drawn)
+    if output is not None:
+        write(found, output)
+    if as_json:
+        emit_json(found.to_json() if content is None else content())
+    elif not to_standard_output(output):
+        show()
+        say_written(plot, output)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan_cli.output import say
-from specan_cli.verbosity import is_quiet, is_verbose
+from specan_cli.output import is_quiet, is_verbose, say
 
 _LONG_SAMPLES = 50_000_000  # some seconds of work
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import say
-from specan_cli.verbosity import is_quiet
+from specan_cli.output import OutputFile, is_quiet, say
 
 if TYPE_CHECKING:
     from specan.data.recording import Recording
@@ -86,3 +85,14 @@ def say_notes(notes: tuple[str, ...], flags: dict[str, tuple[str, ...]]) -> None
     for name, words in flags.items():
         if words:
             say(f"Warning: {name}: {', '.join(words)}.")
+
+
+def result_options(what: str = "everything") -> Callable[[Any], Any]:
+    """The options ``-o`` and ``--json``, and those of opening a recording, which come as one dict `opening`."""
+
+    def add(command: Callable[..., int]) -> Any:
+        made = opening_options(command)
+        made = click.option("--json", "as_json", is_flag=True, help=f"Print {what} as JSON.")(made)
+        return click.option("-o", "--output", type=OutputFile(), help=f"Write {what} as text.")(made)
+
+    return add

@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.figure_output import plot_option
 from specan_cli.options import level_options, weighting_option
-from specan_cli.output import table
-from specan_cli.recording_input import given, opened, say_notes, section_options
-from specan_cli.results import deliver, result_options
+from specan_cli.output import deliver, plot_option, table
+from specan_cli.recording_input import given, opened, result_options, say_notes, section_options
 from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import collecting, emit_json, say
-from specan_cli.output_file import Verb
+from specan_cli.output import Verb, collecting, emit_json, say
 
 if TYPE_CHECKING:
     from specan.io.open import Found

@@ -1,12 +1,25 @@
-"""``specan study``: hold a model against measurements, learn what is missing, add it, watch the error fall."""
+"""``specan study``: hold a model against measurements, learn what is missing, add it, watch the error fall.
+
+Here is what its steps share: the options that they take and the tables that they print.
+"""
 
 from __future__ import annotations
 
 import os
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from specan_cli.main import LazyGroup
+from specan_cli.output import is_quiet, say, table
+
+if TYPE_CHECKING:
+    from specan.study.estimation.prediction_error import ObservableError
+    from specan.study.study import Study
 
 STEPS = {
     "new": ("study_new", "Begin a study: a model, a rig, measurements."),
@@ -43,3 +56,104 @@ def command() -> None:
     # Many small matrices: threads of the linear algebra would spin for nothing. Numpy is loaded after this.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+
+
+def study_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The study's directory, own effect files, JSON."""
+    for decorate in (
+        click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
+        click.option(
+            "--effect",
+            "effects",
+            multiple=True,
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="Add and trust a Python file with your own effects; repeatable.",
+        ),
+        click.argument("directory", type=click.Path(path_type=Path), metavar="DIR"),
+    ):
+        function = decorate(function)
+    return function
+
+
+def open_study(directory: Path, effects: Sequence[Path] = (), accept_changes: bool = False) -> Study:
+    """Open a study and say what was taken in."""
+    from specan.study.study import Study
+
+    study = Study(directory, accept_changes, effects)
+    for name in study.accepted:
+        say(f"{name}: the changed data are accepted.")
+    if not study.data.known:
+        say(
+            "The uncertainty of the measurement is unknown: errors are shown, but no conclusion can be drawn. "
+            "Repeat conditions, or give [uncertainty] in the rig file."
+        )
+    return study
+
+
+LOGGED_S = 10.0  # between lines of progress in a log
+
+
+def told() -> Callable[[str], None]:
+    """What tells of progress on standard error: all of it on a terminal; in a log a line every ten seconds."""
+    began = last = time.monotonic()
+    on_terminal, quiet = sys.stderr.isatty(), is_quiet()
+
+    def tell(text: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if not quiet and (on_terminal or now - last >= LOGGED_S):
+            last = now
+            say(f"{now - began:5.0f} s: {text}")
+
+    return tell
+
+
+def error_table(title: str, errors: Sequence[ObservableError]) -> None:
+    """Errors of every observable."""
+    table(
+        title,
+        ["observable", "values", "RMS error", "bias", "unit", "relative RMS", "largest"],
+        [
+            [
+                e.observable, e.n, f"{e.rms:.4g}", f"{e.bias:+.2g}", "" if e.unit == "1" else e.unit,
+                f"{e.relative_rms:.2f} %", f"{e.relative_max:.2f} %",
+            ]
+            for e in errors
+        ],
+    )  # fmt: skip
+
+
+def parameter_rows(parameters: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
+    """Rows of a table of parameters."""
+    rows = []
+    for name, p in parameters.items():
+        remark = "at its bound" if p["at_bound"] else "" if p["plausible"] else "outside"
+        if p["nuisance"] and not remark:
+            remark = "certificate"
+        unit = "" if p["unit"] == "1" else p["unit"]
+        rows.append([name, f"{p['value']:.4g}", f"{p['low']:.4g}", f"{p['high']:.4g}", unit, remark])
+    return rows
+
+
+def parameter_table(parameters: Mapping[str, Mapping[str, Any]]) -> None:
+    """Fitted parameters with their 95 % intervals."""
+    if parameters:
+        table(
+            "Parameters (95 %)", ["parameter", "value", "from", "to", "unit", ""], parameter_rows(parameters)
+        )
+
+
+def amount(error: Mapping[str, Any] | None) -> str:
+    """An error of a step in words: ``0.0123 N*m``."""
+    if error is None:
+        return ""
+    unit = "" if error["unit"] == "1" else f" {error['unit']}"
+    return f"{error['value']:.4g}{unit}"
+
+
+def probability(p: float | None) -> str:
+    """A probability in words."""
+    if p is None:
+        return ""
+    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from specan_cli.output_file import Verb
+from specan_cli.output import Verb
 from specan_cli.study_change_output import change_options
 
 
@@ -29,7 +29,7 @@ def command(
     specan study add my_study seal-drag --because "idle runs ask for it"
     """
     from specan.study.edit import add_effect
+    from specan_cli.study import open_study
     from specan_cli.study_change_output import show_change
-    from specan_cli.study_output import open_study
 
     show_change(add_effect(open_study(directory, effects), effect_name, because), as_json, plot)

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, table
-from specan_cli.results import draw
-from specan_cli.study_output import parameter_table, study_options
+from specan_cli.output import draw, emit_json, plot_option, table
+from specan_cli.study import parameter_table, study_options
 
 if TYPE_CHECKING:
     from specan.study.edit import Change

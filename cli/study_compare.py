@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output_file import Verb
-from specan_cli.study_output import study_options
+from specan_cli.output import Verb, plot_option
+from specan_cli.study import study_options
 
 if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors
@@ -39,7 +38,7 @@ def command(
     specan study compare my_room --plot mic_7.png --channel "Mic 7"
     """
     from specan_cli.output import emit_json, say
-    from specan_cli.study_output import open_study
+    from specan_cli.study import open_study
 
     study = open_study(directory, effects, accept_changes)
     found = study.compare()
@@ -87,7 +86,7 @@ def _print(study: Study, found: Comparison) -> None:
     from specan.study.diagnose import untestable
     from specan.study.selection.refits import Refit
     from specan_cli.output import table
-    from specan_cli.study_output import error_table, parameter_table, probability
+    from specan_cli.study import error_table, parameter_table, probability
 
     best, where = found.fit, found.localisation
     click.echo("Model: " + (", ".join(study.model_effects) or study.model.words.ideal))

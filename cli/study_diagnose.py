@@ -8,11 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json, table
-from specan_cli.output_file import Verb
-from specan_cli.results import draw
-from specan_cli.study_output import open_study, probability, study_options, told
+from specan_cli.output import Verb, draw, emit_json, plot_option, table
+from specan_cli.study import open_study, probability, study_options, told
 
 if TYPE_CHECKING:
     from specan.study.verdict import Diagnosis, Ranked
@@ -44,7 +41,7 @@ def command(
 
 
 def _print(found: Diagnosis, directory: Path) -> None:
-    from specan.report.verdict_words import headline
+    from specan.study.verdict import headline
 
     click.echo(headline(found))
     if found.reason:

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from specan_cli.output import emit_json
-from specan_cli.output_file import Verb
+from specan_cli.output import Verb, emit_json
 from specan_cli.study_change_output import change_options
 
 
@@ -30,8 +29,8 @@ def command(
     specan study drop my_study seal-drag
     """
     from specan.study.edit import drop_effect, drop_effect_file, is_effect_file
+    from specan_cli.study import open_study
     from specan_cli.study_change_output import show_change
-    from specan_cli.study_output import open_study
 
     if is_effect_file(directory, effect_name):
         dropped = drop_effect_file(directory, effect_name)

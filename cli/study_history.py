@@ -6,9 +6,7 @@ from pathlib import Path
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output_file import Verb
-from specan_cli.results import draw
+from specan_cli.output import Verb, draw, plot_option
 
 
 @click.command("history", cls=Verb)
@@ -24,7 +22,7 @@ def command(directory: Path, plot: Path | None, as_json: bool) -> None:
     from specan.study.history import History
     from specan.study.study_file import read_study_file
     from specan_cli.output import emit_json, table
-    from specan_cli.study_output import amount
+    from specan_cli.study import amount
 
     read_study_file(directory)
     history = History(directory)

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output_file import Verb
-from specan_cli.results import draw
-from specan_cli.study_output import study_options, told
+from specan_cli.output import Verb, draw, plot_option
+from specan_cli.study import study_options, told
 
 if TYPE_CHECKING:
     from specan.impedance.advice import Advice
@@ -43,7 +41,7 @@ def command(
     from specan.impedance.advice import advise
     from specan.impedance.surface_impedance import study_impedance
     from specan_cli.output import emit_json
-    from specan_cli.study_output import open_study
+    from specan_cli.study import open_study
 
     progress = told()
     study = open_study(directory, effects)

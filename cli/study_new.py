@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output_file import Verb
+from specan_cli.output import Verb, plot_option
 
 FILE = click.Path(path_type=Path)
 
@@ -98,7 +97,7 @@ def _show(begun: object, as_json: bool) -> None:
     from specan.study.build_problem import calibration_priors, held_for_want_of_variation
     from specan.study.create import Begun
     from specan_cli.output import emit_json
-    from specan_cli.study_output import amount, error_table
+    from specan_cli.study import amount, error_table
 
     assert isinstance(begun, Begun)
     study, step = begun.study, begun.step

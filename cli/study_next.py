@@ -6,10 +6,8 @@ from pathlib import Path
 
 import click
 
-from specan_cli.figure_output import plot_option
-from specan_cli.output import emit_json
-from specan_cli.output_file import Verb
-from specan_cli.study_output import open_study, study_options, told
+from specan_cli.output import Verb, emit_json, plot_option
+from specan_cli.study import open_study, study_options, told
 
 
 @click.command("next", cls=Verb)

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.output import emit_json, table
-from specan_cli.output_file import Verb
-from specan_cli.study_output import open_study, study_options
+from specan_cli.output import Verb, emit_json, table
+from specan_cli.study import open_study, study_options
 
 if TYPE_CHECKING:
     from specan.study.propose import ProposedLaws

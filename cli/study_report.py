@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from specan_cli.output_file import OutputFile, Verb, say_written, to_standard_output
-from specan_cli.study_output import open_study, study_options
+from specan_cli.output import OutputFile, Verb, say_written, to_standard_output
+from specan_cli.study import open_study, study_options
 
 
 @click.command("report", cls=Verb)

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import MOST_ROWS
-from specan.study.localisation.localise import localise
+from specan.study.localisation.localise import MOST_ROWS, localise
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.doubtful_data import WHOLE, suspect_rows
 from specan.study.selection.pulls import ODDS, DataAlone, Pull, data_alone, stretched, what_would_tell

@@ -25,8 +25,7 @@ from specan.study.conclusion import (
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import Block
-from specan.study.localisation.localise import localise
+from specan.study.localisation.localise import Block, localise
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
 from specan.study.selection.alternatives import alternatives, other_forms

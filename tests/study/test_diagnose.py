@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 from specan.errors import ComputationError
 from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.localisation.localise import localise
 from specan.study.selection.acceptance import (
@@ -22,6 +21,7 @@ from specan.study.selection.acceptance import (
     minimum_detectable_sizes,
 )
 from specan.study.selection.alternatives import alternatives, distance
+from specan.study.selection.candidates import base_problem
 from specan.study.selection.pulls import data_alone, pulls, too_far
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import residual_law, simplest

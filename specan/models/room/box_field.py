@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from specan.models.room.axis_modes import AxisModes, axis_modes
 from specan.models.room.frequency_interpolation import interpolations
 from specan.models.room.modal_sum import Modes
-from specan.models.room.port import Port, ball_above, point
+from specan.models.room.port import Port, beyond, point
 from specan.models.room.resonances import Resonances, resonances
 from specan.models.room.soft_axis import resonances_across
 from specan.models.room.static_correction import StaticCorrection, join, static_correction
@@ -97,7 +97,7 @@ class BoxField:
             if not source.ball and plain:
                 found[:, plain] += self._rest(source, [new[i] for i in plain])
             elif source.ball and source in new:
-                found[:, new.index(source)] += ball_above(source, self._top)
+                found[:, new.index(source)] += beyond(source, self._top)
             found = self._everywhere(source, new, found)
             self._done |= {(source, port): column for port, column in zip(new, found.T, strict=True)}
         return np.stack([self._done[source, port] for port in receivers], axis=1)

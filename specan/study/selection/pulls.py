@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.problem import range_of
 from specan.study.selection.acceptance import LEVEL, held_out_gain, noise_dof

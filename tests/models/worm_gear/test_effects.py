@@ -11,7 +11,7 @@ import pytest
 
 from specan.models import check_effect
 from specan.models.catalogue import example_model
-from specan.models.worm_gear.effects.thermal_lag import lag
+from specan.models.worm_gear.effects.oil import lag
 
 MODEL = example_model("worm-gear")
 BASE = MODEL.assemble(MODEL.base_effects)
@@ -327,7 +327,7 @@ def test_shear_thinning_lowers_the_slope_over_speed():
 
 def test_a_body_lags_behind_a_jump_and_follows_by_its_time_constant():
     """A step of the sump between two readings of one time: the body is colder by the step, then exp(-t / tau) of it."""
-    from specan.models.worm_gear.effects.thermal_lag import lag
+    from specan.models.worm_gear.effects.oil import lag
 
     time = np.array([0.0, 600.0, 600.0, 1200.0, 2400.0])
     sump = np.array([50.0, 50.0, 60.0, 60.0, 60.0])
@@ -336,7 +336,7 @@ def test_a_body_lags_behind_a_jump_and_follows_by_its_time_constant():
 
 
 def test_a_body_lags_behind_a_long_ramp_by_slope_times_time_constant():
-    from specan.models.worm_gear.effects.thermal_lag import lag
+    from specan.models.worm_gear.effects.oil import lag
 
     time = np.linspace(0.0, 36000.0, 61)
     np.testing.assert_allclose(lag(20.0 + 0.002 * time, time, 900.0)[-1], -0.002 * 900.0, rtol=1e-6)

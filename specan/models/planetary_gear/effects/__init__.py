@@ -1,1 +1,1 @@
-"""Effects that a planetary gear may be missing, one a file."""
+"""Effects that a planetary gear may be missing, by part of the gear and of the measuring chain."""

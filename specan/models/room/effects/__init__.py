@@ -1,1 +1,1 @@
-"""Effects that a room model may lack, one a file."""
+"""Effects that a room model may lack, by part of the room and of the measuring chain."""

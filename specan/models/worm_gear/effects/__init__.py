@@ -1,1 +1,1 @@
-"""Effects of the worm gear, one a file."""
+"""Effects of the worm gear, by machine element and place in the measuring chain."""

@@ -1,0 +1,154 @@
+"""Errors of gears and carrier, which come back with every turn."""
+
+import numpy as np
+
+from specan.models import Parameter, effect
+
+HARMONICS = 8
+
+
+@effect(
+    "sun-runout",
+    adds_to="sun_error",
+    neutral={"cosine": 0.0, "sine": 0.0},
+    aliases=("pitch-errors", "torque-ripple"),
+    separate_by="the torque of the sun's shaft: a ripple is in it, a runout is not",
+    reference="approach of an eccentric gear, e sin(angle against the line of action)",
+)
+def sun_runout(
+    carrier_turn,
+    planet_angle,
+    pressure_angle,
+    sun_order,
+    *,
+    cosine=Parameter(10.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in phase"),
+    sine=Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in quadrature"),
+):
+    """An eccentric sun presses one planet after the other, once a turn of the sun against the carrier.
+
+    To a sensor on the ring that is the order of the sun's shaft: for the article's gear 66h +- 3.75 and 66h +- 0.75,
+    as for a torque ripple, but in another ratio. 66h +- 2.75 appears where the planets are not alike.
+    """
+    at = 2 * np.pi * sun_order * carrier_turn[None, :] - planet_angle[:, None] + pressure_angle
+    return cosine * np.cos(at) + sine * np.sin(at)
+
+
+@effect(
+    "planet-runout",
+    adds_to=("sun_error", "ring_error"),
+    at="planet",
+    neutral={"cosine": 0.0, "sine": 0.0},
+    aliases=("pitch-errors",),
+    separate_by="the phase of its lines shows which planet",
+    reference="approach of an eccentric gear, e sin(angle against the line of action), in both its meshes",
+)
+def planet_runout(
+    carrier_turn,
+    pressure_angle,
+    planet_order,
+    *,
+    cosine=Parameter(10.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in phase"),
+    sine=Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in quadrature"),
+):
+    """An eccentric planet presses sun and ring in turn, once a turn of the planet against the carrier.
+
+    The loads of all planets add up to the torque, so the lines are one carrier order beside those of the
+    planet: for the article's
+    gear 66h +- 3.1429 +- 1.
+    """
+    at = 2 * np.pi * planet_order * carrier_turn
+    inner, outer = at - pressure_angle, at + np.pi + pressure_angle
+    return {
+        "sun_error": cosine * np.cos(inner) + sine * np.sin(inner),
+        "ring_error": cosine * np.cos(outer) + sine * np.sin(outer),
+    }
+
+
+@effect(
+    "carrier-runout",
+    adds_to="ring_error",
+    neutral={"cosine": 0.0, "sine": 0.0},
+    aliases=("planet-position-error", "torque-ripple"),
+    separate_by="turn the ring in its housing by an angle: the phase goes with it",
+    reference="eccentric gears: e sin(angle) on the line of action; Gu and Velex, Mech. Mach. Theory 61 (2013)",
+)
+def carrier_runout(
+    carrier_turn,
+    planet_angle,
+    pressure_angle,
+    *,
+    cosine=Parameter(
+        10.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="towards the first sensor"
+    ),
+    sine=Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="a quarter turn on"),
+):
+    """The ring's teeth are eccentric to the axis of the carrier by a fixed vector: every planet is loaded once a turn.
+
+    Each planet is loaded once a turn, the planets one after the other; lines about 66h +- 1 are locked to
+    the angle.
+    """
+    at = 2 * np.pi * carrier_turn[None, :] + planet_angle[:, None] + pressure_angle
+    return cosine * np.sin(at) - sine * np.cos(at)
+
+
+@effect(
+    "pitch-errors",
+    adds_to="sun_error",
+    neutral={"cumulative": 0.0},
+    aliases=("sun-runout", "tooth-crack"),
+    separate_by="the whole comb of the sun's turn: runout has its first line only, a crack grows with load",
+    reference="ISO 1328-1:2013 (cumulative pitch deviation); a spectrum that falls with 1/k^2 is an assumption",
+)
+def pitch_errors(
+    carrier_turn,
+    planet_angle,
+    sun_order,
+    *,
+    cumulative=Parameter(
+        5.0, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="amplitude of the second line"
+    ),
+    phase=Parameter(0.5, "rad", min=0.0, max=6.3, lower=-20.0, upper=20.0, doc="place on the sun"),
+):
+    """The pitch of the sun's teeth varies: lines at multiples of the turn of the sun, from the second on.
+
+    To a sensor on the ring, multiples of the shaft's turn beside the mesh: 66h +- 7.5 and +- 4.5 of the
+    article's
+    gear. The first multiple belongs to runout.
+    """
+    at = 2 * np.pi * sun_order * carrier_turn[None, :] - planet_angle[:, None]
+    return cumulative * sum(4.0 / k**2 * np.cos(k * (at - phase)) for k in range(2, HARMONICS + 1))
+
+
+@effect(
+    "tooth-crack",
+    adds_to="sun_error",
+    neutral={"softer": 0.0},
+    aliases=("pitch-errors",),
+    separate_by="torque: the pulses grow with the load, those of a pitch error do not",
+    reference="Chaari, Fakhfakh and Haddar, Eur. J. Mech. A 28 (2009) 461: a dip of the mesh stiffness while the tooth "
+    "carries",
+)
+def tooth_crack(
+    carrier_turn,
+    planet_angle,
+    sun_order,
+    sun_teeth,
+    mesh_geometry,
+    mean_load,
+    load_stiffness,
+    *,
+    softer=Parameter(
+        0.1, "1", min=0.01, max=0.3, lower=-0.5, upper=0.9, doc="part of the stiffness that is missing"
+    ),
+    place=Parameter(
+        0.0, "1", min=0.0, max=1.0, lower=-1.0, upper=2.0, doc="of the tooth, in turns of the sun", fixed=True
+    ),
+):
+    """A cracked tooth deflects more under load, with each planet once a turn of the sun: pulses 8.25 times a turn.
+
+    Many lines of 2.75 orders; the pulses rise with the load.
+    """
+    turn = (sun_order * carrier_turn[None, :] - planet_angle[:, None] / (2 * np.pi) - place) % 1.0
+    part = turn * sun_teeth / mesh_geometry[0, 1]
+    dip = np.where(part < 1.0, np.sin(np.pi * np.clip(part, 0, 1)) ** 2, 0.0)
+    return -softer * np.mean(mean_load / load_stiffness) * dip
