@@ -127,9 +127,7 @@ class _Lines:
         if key not in self._means:
             if port.ball:
                 a, b, c = np.square(port.proportions)
-                self._means[key] = ball_mean(
-                    a * self.q2[0] + b * self.q2[1] + c * self.q2[2], port.radius
-                )
+                self._means[key] = ball_mean(a * self.q2[0] + b * self.q2[1] + c * self.q2[2], port.radius)
             else:
                 i, j = (axis for axis in range(3) if axis != port.axis)
                 self._means[key] = disc_mean(self.q2[i] + self.q2[j], port.radius)

@@ -84,8 +84,8 @@ def beyond(port: Port, top: Sequence[float]) -> float:
     """What modes above a truncation add to an ellipsoid's coupling with itself, 1/m; of slopes 1/m^3.
 
     There the room is free space, where modes are plane waves. All of them give ``(2 pi)^-3 int b^2 / k^2 d^3k``, with
-    ``b`` from `ball_mean`, or ``3 R_F / (10 pi)``; with ``k_i^2`` for a slope along i, ``L_i / V`` with the depolarisation
-    factor ``L_i = (a b c / 3) R_D`` and the volume V, 1 / (3 V) for a ball (Lamb, Hydrodynamics, section 114).
+    ``b`` from `ball_mean`, or ``3 R_F / (10 pi)``; with ``k_i^2`` for a slope along i, ``L_i / V`` with the
+    depolarisation factor ``L_i = (a b c / 3) R_D`` and the volume V, 1 / (3 V) for a ball (Lamb, Hydrodynamics, 114).
     R_F and R_D are Carlson's integrals of the squared half axes. The part below the truncation is taken off.
 
     Parameters
