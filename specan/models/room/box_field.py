@@ -4,7 +4,7 @@ With ``exp(+j w t)`` and ``dp/dn = -j k beta p`` on the walls, the field of a so
 
     G(r, s) = sum_N Psi_N(r) Psi_N(s) / (Lambda_N (K_N^2 - k^2)),
 
-where ``Psi_N`` is a product of three axis modes (`specan.models.room.box_field`). The sum is taken at few lines only
+where ``Psi_N`` is a product of three axis modes (`specan.models.room.modal_sum`). The sum is taken at few lines only
 (`specan.models.room.frequency_interpolation`), and carried to all others by the poles of the modes that resonate in
 the band (`specan.models.room.resonances`); what lies above the truncation is added by
 `specan.models.room.static_correction`.
@@ -12,7 +12,7 @@ the band (`specan.models.room.resonances`); what lies above the truncation is ad
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from specan.models.room.axis_modes import AxisModes, axis_modes
 from specan.models.room.frequency_interpolation import interpolations
-from specan.models.room.port import Port, ball_mean, disc_mean, point
+from specan.models.room.modal_sum import Modes
+from specan.models.room.port import Port, beyond, point
 from specan.models.room.resonances import Resonances, resonances
 from specan.models.room.soft_axis import resonances_across
 from specan.models.room.static_correction import StaticCorrection, join, static_correction
@@ -91,13 +92,20 @@ class BoxField:
         new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
         if new:
             found = self.modes.coupling(source, new)
-            # A ball averages away what lies above the truncation.
+            # A ball averages away what lies above the truncation, but for its own field.
             plain = [i for i, port in enumerate(new) if not port.ball]
             if not source.ball and plain:
                 found[:, plain] += self._rest(source, [new[i] for i in plain])
+            elif source.ball and source in new:
+                found[:, new.index(source)] += beyond(source, self._top)
             found = self._everywhere(source, new, found)
             self._done |= {(source, port): column for port, column in zip(new, found.T, strict=True)}
         return np.stack([self._done[source, port] for port in receivers], axis=1)
+
+    @property
+    def _top(self) -> tuple[float, ...]:
+        """Wave number along each edge half way between the last mode that is kept and the next."""
+        return tuple(np.pi * (n - 0.5) / edge for n, edge in zip(self.counts, self.drawn, strict=True))
 
     def modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """The modes up to the truncation alone, array (lines, receivers): all but the near field, and cheap."""
@@ -195,123 +203,3 @@ def _axes(
 # The static_correction depends on geometry alone; fits ask for the same geometry hundreds of times.
 _REMAINDERS: dict[object, StaticCorrection] = {}
 _KEPT = 4000
-
-
-_TERMS_AT_ONCE = 30_000  # of the modal sum: an array (lines, nx, ny, nz) in the processor's cache
-_TERMS_KEPT = 300_000  # of which what all ports share stays in memory
-
-
-@dataclass(frozen=True)
-class Modes:
-    """Modes of the box at some lines.
-
-    Attributes
-    ----------
-    axes : three axes
-        Eigenvalues and eigenfunctions along the edges.
-    k2 : array (lines,)
-        Squared wave number with the air's attenuation in it, 1/m^2.
-    """
-
-    axes: tuple[AxisModes, AxisModes, AxisModes]
-    k2: Complex
-    _lines: dict[int, _Lines] = field(default_factory=dict, repr=False, compare=False)
-
-    def _parts(self) -> Iterator[tuple[slice, _Lines]]:
-        """The modes, a few lines at once; kept for the next port where they take little room."""
-        modes = int(np.prod([axis.w.shape[1] for axis in self.axes]))
-        step = max(1, _TERMS_AT_ONCE // modes)
-        for first in range(0, len(self.k2), step):
-            part = slice(first, first + step)
-            here = self._lines.get(first) or _Lines.of(self.axes, self.k2, part)
-            if modes * len(self.k2) < _TERMS_KEPT:
-                self._lines[first] = here
-            yield part, here
-
-    def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
-        """Sum of the modes, averaged over both ports: array (lines, receivers)."""
-        points = np.array([port.position for port in receivers])
-        at = [axis.at(points[:, i]) for i, axis in enumerate(self.axes)]
-        out = np.empty((len(self.k2), len(receivers)), dtype=complex)
-        special = [i for i, port in enumerate(receivers) if port.radius > 0 or port.slope is not None]
-        from_source = _along(self.axes, source)
-        to_special = [_along(self.axes, receivers[i]) for i in special]
-        for part, here in self._parts():
-            amplitudes = here.amplitudes([x[part] for x in from_source], source)
-            along_z = amplitudes @ at[2][part][:, None]
-            along_y = np.einsum("fxyr,fyr->fxr", along_z, at[1][part])
-            out[part] = np.einsum("fxr,fxr->fr", along_y, at[0][part])
-            for i, along in zip(special, to_special, strict=True):
-                out[part, i] = here.port_sum(amplitudes, [x[part] for x in along], receivers[i])
-        return out
-
-
-_ALONG = (
-    (slice(None), slice(None), None, None),
-    (slice(None), None, slice(None), None),
-    (slice(None), None, None, slice(None)),
-)
-
-
-def _along(axes: Sequence[AxisModes], port: Port) -> list[Complex]:
-    """Axis functions, or the derivative along one axis, at a port; ready to be multiplied."""
-    return [
-        (axis.slope_at if port.slope == i else axis.at)(np.array([port.position[i]]))[..., 0]
-        for i, axis in enumerate(axes)
-    ]
-
-
-@dataclass
-class _Lines:
-    """The modes at some lines."""
-
-    q2: tuple[Complex, Complex, Complex]  # squared wave numbers of the axes, ready to be added
-    norm: tuple[Complex, Complex, Complex]
-    distance: Complex  # K_N^2 - k^2, array (lines, nx, ny, nz)
-    k2: Complex
-    _means: dict[tuple[int, float, bool], NDArray] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, axes: Sequence[AxisModes], k2: Complex, part: slice) -> _Lines:
-        q = [(axis.w[part] / axis.length**2)[where] for axis, where in zip(axes, _ALONG, strict=True)]
-        norm = [axis.norm[part][where] for axis, where in zip(axes, _ALONG, strict=True)]
-        own = k2[part][:, None, None, None]
-        return cls((q[0], q[1], q[2]), (norm[0], norm[1], norm[2]), (q[0] - own) + q[1] + q[2], own)
-
-    def amplitudes(self, along: Sequence[Complex], source: Port) -> Complex:
-        """Psi_N(source) / (Lambda_N (K_N^2 - k^2)), array (lines, nx, ny, nz)."""
-        at = [x[where] / norm for x, norm, where in zip(along, self.norm, _ALONG, strict=True)]
-        found: Complex = self._product(at, source) / self.distance
-        return found
-
-    def port_sum(self, amplitudes: Complex, along: Sequence[Complex], port: Port) -> Complex:
-        """Sum of the modes over a patch, a ball, or of a derivative, array (lines,)."""
-        found: Complex = np.einsum(
-            "fxyz,fxyz->f",
-            amplitudes,
-            np.broadcast_to(
-                self._product([x[w] for x, w in zip(along, _ALONG, strict=True)], port), amplitudes.shape
-            ),
-        )
-        return found
-
-    def _product(self, at: Sequence[Complex], port: Port) -> Complex:
-        """Mode shapes at a port; what has two axes is multiplied before the third joins."""
-        if port.radius == 0:
-            return (at[0] * at[1]) * at[2]
-        mean = self._mean(port)
-        if port.ball:
-            return (at[0] * at[1]) * at[2] * mean
-        i, j = (axis for axis in range(3) if axis != port.axis)
-        return (at[i] * at[j] * mean) * at[port.axis]
-
-    def _mean(self, port: Port) -> NDArray:
-        """Factor that averages the modes over a patch or ball."""
-        key = (port.axis, port.radius, port.ball)
-        if key not in self._means:
-            if port.ball:
-                self._means[key] = ball_mean(self.distance + self.k2, port.radius)
-            else:
-                i, j = (axis for axis in range(3) if axis != port.axis)
-                self._means[key] = disc_mean(self.q2[i] + self.q2[j], port.radius)
-        return self._means[key]
