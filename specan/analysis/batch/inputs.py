@@ -11,8 +11,8 @@ from pathlib import Path
 
 from specan.analysis.batch.tables import check_table
 from specan.errors import InputError, RequestError
-from specan.io.file_lock import is_the_file, try_lock
 from specan.io.open import find_recordings
+from specan.io.output_file import is_the_file, try_lock
 
 
 @dataclass(frozen=True)

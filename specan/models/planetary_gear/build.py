@@ -13,17 +13,23 @@ from specan.errors import RequestError
 from specan.models.catalogue import effects_in
 from specan.models.model import Model, Nuisance
 from specan.models.planetary_gear import excitation, load, response
-from specan.models.planetary_gear.geometry import check_assembly, mesh_phases, planet_angles, set_meshes
+from specan.models.planetary_gear.geometry import (
+    check_assembly,
+    inertia_uncertainty,
+    mesh_phases,
+    planet_angles,
+    rotors,
+    set_meshes,
+)
 from specan.models.planetary_gear.kinematics import (
     carrier_speed_ratio,
     kind_of_phasing,
+    line_statement,
     planet_order,
     repeat_turns,
     sun_order,
 )
-from specan.models.planetary_gear.lines import line_statement
 from specan.models.planetary_gear.rig import Gear, Rig, read_rig
-from specan.models.planetary_gear.rotors import inertia_uncertainty, rotors
 from specan.models.planetary_gear.simulated_recording import path_window
 from specan.models.quantity import Condition, Observable, Quantity, constant
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.analysis.order_settings import Shaft, tracked_shaft
 from specan.analysis.orders import Orders
-from specan.analysis.shaft import Shaft, tracked_shaft
 from specan.data.channel import Channel
 from specan.data.orders import OrderLines as FoundLines
 from specan.data.orders import TachoReport
@@ -21,8 +21,7 @@ from specan.io.open import open_recording
 from specan.models import Model
 from specan.models.measurement_kinds import OrderLines, Stated
 from specan.study.data.open_recordings import reads  # noqa: F401  a recording is one by its content
-from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
-from specan.study.observation import Variable
+from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
 from specan.units import convert
 
