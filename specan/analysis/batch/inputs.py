@@ -9,10 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from specan.analysis.batch.tables import check_table
 from specan.errors import InputError, RequestError
 from specan.io.open import find_recordings
-from specan.io.output_file import is_the_file, try_lock
+from specan.io.output_file import check_output, is_the_file, try_lock
 
 
 @dataclass(frozen=True)
@@ -84,6 +83,32 @@ def _size(path: str) -> int:
         return os.stat(path).st_size
     except OSError:
         return 0  # a broken link, or gone already: the analysis says so
+
+
+def is_of_a_batch(path: Path) -> bool:
+    """Whether a file begins as a table of a batch of that name does."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            words = file.readline().split()
+    except OSError:
+        return False
+    return words[:2] == ["#", "specan"] and words[-1] == path.name
+
+
+def check_table(path: Path) -> None:
+    """Refuse a place that holds anything but a table of a batch.
+
+    Raises
+    ------
+    RequestError
+        Something else is there: made by another command, or not by specan.
+    """
+    check_output(path)
+    if path.is_file() and path.stat().st_size and not is_of_a_batch(path):
+        raise RequestError(
+            f"{path} is no table of a batch: another command wrote it",
+            remedy="choose another directory with -o, or move the file",
+        )
 
 
 @contextlib.contextmanager

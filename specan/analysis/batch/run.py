@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
-from specan.analysis.batch.inputs import Input, claim, find_inputs
+from specan.analysis.batch.inputs import Input, check_table, claim, find_inputs, is_of_a_batch
 from specan.analysis.batch.one_file import Outcome, analyse_unchanged, open_headers
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import Kept, Store, context_of, unchanged
-from specan.analysis.batch.tables import check_table, is_of_a_batch, write_tables
+from specan.analysis.batch.tables import write_tables
 from specan.data.calibration import Calibration
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration

@@ -13,9 +13,8 @@ from specan.analysis.batch.table_lines import joined_lines
 from specan.analysis.stepped_sine import join_stepped_sine, not_steps
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.tone import ToneTable
-from specan.errors import InputError, RequestError, unforeseen
+from specan.errors import InputError, unforeseen
 from specan.io import results_text as text
-from specan.io.output_file import check_output
 from specan.units import LEVEL_REFERENCES
 
 # Stands in the place of a file's name: all sine recordings of a directory joined.
@@ -71,32 +70,6 @@ def write_tables(
             lines = (kept[r.label].encoded(name) for r in here)
         text.write_table(out / name, [*_head(name, header), *about], columns, lines)
     return tuple(written)
-
-
-def is_of_a_batch(path: Path) -> bool:
-    """Whether a file begins as a table of a batch of that name does."""
-    try:
-        with path.open(encoding="utf-8", errors="replace") as file:
-            words = file.readline().split()
-    except OSError:
-        return False
-    return words[:2] == ["#", "specan"] and words[-1] == path.name
-
-
-def check_table(path: Path) -> None:
-    """Refuse a place that holds anything but a table of a batch.
-
-    Raises
-    ------
-    RequestError
-        Something else is there: made by another command, or not by specan.
-    """
-    check_output(path)
-    if path.is_file() and path.stat().st_size and not is_of_a_batch(path):
-        raise RequestError(
-            f"{path} is no table of a batch: another command wrote it",
-            remedy="choose another directory with -o, or move the file",
-        )
 
 
 def _head(name: str, header: Sequence[str]) -> list[str]:
