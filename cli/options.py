@@ -1,4 +1,4 @@
-"""Options that several verbs have."""
+"""Options that several verbs have, and what is held against a limit curve."""
 
 from __future__ import annotations
 

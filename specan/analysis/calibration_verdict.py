@@ -1,4 +1,4 @@
-"""Whether a channel's calibration is good, doubtful or failed, and why."""
+"""Phases chained over insertions, swapped wires, and whether a channel's calibration is good, and why."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Decay times and energy ratios of impulse responses, in bands."""
+"""Impulse responses, and their decay times and energy ratios in bands."""
 
 from __future__ import annotations
 

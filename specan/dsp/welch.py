@@ -1,4 +1,4 @@
-"""Welch's averaged auto and cross spectra of many channels, in one pass and bounded memory."""
+"""Welch's averaged auto and cross spectra of many channels, in one pass, and how sure few averages are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of the page: octave ticks, lines distinguished by every kind of vision, names as text."""
+"""Figures of the page: lines distinguished by every kind of vision, octave ticks, maps of levels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page shows, as settings that are in its address: a view can be sent on."""
+"""What a page shows, as settings that are in its address, and the commands that give the same results."""
 
 from __future__ import annotations
 

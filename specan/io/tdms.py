@@ -1,4 +1,4 @@
-"""TDMS recordings: headers first, samples on demand."""
+"""TDMS recordings: headers first, samples on demand; the full scale of their converters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a room under study: its walls, and where the model of its sound field fails."""
+"""Figures of a room: its walls, where the model of its sound field fails, and the field on a plane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The staircase of errors: one step of the history after the other, and the trial that is on screen."""
+"""The errors of a study as pictures: step after step, the trial on screen, and where the model fails."""
 
 from __future__ import annotations
 
