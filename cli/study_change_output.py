@@ -31,23 +31,8 @@ def show_change(change: Change, as_json: bool, plot: Path | None) -> None:
     """Errors before and after, parameters, remarks; a figure where one was asked for."""
     draw(change, plot)
     before, after = change.before, change.after
-    parameters = {name: dict(row) for name, row in after.parameters.items()}
-    for name, (low, high) in change.intervals.items():
-        parameters[name] |= {"low": low, "high": high}
     if as_json:
-        emit_json(
-            {
-                "step": after.step,
-                "action": after.action,
-                "effect": after.effect,
-                "model_effects": list(after.model_effects),
-                "before": _errors(before),
-                "after": _errors(after),
-                "parameters": parameters,
-                "parameters_held": list(change.held),
-                "remarks": list(change.remarks),
-            }
-        )
+        emit_json(change.to_json())
         return
     rows = [*_rows("fit", "fitted", before, after), *_rows("held_out", "held-out", before, after)]
     table(
@@ -64,21 +49,10 @@ def show_change(change: Change, as_json: bool, plot: Path | None) -> None:
             )
         click.echo(text)
     click.echo("")
-    parameter_table(parameters)
+    parameter_table(change.parameters)
     for remark in change.remarks:
         click.echo(f"Note: {remark}")
     click.echo("Model: " + (", ".join(after.model_effects) or change.study.model.words.ideal))
-
-
-def _errors(step: Any) -> dict[str, Any]:
-    return {
-        "fit_error": step.fit_error,
-        "held_out_error": step.held_out_error,
-        "errors": step.errors,
-        "reduced_chi2": step.reduced_chi2,
-        "held_out_reduced_chi2": step.held_out_reduced_chi2,
-        "p_value": step.p_value,
-    }
 
 
 def _rows(key: str, name: str, before: Any, after: Any) -> list[list[Any]]:
