@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError, InputError
 from specan.models import Assembly, Use
-from specan.study.observation import TABLE, Array, Strategy, Variable
+from specan.study.observation import TABLE, Array, Fixed, Strategy, Variable
 
 
 @dataclass(frozen=True, eq=False)
-class TableObservation:
+class TableObservation(Fixed):
     """Rows of one or several tables as an `Observation`.
 
     Attributes
@@ -122,22 +122,6 @@ class TableObservation:
         if self._diagonal:
             return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
         return self._root @ array
-
-    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> TableObservation:
-        """Itself."""
-        return self
-
-    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> TableObservation:
-        """All of it: a table's rows are cheap."""
-        return self
-
-    def down_weighted(self, percent: float) -> TableObservation:
-        """Itself."""
-        return self
-
-    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> TableObservation:
-        """Itself."""
-        return self
 
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
         """Keep some of the rows; effects that look at earlier readings still see those left out.
