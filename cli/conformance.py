@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.limit import EXCEEDED
+from specan_cli.options import EXCEEDED
 from specan_cli.output import (
     OutputFile,
     Verb,

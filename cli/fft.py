@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan import __version__
-from specan_cli.limit import limit_option
-from specan_cli.options import weighting_option
+from specan_cli.options import limit_option, weighting_option
 from specan_cli.output import plot_option, say_written, table, to_standard_output
 from specan_cli.recording_verb import (
     Delivery,

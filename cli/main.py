@@ -132,7 +132,7 @@ def run() -> None:
         if isinstance(stream, io.TextIOWrapper):  # a name may hold what the terminal cannot show
             stream.reconfigure(errors="backslashreplace")
     if os.environ.get(COMPLETE, "").startswith("powershell"):
-        importlib.import_module("specan_cli.completion_powershell")
+        importlib.import_module("specan_cli.completion")
     try:
         sys.exit(main(prog_name="specan", standalone_mode=False) or 0)
     except click.exceptions.Exit as done:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.limit import limit_option
-from specan_cli.options import FRACTIONS, level_options, weighting_option
+from specan_cli.options import FRACTIONS, level_options, limit_option, weighting_option
 from specan_cli.output import plot_option, table
 from specan_cli.recording_verb import (
     Delivery,

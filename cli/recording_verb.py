@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.limit import limit_code, limit_content, show_limit
+from specan_cli.options import limit_code, limit_content, show_limit
 from specan_cli.output import (
     OutputFile,
     Verb,
