@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from specan.errors import RequestError, nearest
@@ -364,7 +365,15 @@ class Model:
                 raise RequestError(
                     f"{use.name} acts everywhere, not at {use.at!r}", remedy=f"use {use.name!r}"
                 )
-        return Assembly(self, tuple(sorted(parsed)))
+        chosen = tuple(sorted(parsed))
+        if chosen not in self._assemblies:
+            self._assemblies[chosen] = Assembly(self, chosen)
+        return self._assemblies[chosen]
+
+    @cached_property
+    def _assemblies(self) -> dict[tuple[Use, ...], Assembly]:
+        """Those made before: a search asks for the same ones again, and each knows its order of evaluation."""
+        return {}
 
     def candidates(self, assembly: Assembly) -> tuple[Use, ...]:
         """Uses of effects that the assembly lacks, one for each element of the axis they act at.

@@ -15,7 +15,7 @@ from specan.models.quantity import Quantity, constant, quantity
 from specan.models.room.mesh_file import RoomMesh
 from specan.models.room.mesh_lines import Lines
 from specan.models.room.mesh_modes import MeshModes, reduce
-from specan.models.room.port import Port, point
+from specan.models.room.port import Port, beyond, point
 
 Complex = NDArray[np.complex128]
 
@@ -111,7 +111,10 @@ class MeshField:
             self.prepare([source])
             found = self._answers[source] @ np.stack([self.modes.at(port) for port in new], axis=1)
             plain = [i for i, port in enumerate(new) if not port.ball]
-            if plain and not source.ball:  # a ball averages away what lies above the modes
+            # A ball averages away what lies above the modes, but for its own field.
+            if source.ball and source in new:
+                found[:, new.index(source)] += beyond(source, 3 * [self.modes.top])
+            if plain and not source.ball:
                 rigid, soft = self.modes.near_field(source, [new[i] for i in plain])
                 powers = (self.k2 - self.modes.shift)[:, None] ** np.arange(len(rigid))
                 found[:, plain] += powers @ rigid + self.soft.T @ soft

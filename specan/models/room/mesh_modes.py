@@ -73,6 +73,11 @@ class MeshModes:
         self._skin = {name: Simplices(corners[t]) for name, t in self.mesh.walls.items()}
         self._edge = float(np.sqrt(2 * np.median(triangle_areas(corners, _all(self.mesh)))))
 
+    @property
+    def top(self) -> float:
+        """Edge of the cube of wave numbers that is as large as the octant of those of the modes, 1/m."""
+        return MARGIN * self.k_max * float(np.cbrt(np.pi / 6))
+
     def at(self, port: Port) -> Real:
         """Mean of each vector over a port, array (n,); beyond the walls that of the nearest place."""
         numbers, weights = self._weights(port)

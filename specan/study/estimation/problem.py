@@ -128,8 +128,8 @@ class Problem:
         ``{name: other}``: the parameter always has the other's value.
     nuisances : frozenset of Use
         Uses that stand for instrument errors held by a prior.
-    ranges : bool
-        False: parameters are not held by their known ranges, to see what the data alone would take.
+    unheld : frozenset of str
+        Parameters that are not held by their known ranges, to see what the data alone would take.
     """
 
     assembly: Assembly
@@ -140,7 +140,7 @@ class Problem:
     domains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     links: Mapping[str, str] = field(default_factory=dict)
     nuisances: frozenset[Use] = frozenset()
-    ranges: bool = True
+    unheld: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         known, links = self.assembly.parameters, self.links
@@ -376,9 +376,12 @@ class Problem:
         held = [i for i, owner in enumerate(self._owner) if owner in self.priors]
         ranged = [i for i, owner in enumerate(self._owner) if owner not in self.priors]
         prior = np.array([self.priors[self._owner[i]] for i in held]).reshape(-1, 2)
-        ends = np.array([self.plausible(self._owner[i]) for i in ranged]).reshape(-1, 2)
-        if not self.ranges:
-            ends = np.tile([-np.inf, np.inf], (len(ranged), 1))
+        ends = np.array(
+            [
+                (-np.inf, np.inf) if o in self.unheld else self.plausible(o)
+                for o in (self._owner[i] for i in ranged)
+            ]
+        ).reshape(-1, 2)
         return PseudoMeasurements(
             np.array(held, dtype=np.intp), np.array(ranged, dtype=np.intp), prior[:, 0], prior[:, 1],
             KnownRanges.of(ends[:, 0], ends[:, 1], self.scale[ranged]), len(self._owner),
