@@ -6,7 +6,33 @@ import os
 import re
 
 import click
-from click.shell_completion import CompletionItem, ShellComplete, add_completion_class
+from click.shell_completion import CompletionItem, ShellComplete, add_completion_class, get_completion_class
+
+SHELLS = ("bash", "zsh", "fish", "powershell")
+PLACES = {
+    "bash": 'add to ~/.bashrc:  eval "$(specan completion bash)"',
+    "zsh": 'add to ~/.zshrc:  eval "$(specan completion zsh)"',
+    "fish": "specan completion fish > ~/.config/fish/completions/specan.fish",
+    "powershell": "add to the file named by $PROFILE:  specan completion powershell | Out-String | Invoke-Expression",
+}
+
+
+@click.command("completion", epilog="\b\n" + "\n".join(f"{s}: {text}" for s, text in PLACES.items()))
+@click.argument("shell", type=click.Choice(SHELLS))
+def command(shell: str) -> None:
+    """Print the script that makes SHELL complete verbs, options and values with the Tab key.
+
+    \b
+    specan completion bash
+    """
+    from specan_cli.main import COMPLETE, main
+
+    found = get_completion_class(shell)
+    assert found is not None
+    # Not `source()` of the class: that starts a shell to ask for its version.
+    source = found(main, {}, "specan", COMPLETE)
+    click.echo(source.source_template % source.source_vars())
+
 
 # The values of an environment variable, as PowerShell hands them: what was typed, and the word at the cursor.
 _LINE, _WORD = "_SPECAN_COMPLETE_LINE", "_SPECAN_COMPLETE_WORD"
@@ -50,31 +76,3 @@ class PowerShellComplete(ShellComplete):
     def format_completion(self, item: CompletionItem) -> str:
         """Kind, value and help of a completion."""
         return f"{item.type}\t{item.value}\t{item.help or ''}"
-
-
-SHELLS = ("bash", "zsh", "fish", "powershell")
-PLACES = {
-    "bash": 'add to ~/.bashrc:  eval "$(specan completion bash)"',
-    "zsh": 'add to ~/.zshrc:  eval "$(specan completion zsh)"',
-    "fish": "specan completion fish > ~/.config/fish/completions/specan.fish",
-    "powershell": "add to the file named by $PROFILE:  specan completion powershell | Out-String | Invoke-Expression",
-}
-
-
-@click.command("completion", epilog="\b\n" + "\n".join(f"{s}: {text}" for s, text in PLACES.items()))
-@click.argument("shell", type=click.Choice(SHELLS))
-def command(shell: str) -> None:
-    """Print the script that makes SHELL complete verbs, options and values with the Tab key.
-
-    \b
-    specan completion bash
-    """
-    from click.shell_completion import get_completion_class
-
-    from specan_cli.main import COMPLETE, main
-
-    found = get_completion_class(shell)
-    assert found is not None
-    # Not `source()` of the class: that starts a shell to ask for its version.
-    source = found(main, {}, "specan", COMPLETE)
-    click.echo(source.source_template % source.source_vars())

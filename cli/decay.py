@@ -69,17 +69,21 @@ def write_text(found: DecayTimes, path: Path) -> None:
     from specan.data.decay import VALUES
     from specan.io import results_text as text
 
-    def columns(row: int) -> list[list[str]]:
-        bands = range(found.nominal_hz.size)
-        values = [text.significant(getattr(found, name)[row], 4) for name in VALUES]
-        return [[f"{f:g}" for f in found.nominal_hz], *values, [" ".join(found.flags(row, b)) for b in bands]]
-
     about = [
         f"decay times of {found.label}, 1/{found.fraction} octave bands (ISO 3382-1:2009)",
         "u: standard deviation over positions in a diffuse field (ISO 3382-2:2008, 7.1)",
     ]
-    names = ("channel", "band_hz", *VALUES, "flags")
-    text.write_result(path, "decay", found, about, names, text.rows_of_channels(found.channels, columns))
+    bands = range(found.nominal_hz.size)
+    tables = (
+        {
+            "channel": name,
+            "band_hz": [f"{f:g}" for f in found.nominal_hz],
+            **{key: text.significant(getattr(found, key)[row], 4) for key in VALUES},
+            "flags": [found.flags(row, band) for band in bands],
+        }
+        for row, name in enumerate(found.channels)
+    )
+    text.write_result(path, "decay", found, about, tables)
 
 
 def _number(value: float, form: str) -> str:

@@ -125,7 +125,7 @@ def _transfer(
 ) -> int:
     """Write transfer functions as a universal file."""
     from specan.api.recordings import frf
-    from specan.io.export_uff import write_uff_transfer
+    from specan.io.export_file import write_uff_transfer
 
     found = frf(recording, reference, channels=channels, start_s=section[0], stop_s=section[1])
     write_uff_transfer(found, target)

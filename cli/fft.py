@@ -283,21 +283,28 @@ def _text(found: Spectrum | Spectrogram) -> Iterator[str]:
     scale, count = found.scale, len(found.frequency_hz)
     for row, name in enumerate(found.channels):
         if isinstance(found, Spectrogram):
-            frequencies, named = text.frequencies(found.frequency_hz), [text.word(name)] * count
+            frequencies = text.frequencies(found.frequency_hz)
             for column, time in enumerate(text.fixed(found.time_s, 4)):
                 density = found.density[row, column]
-                values = scale.values(density, found.has_mirror)
-                parts = [text.significant(values), text.levels(scale.level_dB(density, found.units[row]))]
-                yield text.rows([named, [time] * count, frequencies, *parts])
+                yield text.table_lines(
+                    {
+                        "channel": name,
+                        "time_s": time,
+                        "frequency_hz": frequencies,
+                        scale.scaling: scale.values(density, found.has_mirror),
+                        "level_dB": scale.level_dB(density, found.units[row]),
+                    }
+                )
             continue
         for first in range(0, count, PIECE):
             piece = slice(first, first + PIECE)
             density = found.density[row, piece]
-            shown = text.frequencies(found.frequency_hz[piece])
-            phase = [""] * len(shown) if found.phase_deg is None else text.phases(found.phase_deg[row, piece])
-            parts = [
-                text.significant(scale.values(density, found.has_mirror[piece])),
-                text.levels(scale.level_dB(density, found.units[row])),
-                phase,
-            ]
-            yield text.rows([[text.word(name)] * len(shown), shown, *parts])
+            yield text.table_lines(
+                {
+                    "channel": name,
+                    "frequency_hz": found.frequency_hz[piece],
+                    scale.scaling: scale.values(density, found.has_mirror[piece]),
+                    "level_dB": scale.level_dB(density, found.units[row]),
+                    "phase_deg": "" if found.phase_deg is None else found.phase_deg[row, piece],
+                }
+            )

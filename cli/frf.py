@@ -117,7 +117,9 @@ def show(found: FrequencyResponse, at_hz: tuple[float, ...]) -> None:
 
 def write_text(found: FrequencyResponse, path: Path) -> None:
     """All lines, tab-separated, the channels one after the other."""
+    from specan.data.frequency_response import COMMON, LINES
     from specan.io import results_text as text
+    from specan.result import picked
 
     doubts = found.line_flags
 
@@ -125,19 +127,6 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
         own = found.flags[row]
         return " ".join([*own, *(w for w, mask in doubts.items() if mask[row, line] and w not in own)])
 
-    def columns(row: int) -> list[list[str]]:
-        return [
-            text.frequencies(found.frequency_hz),
-            text.significant(found.magnitude[row]),
-            text.phases(found.phase_deg[row]),
-            text.fixed(found.coherence[row], 4),
-            *(text.significant(getattr(found, name)[row], 3) for name in uncertainties),
-            [flags(row, line) for line in range(found.frequency_hz.size)],
-        ]
-
-    uncertainties = (
-        "u_magnitude_percent", "u_phase_deg", "u_leakage_percent", "u_common_percent", "u_common_phase_deg",
-    )  # fmt: skip
     about = [
         f"transfer functions of {found.label}: {found.estimator} over {found.reference} ({found.reference_unit})",
         "magnitude in " + ", ".join(f"{u} ({n})" for n, u in zip(found.channels, found.units)),
@@ -145,5 +134,14 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
         "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of calibration "
         "and delay",
     ]
-    names = ("channel", "frequency_hz", "magnitude", "phase_deg", "coherence", *uncertainties, "flags")
-    text.write_result(path, "frf", found, about, names, text.rows_of_channels(found.channels, columns))
+    lines = picked(found, f"magnitude phase_deg {LINES} {COMMON}")
+    tables = (
+        {
+            "channel": name,
+            "frequency_hz": found.frequency_hz,
+            **{key: values[row] for key, values in lines.items()},
+            "flags": [flags(row, line) for line in range(found.frequency_hz.size)],
+        }
+        for row, name in enumerate(found.channels)
+    )
+    text.write_result(path, "frf", found, about, tables)

@@ -104,8 +104,8 @@ def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], None]
 
     study = open_study(place, effects)
     _require_bokeh()
-    from specan.inspect.kept_study import KeptStudy
     from specan.inspect.study_page import StudyPage
+    from specan.inspect.trial import KeptStudy
 
     kept = KeptStudy(study)
 

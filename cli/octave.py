@@ -198,21 +198,20 @@ def write_text(found: BandLevels, path: Path) -> None:
 
     percentiles, all_totals = found.percentile_dB or {}, found.percentile_overall_dB or {}
 
-    def columns(row: int) -> list[list[str]]:
+    def columns(row: int) -> dict[str, Any]:
         totals = {w: v[row] for w, v in found.overall_dB.items() if v[row] == v[row]}
-        return [
-            [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)],
-            text.levels([*found.level_dB[row], *totals.values()]),
-            [*text.levels(found.u_dB), *[""] * len(totals)],
-            *(
-                text.levels([*values[row], *(all_totals[n][w][row] for w in totals)])
+        flags = [found.band_flags(row, band) for band in range(found.exact_hz.size)]
+        return {
+            "channel": found.channels[row],
+            "band_hz": [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)],
+            "level_dB": [*found.level_dB[row], *totals.values()],
+            "u_dB": [*text.levels(found.u_dB), *[""] * len(totals)],
+            **{
+                f"{percentile_name(n)}_dB": [*values[row], *(all_totals[n][w][row] for w in totals)]
                 for n, values in percentiles.items()
-            ),
-            [
-                *(" ".join(found.band_flags(row, band)) for band in range(found.exact_hz.size)),
-                *(" ".join(found.overall_flags(row, w)) for w in totals),
-            ],
-        ]
+            },
+            "flags": [*flags, *(found.overall_flags(row, w) for w in totals)],
+        }
 
     units = zip(found.channels, found.units, found.references)
     about = [
@@ -223,6 +222,4 @@ def write_text(found: BandLevels, path: Path) -> None:
     ]
     if percentiles:
         about.append("LN_dB: level exceeded during N % of the time; max_dB, min_dB: largest and smallest")
-    names = [f"{percentile_name(n)}_dB" for n in percentiles]
-    header = ("channel", "band_hz", "level_dB", "u_dB", *names, "flags")
-    text.write_result(path, "octave", found, about, header, text.rows_of_channels(found.channels, columns))
+    text.write_result(path, "octave", found, about, map(columns, range(len(found.channels))))

@@ -181,28 +181,26 @@ def write_text(found: OrderSpectrum, path: Path, as_map: bool = False) -> None:
         f"speed {found.tacho.speed_hz[1]:.6g} Hz, {found.turns} turns, blocks of {found.block_turns}",
     ]
 
-    def of_map(row: int) -> list[list[str]]:
-        speeds = [speed for speed in text.fixed(found.speed_hz, 4) for _ in found.order]
-        orders = text.frequencies(found.order) * len(found.speed_hz)
-        return [speeds, orders, text.significant(found.map[:, row].ravel())]
-
-    def of_lines(row: int) -> list[list[str]]:
+    def columns(row: int) -> dict[str, Any]:
         lines = found.lines
+        if as_map:
+            return {
+                "speed_hz": [speed for speed in text.fixed(found.speed_hz, 4) for _ in found.order],
+                "order": text.frequencies(found.order) * len(found.speed_hz),
+                "amplitude": found.map[:, row].ravel(),
+            }
         if lines is None:
-            nothing = [""] * len(found.order)
-            return [text.frequencies(found.order), text.significant(found.amplitude[row]), *[nothing] * 3]
-        return [
-            text.frequencies(lines.order),
-            text.significant(abs(lines.amplitude[row])),
-            text.phases(lines.phase_deg[row]),
-            text.significant(lines.u[row], 3),
-            text.significant(lines.u_scatter[row], 3),
-        ]
+            nothing = dict.fromkeys(("phase_deg", "u", "u_blocks"), "")
+            return {"order": found.order, "amplitude": found.amplitude[row], **nothing}
+        return {
+            "order": lines.order,
+            "amplitude": abs(lines.amplitude[row]),
+            "phase_deg": lines.phase_deg[row],
+            "u": lines.u[row],
+            "u_blocks": lines.u_scatter[row],
+        }
 
-    names = (
-        ["speed_hz", "order", "amplitude"] if as_map else ["order", "amplitude", "phase_deg", "u", "u_blocks"]
-    )
-    blocks = text.rows_of_channels(found.channels, of_map if as_map else of_lines)
-    text.write_result(path, "orders", found, about, ["channel", *names], blocks)
+    tables = ({"channel": name, **columns(row)} for row, name in enumerate(found.channels))
+    text.write_result(path, "orders", found, about, tables)
     if found.lines is not None and not as_map:
         say("The table holds the lines that were asked for; leave them out for the whole spectrum.")

@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
+from specan.report.figures_change import figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
-from specan.report.figures_history import figure_history
 from specan.report.figures_study import figure_compare, figure_map
 from specan.report.html_page import bullets, page, picture, table
 from specan.report.residual_map import map_axes

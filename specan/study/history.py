@@ -32,7 +32,7 @@ import numpy as np
 import specan
 from specan import __version__
 from specan.errors import RequestError
-from specan.io.file_lock import is_the_file, try_lock
+from specan.io.output_file import is_the_file, try_lock
 from specan.models.catalogue import ENTRY_POINTS, MODEL_ENTRY_POINTS
 from specan.result import Result, counted, finite
 from specan.study.study_file import NAME as STUDY_FILE
