@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,12 +16,6 @@ from specan_cli.output import OutputFile, Verb
 if TYPE_CHECKING:
     from specan.models.model import Model
 
-# model -> module with `run(model, options)`
-SIMULATORS = {
-    "planetary-gear": "specan_cli.simulate_planetary_gear",
-    "room": "specan_cli.simulate_room",
-    "worm-gear": "specan_cli.simulate_worm_gear",
-}
 ENTRY_POINTS = "specan.simulators"  # of installed packages: name of the model = `run(model, options)`
 
 
@@ -34,8 +29,9 @@ def simulator_of(model: Model) -> Callable[[Model, Mapping[str, Any]], None]:
     """
     from importlib.metadata import entry_points
 
-    if model.name in SIMULATORS:
-        run: Callable[[Model, Mapping[str, Any]], None] = importlib.import_module(SIMULATORS[model.name]).run
+    own = f"specan_cli.simulate_{model.name.replace('-', '_')}"  # of a model that comes with specan
+    if not model.is_own and importlib.util.find_spec(own):
+        run: Callable[[Model, Mapping[str, Any]], None] = importlib.import_module(own).run
         return run
     for point in entry_points(group=ENTRY_POINTS):
         if point.name == model.name:
