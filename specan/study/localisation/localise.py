@@ -36,6 +36,7 @@ LEVEL = 0.05  # false discovery rate
 CLEAR = 3.0  # |z| from which a mean error is named
 
 MOST_ROWS = 3000  # of data; beyond it blocks are tested by their direction only
+AT_ONCE = 256  # blocks whose directions are computed together
 LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
 
 
@@ -221,7 +222,10 @@ class LeftOut:
 
     def columns(self, raw: Array) -> Array:
         """Columns over the data rows, whitened, with everything taken out that the parameters absorb."""
-        whole = np.vstack([self.problem.whiten(raw), np.zeros((self._other_rows, raw.shape[1]))])
+        return self._taken_out(self.problem.whiten(raw))
+
+    def _taken_out(self, white: Array) -> Array:
+        whole = np.vstack([white, np.zeros((self._other_rows, white.shape[1]))])
         return whole - self.basis @ (self.basis.T @ whole)
 
     @cached_property
@@ -231,13 +235,24 @@ class LeftOut:
 
     def direction(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
         """Mean relative error of the prediction over some rows, and its z."""
-        raw = np.where(rows, self.predicted, 0.0)
-        column = self.columns(raw[:, None])[:, 0]
-        size, whole = float(column @ column), float(np.sum(self.problem.whiten(raw) ** 2))
-        if size <= LEAST_SHARE * whole:
-            return float("nan"), 0.0
-        along = float(column @ self.projected)
-        return along / size, along / np.sqrt(size)
+        return self.directions([rows])[0]
+
+    def directions(self, blocks: Sequence[NDArray[np.bool_]]) -> list[tuple[float, float]]:
+        """The same of several blocks: one product with the root of the covariance instead of one a block."""
+        found = []
+        for first in range(0, len(blocks), AT_ONCE):
+            raw = np.stack(
+                [np.where(rows, self.predicted, 0.0) for rows in blocks[first : first + AT_ONCE]], 1
+            )
+            white = self.problem.whiten(raw)
+            columns = self._taken_out(white)
+            sizes, wholes = np.sum(columns**2, axis=0), np.sum(white**2, axis=0)
+            for size, whole, along in zip(sizes, wholes, columns.T @ self.projected, strict=True):
+                open_ = size <= LEAST_SHARE * whole
+                found.append(
+                    (float("nan"), 0.0) if open_ else (float(along / size), float(along / np.sqrt(size)))
+                )
+        return found
 
     def statistic(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
         """S_b and its degrees of freedom: directions that only the block determines do not count."""
@@ -309,11 +324,15 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
     """
     algebra = LeftOut(problem, best)
     labels, variables = _labels(problem), dict(problem.observations[0].variables)
-    blocks = [
-        _block(algebra, where, name, rows & mine, variables)
+    places = [
+        (where, name, rows & mine)
         for where, rows in _places(labels)
         for name, mine in algebra.observables.items()
         if np.any(rows & mine)
+    ]
+    directions = algebra.directions([rows for _, _, rows in places])
+    blocks = [
+        _block(algebra, *place, along, variables) for place, along in zip(places, directions, strict=True)
     ]
     passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
@@ -357,9 +376,10 @@ def _block(
     where: Mapping[str, Any],
     observable: str,
     rows: NDArray[np.bool_],
+    direction: tuple[float, float],
     variables: Mapping[str, Variable],
 ) -> Block:
-    error, z = algebra.direction(rows)
+    error, z = direction
     if rows.size <= MOST_ROWS:
         statistic, dof = algebra.statistic(rows)
     else:
@@ -410,12 +430,14 @@ def _sentence(
         tried += [(f"from {variable.spoken(level)} up", values >= level) for level in levels[1:-1]]
         tried += [(f"up to {variable.spoken(level)}", values <= level) for level in levels[1:-1]]
     # Two observables may be off to opposite sides for one reason: each by itself.
-    found = [
-        (text, what, *algebra.direction(rows & mine))
+    places = [
+        (text, what, rows & mine)
         for text, rows in tried
         for what, mine in algebra.observables.items()
         if np.any(rows & mine)
     ]
+    directions = algebra.directions([rows for _, _, rows in places])
+    found = [(text, what, *along) for (text, what, _), along in zip(places, directions, strict=True)]
     text, what, error, z = max(found, key=lambda f: abs(f[3]))
     if abs(z) >= CLEAR:
         whose = f"{what.replace('_', ' ')} of the model" if len(algebra.observables) > 1 else "model"
