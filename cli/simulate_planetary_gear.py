@@ -152,7 +152,7 @@ def _described(rig: Any) -> dict[str, object]:
 def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, Any]:
     """Orders, complex lines (sensors, orders), and the effects with which they were made."""
     from specan.models.chosen_model import choose_model
-    from specan.models.planetary_gear.lines import line_conditions
+    from specan.models.planetary_gear.kinematics import line_conditions
 
     if model.order_lines is None:
         raise RequestError(

@@ -232,3 +232,18 @@ def often_mistaken_for(unit: str) -> tuple[str, ...]:
     if unit == "degC":
         return ("degF", "K")
     return tuple(prefix + unit for prefix in ("m", "k")) if unit and unit[0] not in "mk1" else ()
+
+
+def quotient(unit: str, over: str) -> str:
+    """Unit of a ratio.
+
+    Examples
+    --------
+    >>> quotient("Pa", "m/s"), quotient("Pa", "V"), quotient("Pa", "Pa")
+    ('Pa/(m/s)', 'Pa/V', '1')
+    """
+    if unit == over:
+        return "1"
+    if over == "1":
+        return unit
+    return f"{unit}/({over})" if "/" in over or "*" in over else f"{unit}/{over}"

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from specan.analysis.insertion import Insertion
-from specan.analysis.repeatability import repeatability
 
 
 @dataclass(frozen=True)
@@ -129,3 +129,78 @@ def natural(name: str) -> list[tuple[int, int | str]]:
 
 def _wrap(degrees: float) -> float:
     return float((degrees + 180.0) % 360.0 - 180.0)
+
+
+# Channels of one make differ by some degrees at 1 kHz; one that is turned differs by 180 degrees.
+TOLERANCE_DEG = 30.0
+
+
+def turned_over(phases: Mapping[str, Sequence[float]]) -> tuple[set[str], set[str]]:
+    """Channels of inverted polarity, and those whose phase is neither that of a matched nor of a turned one.
+
+    Phases at all tones must be within 30 degrees of 180: a delay would turn with frequency. The larger part
+    of the group is taken for right; between equal parts the one that holds the reference.
+
+    Parameters
+    ----------
+    phases : mapping of str to sequence of float
+        Phases in degrees at one or more tones, of all channels of one group, relative to its first channel.
+
+    Examples
+    --------
+    >>> turned_over({"Mic 1": [0.0], "Mic 2": [-174.5], "Mic 3": [2.0]})
+    ({'Mic 2'}, set())
+    >>> turned_over({"Mic 1": [0.0], "Mic 2": [-174.5], "Mic 3": [177.0]})
+    ({'Mic 1'}, set())
+    """
+    like, opposite = set[str](), set[str]()
+    for name, degrees in phases.items():
+        if all(abs(_wrap(d)) <= TOLERANCE_DEG for d in degrees):
+            like.add(name)
+        elif all(abs(_wrap(d)) >= 180.0 - TOLERANCE_DEG for d in degrees):
+            opposite.add(name)
+    return (like if len(opposite) > len(like) else opposite), set(phases) - like - opposite
+
+
+ENOUGH = 3  # degrees of freedom from which an estimate replaces what was declared
+
+
+def repeatability(squares: float, dof: int, windows: float, declared: float) -> tuple[float, int | None]:
+    r"""Standard uncertainty of one observation by its insertion, and its degrees of freedom.
+
+    The residuals of observations that were made more than once have the variance
+    :math:`s^2 = \sum r^2 / \nu`, of which the noise within the insertions is a part. With three degrees of
+    freedom or more the rest is the estimate (GUM type A), times :math:`t_{0.975}(\nu) / 1.96`: then
+    +-1.96 u holds 95 % although s is itself uncertain (GUM, annex G). With fewer, the declared value counts
+    (type B), or the estimate where that is larger.
+
+    Parameters
+    ----------
+    squares : float
+        Sum of squared residuals.
+    dof : int
+        Observations minus unknowns.
+    windows : float
+        Mean variance of an observation by the noise of its windows.
+    declared : float
+        Standard uncertainty that is stated for one observation.
+
+    Returns
+    -------
+    tuple
+        The uncertainty in the unit of the residuals; degrees of freedom, None for type B.
+
+    Examples
+    --------
+    >>> found, freedom = repeatability(0.04, 4, 0.0, 0.5)
+    >>> round(found, 4), freedom
+    (0.1417, 4)
+    >>> repeatability(0.0, 0, 0.0, 0.5)
+    (0.5, None)
+    """
+    from scipy.special import stdtrit
+
+    found = math.sqrt(max(squares / dof - windows, 0.0)) if dof > 0 else 0.0
+    if dof < ENOUGH:
+        return max(found, declared), None
+    return found * float(stdtrit(dof, 0.975) / stdtrit(math.inf, 0.975)), dof

@@ -11,7 +11,6 @@ from pydantic import Field
 from specan.analysis.accumulator import read_through
 from specan.analysis.excitation import recognise
 from specan.analysis.section import of_one_rate, section
-from specan.analysis.transfer_function import quotient
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.tone import ToneTable
@@ -22,6 +21,7 @@ from specan.dsp.tone_series import ToneSeries, block_length, freedom_of_mean, va
 from specan.dsp.transfer_function import phase_deg, u_phase_deg
 from specan.errors import InputError, RequestError
 from specan.schema import Settings
+from specan.units import quotient
 
 LOW_SNR_DEG = 1.0  # random uncertainty of a phase from which on it is flagged
 _LOOK_S = 2.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, crossed, full_names, records
+from specan.result import Result, counted, crossed, full_names, picked, records
 
 Real = NDArray[np.float64]
 
@@ -112,9 +112,7 @@ class DecayTimes(Result):
         """What `to_json` gives, with arrays in it."""
         return {
             "file": self.label,
-            "fraction": self.fraction,
-            "nominal_hz": self.nominal_hz,
-            "exact_hz": self.exact_hz,
+            **picked(self, "fraction nominal_hz exact_hz"),
             "channels": records(
                 channel=self.channels,
                 group=self.groups,
@@ -122,8 +120,7 @@ class DecayTimes(Result):
                 **{name: getattr(self, name) for name in VALUES},
                 flags=self._all_flags(),
             ),
-            "notes": self.notes,
-            "settings": self.settings,
+            **picked(self, "notes settings"),
         }
 
     def _all_flags(self) -> list[list[tuple[str, ...]]]:

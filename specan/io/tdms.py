@@ -260,4 +260,4 @@ def recognises(start: bytes) -> bool:
     return start[:4] == b"TDSm"
 
 
-open_recording = open_tdms  # as a format; see `specan.io.formats`
+open_recording = open_tdms  # as a format; see `specan.io.content`

@@ -9,9 +9,9 @@ from typing import Any, Protocol
 
 from specan.errors import ComputationError, RequestError, SpecanError, nearest
 from specan.models.effect import Effect, Parameter, ParameterName, Use
+from specan.models.from_function import place_of, users_mistake
 from specan.models.loops import FixedPoint, components, cut
 from specan.models.quantity import Condition, Quantity
-from specan.models.user_code import place_of, users_mistake
 from specan.units import convert
 
 BASE = "base"  # the name of the part of a quantity that is not an effect's

@@ -10,12 +10,11 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
-from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
+from specan.models.from_function import PREFIX, as_declared, fields_from_functions, name_of, title_of
 from specan.models.groups import check_groups, with_groups
 from specan.models.loops import components
 from specan.models.measurement_kinds import OrderLines, Receivers, TableRules
 from specan.models.quantity import Condition, Frf, Observable, Quantity, RigStatement, rig_statement
-from specan.models.user_code import PREFIX
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from specan import __version__
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import BatchReport
 from specan.analysis.batch.settings import BatchSettings
-from specan.io.text_cell import cells, plain
+from specan.io.results_text import cells, plain
 from specan.report.channel_lines import Styles, draw_thin, grouped, outer_lines
 from specan.report.figure_style import (
     heading,

@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
+from specan.report.figures_change import figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
-from specan.report.figures_history import figure_history
 from specan.report.figures_study import figure_compare, figure_map
 from specan.report.html_page import bullets, page, picture, table
 from specan.report.residual_map import map_axes
@@ -24,7 +24,8 @@ from specan.study.verdict import headline, headline_of, reason
 from specan.units import printed_unit
 
 if TYPE_CHECKING:
-    from specan.study.study import Comparison, Study
+    from specan.study.comparison import Comparison
+    from specan.study.study import Study
     from specan.study.verdict import Diagnosis
 
 MOST_RIVALS = 5  # candidates that a step names beside the one that was added

@@ -6,8 +6,8 @@ from scipy.io import wavfile
 
 import specan
 from specan.analysis.batch.one_file import _analyse
-from specan.analysis.batch.order_lines import with_orders
 from specan.analysis.batch.settings import BatchSettings, read_settings
+from specan.analysis.batch.table_lines import with_orders
 from specan.data.recording import ArraySource, Channel, Recording
 
 RATE, N = 12800.0, 12800 * 6

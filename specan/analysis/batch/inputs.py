@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from specan.errors import InputError, RequestError
-from specan.io.file_lock import is_the_file, try_lock
 from specan.io.open import find_recordings
-from specan.io.output_file import check_output
+from specan.io.output_file import check_output, is_the_file, try_lock
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
 from specan.analysis.batch.inputs import Input, claim, find_inputs
-from specan.analysis.batch.one_file import open_headers
+from specan.analysis.batch.one_file import Outcome, analyse_unchanged, open_headers
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
-from specan.analysis.batch.resume import context_of, unchanged
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.store import Kept, Store
+from specan.analysis.batch.store import Kept, Store, context_of, unchanged
 from specan.analysis.batch.tables import is_of_a_batch, write_tables
-from specan.analysis.batch.task import Outcome, analyse_unchanged
 from specan.data.calibration import Calibration
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration

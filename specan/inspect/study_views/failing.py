@@ -8,8 +8,8 @@ import numpy as np
 from bokeh.models import ColorBar, ColumnDataSource, Div, HoverTool, LinearColorMapper
 from bokeh.palettes import PuOr11
 
+from specan.inspect.header import notice
 from specan.inspect.plots import panel, plain
-from specan.inspect.sheets import notice
 from specan.inspect.trial import Trial
 from specan.report.residual_map import ResidualMap, axis_text
 from specan.study.study import Study

@@ -17,11 +17,11 @@ from specan.models.planetary_gear.geometry import check_assembly, mesh_phases, p
 from specan.models.planetary_gear.kinematics import (
     carrier_speed_ratio,
     kind_of_phasing,
+    line_statement,
     planet_order,
     repeat_turns,
     sun_order,
 )
-from specan.models.planetary_gear.lines import line_statement
 from specan.models.planetary_gear.rig import Gear, Rig, read_rig
 from specan.models.planetary_gear.simulated_recording import path_window
 from specan.models.quantity import Condition, Observable, Quantity, constant
@@ -92,7 +92,7 @@ def build(rig: Mapping[str, Any]) -> Model:
 
 
 def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
-    from specan.models.planetary_gear.rotors import rotors
+    from specan.models.planetary_gear.geometry import rotors
 
     sun, ring = set_meshes(gear)
     module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))

@@ -12,9 +12,16 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError, RequestError
 from specan.models.planetary_gear import contact_steps
 from specan.models.planetary_gear.compiled import HAS_NUMBA
-from specan.models.planetary_gear.geometry import Mesh, mesh_phases, pair_mesh, planet_angles, set_meshes
+from specan.models.planetary_gear.geometry import (
+    Mesh,
+    disc,
+    mesh_phases,
+    pair_mesh,
+    planet_angles,
+    rotors,
+    set_meshes,
+)
 from specan.models.planetary_gear.rig import Contact, Gear, Rig
-from specan.models.planetary_gear.rotors import disc, rotors
 
 Real = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ import pytest
 
 from specan.models.catalogue import example_model, load_model
 from specan.models.check import check_effect
-from specan.models.planetary_gear.example import EXAMPLE_RIG
-from specan.models.planetary_gear.lines import line_conditions
+from specan.models.planetary_gear.kinematics import line_conditions
+from specan.models.planetary_gear.rig import EXAMPLE_RIG
 
 MODEL = example_model("planetary-gear")
 ORDERS = line_conditions(MODEL)
