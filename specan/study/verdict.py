@@ -340,6 +340,7 @@ VERDICTS = {
     "unknown-effect": "Something is missing that is not on the list of effects.",
     "cannot-tell": "These data cannot tell.",
 }
+MOST_IN_HEADLINE = 3  # sets of effects; the others stand in the table
 # Nothing-missing where the data alone would rather take values that contradict what is known.
 WITHIN_WHAT_IS_KNOWN = "Nothing is missing if the values are as known; the data alone would take others."
 
@@ -361,7 +362,11 @@ def headline_of(content: Mapping[str, Any]) -> str:
         return f"Nothing is missing with {content['other_form']}."
     if content["verdict"] == "nothing-missing" and content.get("unknown_possible"):
         return WITHIN_WHAT_IS_KNOWN
-    names = " or ".join(" with ".join(members) for members in content["alternatives"])
+    sets = [" with ".join(members) for members in content["alternatives"]]
+    more = len(sets) - MOST_IN_HEADLINE
+    names = " or ".join(
+        [*sets[:MOST_IN_HEADLINE], *([f"one of {more} others"] if more > 1 else sets[MOST_IN_HEADLINE:])]
+    )
     return VERDICTS[content["verdict"]].format(names=names)
 
 
