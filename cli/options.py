@@ -1,4 +1,4 @@
-"""Options that several verbs have, and what is held against a limit curve."""
+"""Options that several verbs have, and what `--limit` says: pass or fail, in words and in the exit code."""
 
 from __future__ import annotations
 

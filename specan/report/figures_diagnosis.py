@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
-from specan.study.verdict import Diagnosis, Ranked, headline
+from specan.study.verdict import Diagnosis, NextMeasurements, Ranked, headline
 from specan.units import printed_unit
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ def _name(row: Ranked) -> str:
 
 
 @styled
-def figure_next(rows: Sequence[dict[str, Any]]) -> Figure:
+def figure_next(found: NextMeasurements) -> Figure:
     """What the rivals expect of each proposed reading; the bars are two standard uncertainties of a reading.
 
     Raises
@@ -86,7 +85,7 @@ def figure_next(rows: Sequence[dict[str, Any]]) -> Figure:
     RequestError
         No condition is proposed.
     """
-    shown = [row for row in rows if row["predictions"]]
+    shown = [row for row in found.rows if row["predictions"]]
     if not shown:
         raise RequestError("no condition is proposed: there is nothing to draw", remedy="leave out --plot")
     most = max(len(row["predictions"]) for row in shown)

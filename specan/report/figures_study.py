@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from specan.study.comparison import Comparison
     from specan.study.study import Study
 
 FIGURES = {"frf": figure_compare_frf}  # kind of measurement: its figure; rows of a table without one
@@ -52,6 +53,11 @@ def figure_comparison(study: Study, channel: str | None = None) -> Figure:
     if not recorded or study.model.receivers is None:
         return figure_compare(study, channel)
     return figure_errors(study, recorded[0], recorded[0].number(channel))
+
+
+def figure_of_comparison(found: Comparison, channel: str | None = None) -> Figure:
+    """The same of a comparison that was made."""
+    return figure_comparison(found.study, channel)
 
 
 @styled

@@ -24,7 +24,8 @@ from specan.study.verdict import headline, headline_of, reason
 from specan.units import printed_unit
 
 if TYPE_CHECKING:
-    from specan.study.study import Comparison, Study
+    from specan.study.comparison import Comparison
+    from specan.study.study import Study
     from specan.study.verdict import Diagnosis
 
 MOST_RIVALS = 5  # candidates that a step names beside the one that was added

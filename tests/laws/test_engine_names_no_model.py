@@ -17,7 +17,7 @@ WORDS = re.compile(
 OWN = {
     "figures_worm_gear.py", "figures_room.py", "figures_planetary_gear.py",
     "simulate_planetary_gear.py", "simulate_worm_gear.py", "simulate_room.py", "study_impedance.py",
-    "simulators.py", "figures_orders.py",
+    "figures_orders.py",
 }  # fmt: skip
 
 
