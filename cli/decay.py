@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import deliver, plot_option, table
-from specan_cli.recording_input import given, opened, result_options, say_notes, section_options
-from specan_cli.several_files import RecordingVerb, recording_argument
+from specan_cli.output import plot_option, table
+from specan_cli.recording_verb import Delivery, Source, given, recording_verb, section_options
 
 if TYPE_CHECKING:
     from specan.data.decay import DecayTimes
 
 
-@click.command("decay", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("decay")
 @click.option(
     "--reference",
     metavar="CH",
@@ -28,13 +26,9 @@ if TYPE_CHECKING:
 @click.option("--fmax", type=float, metavar="HZ", help="To this band.  [default: 4000; 5000 for thirds]")
 @section_options
 @plot_option()
-@result_options()
 def command(
-    file: Path,
-    plot: Path | None,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
+    source: Source,
+    deliver: Delivery,
     **options: Any,
 ) -> int:
     """Find reverberation times, clarity, definition and centre time (ISO 3382-1).
@@ -47,10 +41,8 @@ def command(
     """
     from specan.api.recordings import decay
 
-    found = decay(opened(file, opening), **given(**options))
-    deliver(found, plot, output, as_json, write=write_text, show=lambda: show(found))
-    say_notes(found.notes, {})
-    return 0
+    found = decay(source.open(), **given(**options))
+    return deliver(found, write_text, lambda: show(found))
 
 
 def show(found: DecayTimes) -> None:

@@ -7,24 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import deliver, plot_option, table
-from specan_cli.recording_input import (
+from specan_cli.output import plot_option, table
+from specan_cli.recording_verb import (
+    Delivery,
+    Source,
     given,
-    opened,
     quantity_option,
-    result_options,
-    say_notes,
+    recording_verb,
     section_options,
 )
-from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.frequency_response import FrequencyResponse
     from specan.units import Quantity
 
 
-@click.command("frf", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("frf", "all lines")
 @click.option("--reference", metavar="CH", help="Channel of reference [default: the vibrometer].")
 @click.option(
     "--estimator",
@@ -48,18 +46,14 @@ if TYPE_CHECKING:
 @click.option("--at", "at_hz", type=float, multiple=True, metavar="HZ", help="Print this line; repeatable.")
 @plot_option()
 @click.option("--unwrap", is_flag=True, help="Draw the phase without jumps.")
-@result_options("all lines")
 def command(
-    file: Path,
+    source: Source,
+    deliver: Delivery,
     no_align: bool,
     fmin: float,
     fmax: float | None,
     at_hz: tuple[float, ...],
-    plot: Path | None,
     unwrap: bool,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
     quantity: Quantity | None,
     **options: Any,
 ) -> int:
@@ -72,11 +66,9 @@ def command(
     """
     from specan.api.recordings import frf
 
-    found = frf(opened(file, opening, quantity), align=not no_align, **given(**options))
+    found = frf(source.open(quantity), align=not no_align, **given(**options))
     found = found.between(fmin, float("inf") if fmax is None else fmax)
-    deliver(found, plot, output, as_json, write=write_text, show=lambda: show(found, at_hz), unwrapped=unwrap)
-    say_notes(found.notes, dict(zip(found.channels, found.flags)))
-    return 0
+    return deliver(found, write_text, lambda: show(found, at_hz), flags=found.flags, unwrapped=unwrap)
 
 
 def show(found: FrequencyResponse, at_hz: tuple[float, ...]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.output import say
-from specan_cli.recording_input import opening_options
+from specan_cli.recording_verb import opening_options
 
 if TYPE_CHECKING:
     from bokeh.document import Document

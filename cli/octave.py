@@ -7,25 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.options import (
-    FRACTIONS,
-    level_options,
-    limit_code,
-    limit_content,
-    limit_option,
-    show_limit,
-    weighting_option,
-)
-from specan_cli.output import deliver, plot_option, table
-from specan_cli.recording_input import (
+from specan_cli.options import FRACTIONS, level_options, limit_option, weighting_option
+from specan_cli.output import plot_option, table
+from specan_cli.recording_verb import (
+    Delivery,
+    Source,
     given,
-    opened,
     quantity_option,
-    result_options,
-    say_notes,
+    recording_verb,
     section_options,
 )
-from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.band_levels import BandLevels
@@ -50,8 +41,7 @@ class _Averaging(click.ParamType):
             )
 
 
-@click.command("octave", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("octave", "all levels")
 @click.option("--fraction", type=click.Choice(FRACTIONS), help="1/N octave.  [default: 3]")
 @weighting_option("Weighting of the band levels; A, B and C for sound pressure only.  [default: Z]")
 @click.option(
@@ -87,16 +77,12 @@ class _Averaging(click.ParamType):
 @limit_option()
 @plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")
-@result_options("all levels")
 def command(
-    file: Path,
+    source: Source,
+    deliver: Delivery,
     background: Path | None,
     limit: Path | None,
-    plot: Path | None,
     history: bool,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
     quantity: Quantity | None,
     **options: Any,
 ) -> int:
@@ -110,27 +96,20 @@ def command(
     from specan.api.recordings import octave
     from specan.errors import RequestError
 
-    if history and (plot is None or options["averaging"] in (None, "linear")):
+    if history and (deliver.plot is None or options["averaging"] in (None, "linear")):
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
         )
     wanted = given(**options)
-    found = octave(opened(file, opening, quantity), **wanted)
+    found = octave(source.open(quantity), **wanted)
     if background is not None:
         whole = {**wanted, "start_s": 0.0, "stop_s": None}
-        found = without_background(found, octave(opened(background, opening, quantity), **whole))
+        found = without_background(found, octave(Source(background, source.opening).open(quantity), **whole))
     kept = [] if limit is None else _held(found, limit)
-
-    def shown() -> None:
-        show(found)
-        show_limit(limit, kept)
-
-    deliver(
-        found, plot, output, as_json, write=write_text, show=shown, view="history" if history else "",
-        content=lambda: {**found.to_json(), **limit_content(kept)},
+    return deliver(
+        found, write_text, lambda: show(found), flags=found.flags, limit=limit, kept=kept,
+        view="history" if history else "",
     )  # fmt: skip
-    say_notes(found.notes, dict(zip(found.channels, found.flags)))
-    return limit_code(kept)
 
 
 def _held(found: BandLevels, limit: Path) -> list[Kept]:

@@ -1,4 +1,4 @@
-"""Options that several verbs have."""
+"""Options that several verbs have, and what `--limit` says: pass or fail, in words and in the exit code."""
 
 from __future__ import annotations
 

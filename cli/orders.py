@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import deliver, plot_option, say, table
-from specan_cli.recording_input import given, opened, result_options, say_notes, section_options
-from specan_cli.several_files import RecordingVerb, recording_argument
+from specan_cli.output import plot_option, say, table
+from specan_cli.recording_verb import Delivery, Source, given, recording_verb, section_options
 
 if TYPE_CHECKING:
     from specan.data.orders import OrderSpectrum
     from specan.data.recording import Recording
 
 
-@click.command("orders", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("orders", "all lines")
 @section_options
 @click.option("--tacho", metavar="CH", help="The tacho.  [default: the recording's only one]")
 @click.option(
@@ -54,17 +52,13 @@ if TYPE_CHECKING:
 )
 @click.option("--map", "as_map", is_flag=True, help="Orders against speed: in --plot, -o and --json.")
 @plot_option()
-@result_options("all lines")
 def command(
-    file: Path,
+    source: Source,
+    deliver: Delivery,
     envelope: str | None,
     kurtosis: bool,
     peaks: int,
     as_map: bool,
-    plot: Path | None,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
     **options: Any,
 ) -> int:
     """Find order spectra, complex amplitudes of given orders, and synchronous averages.
@@ -78,19 +72,17 @@ def command(
     """
     from specan.api.recordings import orders
 
-    recording = opened(file, opening)
+    recording = source.open()
     found = orders(recording, **given(envelope_hz=_band(envelope), **options))
     impulsive = _kurtosis(recording, found) if kurtosis else {}
 
     def content() -> dict[str, Any]:
         return {**found.to_json(with_map=as_map), **({"kurtosis": impulsive} if impulsive else {})}
 
-    deliver(
-        found, plot, output, as_json, view="map" if as_map else "", content=content,
-        write=lambda found, path: write_text(found, path, as_map), show=lambda: show(found, peaks, impulsive),
+    return deliver(
+        found, lambda found, path: write_text(found, path, as_map), lambda: show(found, peaks, impulsive),
+        content=content, view="map" if as_map else "",
     )  # fmt: skip
-    say_notes(found.notes, {})
-    return 0
 
 
 def _band(text: str | None) -> tuple[float, float] | None:

@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import level_options, weighting_option
-from specan_cli.output import deliver, plot_option, table
-from specan_cli.recording_input import given, opened, result_options, say_notes, section_options
-from specan_cli.several_files import RecordingVerb, recording_argument
+from specan_cli.output import plot_option, table
+from specan_cli.recording_verb import Delivery, Source, given, recording_verb, section_options
 
 if TYPE_CHECKING:
     from specan.data.levels import SignalLevels
 
 
-@click.command("rms", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("rms")
 @weighting_option("Weighting of the time-weighted levels of sound pressure.  [default: A]")
 @click.option(
     "--averaging",
@@ -31,13 +29,9 @@ if TYPE_CHECKING:
 @section_options
 @level_options("equivalent levels")
 @plot_option()
-@result_options()
 def command(
-    file: Path,
-    plot: Path | None,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
+    source: Source,
+    deliver: Delivery,
     **options: Any,
 ) -> int:
     """Find RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
@@ -49,10 +43,8 @@ def command(
     """
     from specan.api.recordings import rms
 
-    found = rms(opened(file, opening), **given(**options))
-    deliver(found, plot, output, as_json, write=write_text, show=lambda: show(found))
-    say_notes(found.notes, dict(zip(found.channels, found.flags)))
-    return 0
+    found = rms(source.open(), **given(**options))
+    return deliver(found, write_text, lambda: show(found), flags=found.flags)
 
 
 def show(found: SignalLevels) -> None:

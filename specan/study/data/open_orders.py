@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,11 @@ from specan.data.channel import Channel
 from specan.data.orders import OrderLines as FoundLines
 from specan.data.orders import TachoReport
 from specan.data.recording import Recording
-from specan.errors import InputError, RequestError, nearest
+from specan.errors import InputError, RequestError
 from specan.io.open import open_recording
 from specan.models import Model
 from specan.models.measurement_kinds import OrderLines, Stated
-from specan.study.data.open_recordings import reads  # noqa: F401  a recording is one by its content
+from specan.study.data.open_recordings import put_aside, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
 from specan.units import convert
@@ -62,7 +63,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         if file in wanted.validations:
             held_out.append(whole)
             continue
-        aside = _put_aside(whole, file, wanted, model)
+        aside = put_aside(whole, file, wanted, partial(_label, whole=whole, model=model))
         if not np.all(aside):
             fitted.append(whole.take(~aside))
         if np.any(aside):
@@ -295,35 +296,10 @@ def _stated(
     return stated.default, "as the rig file says"
 
 
-def _put_aside(
-    whole: OrderLinesObservation, file: DataFile, wanted: MeasuredFiles, model: Model
-) -> NDArray[np.bool_]:
-    """Rows that ``channel=Acc 2`` or ``CONDITION=60`` names."""
-    aside = np.zeros(whole.n, dtype=bool)
-    for file_name, where in wanted.hold_out:
-        if file_name not in (None, file.name):
-            continue
-        given, _, levels = where.partition("=")
-        key = _label(given.strip(), whole, model)
-        labels = whole.labels[key]
-        for level in levels.split(","):
-            if labels.dtype.kind == "f":
-                chosen = np.isclose(labels, float(level), rtol=0.02)
-            else:
-                chosen = labels == level.strip()
-            if labels.dtype.kind != "f" and not chosen.any():
-                raise RequestError(
-                    f"{file.name} has no {key} {level.strip()!r}",
-                    remedy=nearest(level.strip(), [str(v) for v in np.unique(labels)]),
-                )
-            aside |= chosen
-    return aside
-
-
 def _label(given: str, whole: OrderLinesObservation, model: Model) -> str:
     """The label that a key means: its name, the column of a condition, or the last word of its name."""
     for name in whole.labels:
         condition = model.conditions.get(name)
         if given in (name, name.rpartition("_")[2], condition.column if condition else name):
             return name
-    raise RequestError(f"{given!r} is not known for a recording", remedy=nearest(given, whole.labels))
+    return given

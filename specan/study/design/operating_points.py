@@ -53,6 +53,8 @@ class Proposal:
         Standard uncertainty of a reading there.
     separation_sigma : float
         Largest difference of two rivals over its standard uncertainty.
+    least_sigma : float or None
+        The smallest one: a reading with two or more tells all rivals apart.
     """
 
     text: str
@@ -61,6 +63,7 @@ class Proposal:
     unit: str
     sigma: float | None
     separation_sigma: float | None
+    least_sigma: float | None = None
 
 
 def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True) -> tuple[Proposal, ...]:
@@ -256,7 +259,7 @@ def _proposal(
         else (f"one reading separates some of them, by up to {apart:.1f} sigma")
     )
     text = f"{where}: {said}; sigma there is {sigma:.2g}{unit}, {told}"
-    return Proposal(text, conditions, predictions, observable.unit, sigma, apart)
+    return Proposal(text, conditions, predictions, observable.unit, sigma, apart, least)
 
 
 def _shown(model: Model, name: str, value: float) -> float | str:

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError, InputError
 from specan.models import Assembly, Use
 from specan.models.evaluation import Evaluation
-from specan.study.observation import TABLE, Array, Strategy, Variable
+from specan.study.observation import TABLE, Array, Fixed, Strategy, Variable
 
 WORTH_A_PASS = 2000  # values for which calling a model's functions costs less than what they compute
 
 
 @dataclass(frozen=True, eq=False)
-class TableObservation:
+class TableObservation(Fixed):
     """Rows of one or several tables as an `Observation`.
 
     Attributes
@@ -126,22 +126,6 @@ class TableObservation:
         """Apply V^(-1/2) along axis 0."""
         scaled = array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
         return scaled if self._diagonal else self._root(scaled)
-
-    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> TableObservation:
-        """Itself."""
-        return self
-
-    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> TableObservation:
-        """All of it: a table's rows are cheap."""
-        return self
-
-    def down_weighted(self, percent: float) -> TableObservation:
-        """Itself."""
-        return self
-
-    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> TableObservation:
-        """Itself."""
-        return self
 
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
         """Keep some of the rows; effects that look at earlier readings still see those left out.

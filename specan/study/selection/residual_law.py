@@ -218,9 +218,10 @@ def _describe(
     as_large_as_all = abs(fitted.multiple) > 0.999 / STEP
     if not as_large_as_all and all(value is not None for value in simple.values()):
         text += " (near " + " ".join(f"{s}^{simple[s]}" for s in symbols) + ")"
-    text += f", {amplitude:.3g} {unit} in the middle of the data"
+    meant = ", ".join(f"{s}: {space.variables[s].replace('_', ' ')}" for s in symbols)
+    text += f", {amplitude:.3g} {unit} in the middle of the data ({meant})"
     if as_large_as_all:
-        text += ": next to a term that the model has, and only as sure as that one's form"
+        text += "; the model has a term of nearly this form, so that the exponents are not sure"
     p_value = improvement_probability(
         float(start.linear.residual @ start.linear.residual) - fitted.left,
         1 + len(symbols),

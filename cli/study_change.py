@@ -1,4 +1,4 @@
-"""What ``study add`` and ``study drop`` print."""
+"""``specan study add`` and ``study drop``: change the model, refit, see what the errors do."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import draw, emit_json, plot_option, table
-from specan_cli.study import parameter_table, study_options
+from specan_cli.output import Verb, draw, emit_json, plot_option, table
+from specan_cli.study import open_study, parameter_table, study_options
 
 if TYPE_CHECKING:
     from specan.study.edit import Change
@@ -27,27 +27,51 @@ def change_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def show_change(change: Change, as_json: bool, plot: Path | None) -> None:
+@click.command("add", cls=Verb)
+@change_options
+def add(directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, **shown: Any) -> None:
+    """Add EFFECT to the model of DIR and refit: errors before and after, on fitted and on held-out data.
+
+    EFFECT is a name (specan model show NAME lists them), with its place where it acts at one
+    (wall-impedance@z1), or a Python file with an effect of your own.
+
+    \b
+    specan study add my_study seal-drag --because "idle runs ask for it"
+    """
+    from specan.study.edit import add_effect
+
+    _show(add_effect(open_study(directory, effects), effect_name, because), **shown)
+
+
+@click.command("drop", cls=Verb)
+@change_options
+def drop(directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, **shown: Any) -> None:
+    """Take EFFECT out of the model of DIR and refit. The steps before stay in the history.
+
+    EFFECT may also be an effect file of your own that the study took in (my_effect.py): it is then no candidate
+    any more, whether it still works or not.
+
+    \b
+    specan study drop my_study seal-drag
+    """
+    from specan.study.edit import drop_effect, drop_effect_file, is_effect_file
+
+    if not is_effect_file(directory, effect_name):
+        _show(drop_effect(open_study(directory, effects), effect_name, because), **shown)
+        return
+    dropped = drop_effect_file(directory, effect_name)
+    if shown["as_json"]:
+        emit_json({"dropped": dropped})
+    else:
+        click.echo(f"{dropped} is no part of the study any more; the file itself stays.")
+
+
+def _show(change: Change, as_json: bool, plot: Path | None) -> None:
     """Errors before and after, parameters, remarks; a figure where one was asked for."""
     draw(change, plot)
     before, after = change.before, change.after
-    parameters = {name: dict(row) for name, row in after.parameters.items()}
-    for name, (low, high) in change.intervals.items():
-        parameters[name] |= {"low": low, "high": high}
     if as_json:
-        emit_json(
-            {
-                "step": after.step,
-                "action": after.action,
-                "effect": after.effect,
-                "model_effects": list(after.model_effects),
-                "before": _errors(before),
-                "after": _errors(after),
-                "parameters": parameters,
-                "parameters_held": list(change.held),
-                "remarks": list(change.remarks),
-            }
-        )
+        emit_json(change.to_json())
         return
     rows = [*_rows("fit", "fitted", before, after), *_rows("held_out", "held-out", before, after)]
     table(
@@ -64,21 +88,10 @@ def show_change(change: Change, as_json: bool, plot: Path | None) -> None:
             )
         click.echo(text)
     click.echo("")
-    parameter_table(parameters)
+    parameter_table(change.parameters)
     for remark in change.remarks:
         click.echo(f"Note: {remark}")
     click.echo("Model: " + (", ".join(after.model_effects) or change.study.model.words.ideal))
-
-
-def _errors(step: Any) -> dict[str, Any]:
-    return {
-        "fit_error": step.fit_error,
-        "held_out_error": step.held_out_error,
-        "errors": step.errors,
-        "reduced_chi2": step.reduced_chi2,
-        "held_out_reduced_chi2": step.held_out_reduced_chi2,
-        "p_value": step.p_value,
-    }
 
 
 def _rows(key: str, name: str, before: Any, after: Any) -> list[list[Any]]:
