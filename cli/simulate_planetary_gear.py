@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 RATE = 51200.0
 LINES_RATE = 12800.0  # of recordings made of order lines: three harmonics of the mesh lie far below
-_NEAR = 0.15  # relative distance within which a harmonic meets a natural frequency: as well as stiffness is known
+# Relative distance within which a harmonic meets a natural frequency: as well as stiffness is known.
+_NEAR = 0.15
 _PATIENCE_S = 5.0  # from which on the time that a run takes is told before it starts
 
 
