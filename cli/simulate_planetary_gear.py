@@ -123,7 +123,7 @@ def _announce(rig: Any, duration: float) -> None:
 
     needed = estimate_s(rig, duration)
     if needed > _PATIENCE_S or not HAS_NUMBA:
-        slow = "" if HAS_NUMBA else "; install specan[fast] (numba) to have it some hundred times faster"
+        slow = "" if HAS_NUMBA else "; install specan[fast] (numba) to have it some forty times faster"
         say(f"The run takes about {needed:.0f} s{slow}.")
 
 

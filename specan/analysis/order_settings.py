@@ -1,4 +1,4 @@
-"""What is asked of an order analysis."""
+"""What is asked of an order analysis: orders, and the shaft that they are counted by."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which channels and which samples an analysis looks at."""
+"""Which channels and which samples an analysis looks at, and results of few channels joined."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The DFT of one block as peak amplitudes."""
+"""The DFT of one block as peak amplitudes; blocks of any length in bounded memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The filters of time-weighted levels: bands and frequency weightings as analogue responses."""
+"""The filters of time-weighted levels: bands and frequency weightings as analogue and minimum-phase responses."""
 
 from __future__ import annotations
 

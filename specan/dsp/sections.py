@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.decimator import FACTOR, low_pass
-from specan.dsp.multirate import LENGTH
+from specan.dsp.multirate import FACTOR, LENGTH, low_pass
 
 # Everything is a multiple of this, so that intervals of up to 64 samples, and these in sixteens, fill a section.
 _GRAIN = 1024

@@ -1,4 +1,4 @@
-"""Waveforms of any length as the lowest and highest sample of each screen column."""
+"""Waveforms of any length as the lowest and highest sample of each screen column, kept for the next time."""
 
 from __future__ import annotations
 

@@ -17,7 +17,6 @@ from specan.inspect.kept_bands import KeptBands
 from specan.inspect.look import PANEL, Dress, dark_toggle
 from specan.inspect.opened import Opened
 from specan.inspect.plots import Band, Curve, plain
-from specan.inspect.same_command import commands
 from specan.inspect.tabs.fft import FftTab
 from specan.inspect.tabs.frf import FrfTab
 from specan.inspect.tabs.info import InfoTab
@@ -26,7 +25,7 @@ from specan.inspect.tabs.octave import OctaveTab
 from specan.inspect.tabs.orders import OrdersTab
 from specan.inspect.tabs.spectrogram import SpectrogramTab
 from specan.inspect.tabs.tab import Found, Tab, text_of
-from specan.inspect.view import View
+from specan.inspect.view import View, commands
 from specan.inspect.waveform_view import WaveformView
 from specan.inspect.work import Tell, Work
 from specan.report.figures import figure_of

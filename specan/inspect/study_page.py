@@ -15,10 +15,9 @@ from specan.errors import RequestError
 from specan.inspect.header import STUDY_KEYS, BrowserLink, Busy, folded, header, notice, sheet
 from specan.inspect.look import PANEL, Dress, dark_toggle
 from specan.inspect.study_views.agreement import agreement_of
-from specan.inspect.study_views.failing import FailingMap
+from specan.inspect.study_views.errors import FailingMap, Staircase
 from specan.inspect.study_views.places import PlacesView
 from specan.inspect.study_views.ranking import Ranking, Uses
-from specan.inspect.study_views.staircase import Staircase
 from specan.inspect.study_views.transfer import TransferAgreement
 from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView

@@ -1,4 +1,4 @@
-"""What a model says of its measurement, with or without further effects; nothing is written."""
+"""What a model says of its measurement, with or without further effects; the study that a page was opened for."""
 
 from __future__ import annotations
 

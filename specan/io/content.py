@@ -1,4 +1,4 @@
-"""What a file is, by its first bytes: a name promises nothing."""
+"""What a file is, by its first bytes, and the formats that can be read."""
 
 from __future__ import annotations
 

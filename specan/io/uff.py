@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError
+from specan.io.array_tree import Signal, recording_of
 from specan.io.channel_table import ChannelTable
 from specan.io.export_file import library
 from specan.io.sampling_rate import Rate
-from specan.io.signals import Signal, recording_of
 from specan.io.time_axis import axis_of
 
 # Function types of data set 58, record 6, field 1.

@@ -1,4 +1,4 @@
-"""Figures of band levels and of their histories."""
+"""Figures of band levels and their histories, of levels of channels, and of decay times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figure of a step that changed the model: errors and residuals before and after."""
+"""Figures of a step that changed the model, before and after, and of the error after each step."""
 
 from __future__ import annotations
 

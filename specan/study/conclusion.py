@@ -13,8 +13,7 @@ from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import MOST_ROWS, localise
 from specan.study.selection.acceptance import DECISIVE
-from specan.study.selection.alternatives import seen_from
-from specan.study.selection.beyond_known import sizes_beyond
+from specan.study.selection.alternatives import seen_from, sizes_beyond
 from specan.study.selection.doubtful_data import WHOLE, rows_of_two_kinds, suspect_rows
 from specan.study.selection.law_search import search_laws
 from specan.study.selection.pulls import ODDS, DataAlone, Pull, data_alone, stretched, what_would_tell

@@ -28,8 +28,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block, localise
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
-from specan.study.selection.alternatives import alternatives, other_forms
-from specan.study.selection.beyond_known import refit_promising
+from specan.study.selection.alternatives import alternatives, other_forms, refit_promising
 from specan.study.selection.doubtful_data import (
     copied_rows,
     drift_over_rows,

@@ -12,9 +12,8 @@ pytest.importorskip("bokeh")
 
 from specan.errors import InputError, RequestError
 from specan.inspect.plots import Band
-from specan.inspect.study_views.failing import FailingMap
+from specan.inspect.study_views.errors import FailingMap, Staircase
 from specan.inspect.study_views.ranking import Ranking, uses_of
-from specan.inspect.study_views.staircase import Staircase
 from specan.inspect.trial import KeptStudy, as_it_is, candidates_of, try_effects
 from specan.inspect.work import Heard, Superseded
 from specan.study.edit import add_effect

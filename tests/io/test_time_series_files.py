@@ -187,8 +187,8 @@ def test_uff_of_another_writer_in_ascii(tmp_path):
 def test_a_format_of_an_installed_package(tmp_path, monkeypatch):
     """As an entry point of the group specan.formats brings it."""
     from specan.data.recording import ArraySource
+    from specan.io.array_tree import Signal, recording_of
     from specan.io.sampling_rate import Rate
-    from specan.io.signals import Signal, recording_of
 
     module = types.SimpleNamespace(
         recognises=lambda start: start.startswith(b"ACME"),

@@ -37,7 +37,7 @@ from specan.data.channel import Channel
 from specan.data.excitation import Excitation
 from specan.data.levels import Quality
 from specan.data.recording import Recording
-from specan.dsp.block_grid import BlockGrid
+from specan.dsp.overlapped_blocks import BlockGrid
 from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.open import open_recording
 

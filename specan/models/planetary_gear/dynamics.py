@@ -31,7 +31,7 @@ STEPS_PER_PERIOD = 25.0
 SETTLE_S = 0.25  # left away before the first sample: transients of the contacts have died away
 _STORED_RATE = 51200.0
 OVERSAMPLED = 4
-_CHUNK = 51200
+_CHUNK = 12800
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 
 from specan.models import Model
 from specan.study.estimation.fit import Fit, misfit_p_value
+from specan.study.estimation.prediction_error import LEAST_SHARE, LeftOut
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.frf_errors import curve_errors  # also offered to `localise`
 from specan.study.localisation.localise import (
     CLEAR,
-    LEAST_SHARE,
     LEVEL,
     Block,
-    LeftOut,
     Localisation,
     Trend,
     level_and_phase,
