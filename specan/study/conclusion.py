@@ -83,11 +83,16 @@ def _with_doubts(explained: Explained) -> Conclusion:
         reasons.append(
             f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well"
         )
-    held = base.lack_of_fit >= LACK_OF_FIT and search.too_far(base)
+    named = {
+        str(use) for one in sets for use in one.uses
+    }  # an instrument that is named is no other explanation
+    far = [pull for pull in search.too_far(base) if pull.parameter.owner not in named]
+    held = far if base.lack_of_fit >= LACK_OF_FIT else []
     if held:
         reasons.append(f"without it the model fits only with {_values(held)}")
     beyond = [
-        f"{_names([one])} fits as well, with {_values(values)}" for one, values in sizes_beyond(search, sets)
+        f"{_names([rival])} fits as well, with {_values(values)}"
+        for rival, values in sizes_beyond(search, sets)
     ]
     reasons += beyond[:MOST_PULLS]
     suspect = bool(
