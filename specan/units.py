@@ -169,6 +169,18 @@ def printed_unit(unit: str) -> str:
     )
 
 
+def axis_label(quantity: str, unit: str) -> str:
+    """A quantity with its unit, as it stands beside an axis.
+
+    Examples
+    --------
+    >>> axis_label("RMS error of input_torque", "N*m"), axis_label("efficiency", "1")
+    ('RMS error of input torque / Nm', 'efficiency')
+    """
+    shown = printed_unit(unit)
+    return quantity.replace("_", " ") + (f" / {shown}" if shown else "")
+
+
 def is_compatible(unit: str, target: str) -> bool:
     """Whether `unit` can be read and converted to `target`."""
     try:

@@ -18,6 +18,7 @@ from specan.report.figure_style import (
     legend_above,
     legend_below,
     level_label,
+    level_limits,
     micro,
     new_figure,
     octave_axis,
@@ -114,12 +115,9 @@ def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: di
 
 
 def _limit(axes: Axes, found: BandLevels, rows: Sequence[int]) -> None:
-    """From the highest level down to the lowest, but no further than the dynamics of a converter."""
     shown = np.concatenate([found.level_dB[rows].ravel(), *(v[rows] for v in found.overall_dB.values())])
-    finite = shown[np.isfinite(shown)]
-    if finite.size:
-        top = float(finite.max())
-        axes.set_ylim(max(float(finite.min()), top - _DYNAMICS_DB) - 3.0, top + 4.0)
+    if np.isfinite(shown).any():
+        axes.set_ylim(*level_limits(shown, _DYNAMICS_DB, above=4.0))
 
 
 @styled

@@ -17,7 +17,7 @@ from specan.report.study_words import fall_text, history_sentence, state_of
 from specan.study.history import History, Step
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.table import TableObservation
-from specan.units import printed_unit
+from specan.units import axis_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,14 +49,7 @@ def figure_change(change: Change) -> Figure:
     two.set_ylabel("")
     two.tick_params(labelleft=False)
     after = change.after
-    texts = [
-        f"{text}: {fall_text(a, b)}"
-        for text, a, b in (
-            ("Fitted", change.before.fit_error, after.fit_error),
-            ("held out", change.before.held_out_error, after.held_out_error),
-        )
-        if a is not None and b is not None
-    ]
+    texts = [f"{text.replace('fitted', 'Fitted')}: {fall_text(a, b)}" for text, a, b in _errors(change)]
     what = {"add": "with", "drop": "without"}.get(after.action, after.action)
     heading(
         figure, f"{change.study.directory.resolve().name}, step {after.step}: {what} {after.effect}",
@@ -65,23 +58,25 @@ def figure_change(change: Change) -> Figure:
     return figure
 
 
+def _errors(change: Change) -> list[tuple[str, Any, Any]]:
+    """Errors before and after, on the data that have both."""
+    before, after = change.before, change.after
+    pairs = (
+        ("fitted", before.fit_error, after.fit_error),
+        ("held out", before.held_out_error, after.held_out_error),
+    )
+    return [(text, a, b) for text, a, b in pairs if a is not None and b is not None]
+
+
 def _bars(axes: Axes, change: Change) -> None:
-    rows = [
-        (text, a, b)
-        for text, a, b in (
-            ("fitted", change.before.fit_error, change.after.fit_error),
-            ("held out", change.before.held_out_error, change.after.held_out_error),
-        )
-        if a is not None and b is not None
-    ]
+    rows = _errors(change)
     for place, (_, before, after) in enumerate(rows):
         for shift, value, colour, text in ((-0.2, before, BEFORE, "before"), (0.2, after, AFTER, "after")):
             axes.bar(place + shift, value["value"], 0.38, color=colour, label=text if place == 0 else "")
             axes.annotate(f"{value['value']:.2g}", (place + shift, value["value"]), (0, 2), ha="center",
                           textcoords="offset points", fontsize=7, color=GREY)  # fmt: skip
     error = change.after.fit_error
-    unit = printed_unit(error["unit"])
-    axes.set_ylabel(error["metric"].replace("_", " ") + (f" / {unit}" if unit else ""))
+    axes.set_ylabel(axis_label(error["metric"], error["unit"]))
     axes.set_xticks(range(len(rows)), [text for text, *_ in rows])
     axes.set_xlim(-0.6, len(rows) - 0.4)
     axes.grid(False, axis="x")
@@ -113,8 +108,7 @@ def _table_residuals(
         axes.axhspan(-reach, reach, color="0.92", lw=0)
     for text, colour, mine, shift in _groups(observation, first, order):
         axes.plot(x[mine] + shift, residual[mine], "o", ms=3, color=colour, label=text)
-    unit = printed_unit(study.model.observables[name].unit)
-    axes.set_ylabel(f"Model - measured {name.replace('_', ' ')}" + (f" / {unit}" if unit else ""))
+    axes.set_ylabel(axis_label(f"Model - measured {name}", study.model.observables[name].unit))
     axes.set_xlabel(axis_text(order[0], observation.variables) if order else "reading")
     if after and len(order) > 1:
         axes.legend(title=axis_text(order[1], observation.variables), ncols=3, loc="upper right",
@@ -171,8 +165,7 @@ def figure_history(history: History) -> Figure:
     figure = new_figure(3.7, float(np.clip(2.6 + 0.95 * len(steps), 5.2, 11.0)))
     axes = figure.subplots()
     draw_staircase(axes, steps)
-    metric, unit = steps[-1].fit_error["metric"], printed_unit(steps[-1].fit_error["unit"])
-    axes.set_ylabel(metric.replace("_", " ") + (f" / {unit}" if unit else ""))
+    axes.set_ylabel(axis_label(steps[-1].fit_error["metric"], steps[-1].fit_error["unit"]))
     heading(figure, "Error after each step", history_sentence(steps))
     return figure
 

@@ -15,10 +15,11 @@ from specan.report.figure_style import (
     legend_above,
     new_figure,
     octave_axis,
+    phase_axis,
     styled,
-    with_gaps,
 )
-from specan.report.measured_transfer import level_dB, measured_transfer, phase_deg
+from specan.report.figures_study_frf import draw_response
+from specan.report.measured_transfer import measured_transfer
 from specan.report.study_words import state_of
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.units import printed_unit
@@ -166,22 +167,14 @@ def _curves(level: Axes, phase: Axes, study: Study, errors: FrfErrors, shown: in
     observation = study.problem.observations[number]
     predicted = study.problem.predictions(study.shown.theta)[number]
     found = measured_transfer(observation, predicted)  # type: ignore[arg-type]
-    f, (low, high) = found.frequency_hz, found.band_dB()
-    level.fill_between(f, low[shown], high[shown], color="0.6", alpha=0.6, lw=0, label="measured, 95 %")
-    for text, response, colour, dash in (
-        ("measured", found.measured, "0.15", "-"),
-        ("model", found.model, COLOURS[1], "--"),
-    ):
-        level.plot(f, level_dB(response[shown]), color=colour, linestyle=dash, lw=1, label=text)
-        phase.plot(f, with_gaps(phase_deg(response[shown])), color=colour, linestyle=dash, lw=1)
+    draw_response(found, shown, level, phase)
     unit = study.model.observables["frf"].unit
     level.set_ylabel(f"|H| / dB re 1 {printed_unit(unit)}")
     legend_above(level)
-    phase.set(
-        ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90), xlabel="Frequency / Hz"
-    )
+    phase_axis(phase)
+    phase.set_xlabel("Frequency / Hz")
     for axes in (level, phase):
-        octave_axis(axes, float(f.min()), float(f.max()))
+        octave_axis(axes, float(found.frequency_hz.min()), float(found.frequency_hz.max()))
     level.tick_params(labelbottom=False)
 
 

@@ -16,7 +16,7 @@ from specan.report.residual_map import axis_text, residual_map
 from specan.report.study_words import state_of
 from specan.study.observation import variable_named
 from specan.study.observation.table import TableObservation
-from specan.units import convert, printed_unit
+from specan.units import axis_label, convert
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -281,5 +281,4 @@ def figure_map(study: Study) -> Figure:
 
 
 def _quantity(study: Study, name: str) -> str:
-    unit = study.model.observables[name].unit
-    return name.replace("_", " ").capitalize() + (f" / {printed_unit(unit)}" if printed_unit(unit) else "")
+    return axis_label(name.capitalize(), study.model.observables[name].unit)

@@ -21,7 +21,7 @@ from specan.report.study_words import fall_text
 from specan.study.history import History, Step, diagnosis_of
 from specan.study.study_file import NAME
 from specan.study.verdict import headline, headline_of, reason
-from specan.units import printed_unit
+from specan.units import axis_label, printed_unit
 
 if TYPE_CHECKING:
     from specan.study.comparison import Comparison
@@ -117,14 +117,8 @@ def _led_to(content: Mapping[str, Any] | None, before: Step) -> list[str]:
 
 
 def _header(step: Step) -> list[str]:
-    unit = printed_unit(step.fit_error["unit"])
-    return [
-        "candidate",
-        "error left" + (f" / {unit}" if unit else ""),
-        "fall in BIC",
-        "p",
-        "gain on left-out conditions",
-    ]
+    left = axis_label("error left", step.fit_error["unit"])
+    return ["candidate", left, "fall in BIC", "p", "gain on left-out conditions"]
 
 
 def _candidate(row: Mapping[str, Any]) -> list[Any]:

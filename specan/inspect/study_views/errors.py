@@ -25,7 +25,7 @@ from specan.inspect.trial import Trial
 from specan.report.residual_map import ResidualMap, axis_text
 from specan.study.history import Step
 from specan.study.study import Study
-from specan.units import printed_unit
+from specan.units import axis_label
 
 _KINDS = (("fitted", "fit_error", COLOURS[0]), ("held out", "held_out_error", COLOURS[1]))
 _MOST = 7  # steps on screen: the latest
@@ -103,10 +103,7 @@ class Staircase:
         }
         if self._steps:
             error = self._steps[-1].fit_error
-            unit = printed_unit(error["unit"])
-            self.sheet.yaxis[0].axis_label = error["metric"].replace("_", " ") + (
-                f" / {unit}" if unit else ""
-            )
+            self.sheet.yaxis[0].axis_label = axis_label(error["metric"], error["unit"])
 
 
 _PALE = "#c3c8cf"  # outline of a cell that is not significant: an error near zero is as white as the paper
