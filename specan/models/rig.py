@@ -15,7 +15,7 @@ from specan.models.quantity import Condition, Observable, SettingError
 from specan.schema import read_toml
 from specan.units import convert, scale_to
 
-_FILES = (("room", "mesh"),)  # keys whose values are paths
+_FILES = (("room", "mesh"), ("background", "recording"))  # keys whose values are paths
 
 
 @dataclass(frozen=True)

@@ -38,10 +38,7 @@ from specan.study.selection.doubtful_data import (
     suspect_rows,
 )
 from specan.study.selection.initial_fit import initial_fit, with_covariances_about
-from specan.study.selection.pulls import (
-    pulls,
-    shown,
-)
+from specan.study.selection.pulls import Pull, pulls, shown
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import ResidualLaw, residual_law
 from specan.study.selection.search import Progress, Search
@@ -205,6 +202,7 @@ def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
                 drift_over_rows(base),
                 odd_repeat(base),
                 *better_but_too_far(search, sets),
+                *_off_certificates(best, found.values or pulls(best)),
                 *_too_good(base),
                 *(forms.sizes(rows[0].parameters) if best.uses else ()),
             )
@@ -245,6 +243,18 @@ def _too_good(base: Refit) -> tuple[str, ...]:
         f"reduced chi-square {base.reduced:.2f}: the measurement is stated {1 / np.sqrt(max(base.reduced, 1e-4)):.1f} "
         "times as uncertain as it scatters, so that small effects stay hidden. Different conditions may have been "
         "taken for repeats, or the declared model discrepancy or uncertainty is too large",
+    )
+
+
+def _off_certificates(best: Refit, pulled: Sequence[Pull]) -> tuple[str, ...]:
+    """Instruments that a fit with effects takes far outside of their certificates, as its equations may explain."""
+    names = " with ".join(sorted(map(str, best.uses)))
+    far = [p for p in pulled if p.too_far and p.parameter.whole in best.problem.priors]
+    return tuple(
+        f"{pull.text}: {abs(pull.pull):.1f} standard uncertainties off. It is wrong too, or makes up for the form of "
+        f"{names}: add that, and diagnose again"
+        for pull in far
+        if names
     )
 
 
