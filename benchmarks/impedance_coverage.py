@@ -26,8 +26,8 @@ from specan.models.catalogue import load_model
 from specan.models.room.places import wall_areas
 from specan.schema import read_toml
 from specan.study.data.open_recordings import open_data
-from specan.study.data.sources import DataFile, MeasuredFiles
-from specan.study.estimation.base_problem import base_problem
+from specan.study.observation import DataFile, MeasuredFiles
+from specan.study.selection.candidates import base_problem
 from truth.room import Truth, simulate, write
 from truth.room.box import WALLS
 from truth.room.branch import Lining

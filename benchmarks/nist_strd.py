@@ -23,9 +23,9 @@ import numpy as np
 
 from specan.errors import SpecanError
 from specan.models import Model
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.observation.table import TableObservation
+from specan.study.selection.candidates import base_problem
 
 MOST_DIGITS = 11.0  # to which NIST certifies
 ENOUGH = 6.0

@@ -22,7 +22,7 @@ import numpy as np
 from specan.models import Model, Parameter, effect
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
-from specan.study.estimation.base_problem import base_problem
+from specan.study.selection.candidates import base_problem
 
 ROWS = 200
 NOISE = 0.02  # kPa

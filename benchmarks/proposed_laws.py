@@ -18,9 +18,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from specan.models import Model
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.observation.table import TableObservation
+from specan.study.selection.candidates import base_problem
 from specan.study.selection.law_search import LawSearch, search_laws
 from specan.study.selection.refits import Refit
 

@@ -111,9 +111,8 @@ def command(model_name: str, rig: Path | None, **options: Any) -> None:
     specan simulate worm-gear sample_data/worm_gear/rig.toml --effects seal-drag -o table.csv
     """
     from specan.errors import RequestError
-    from specan.models.catalogue import effects_from_file, example_rig, is_file, load_model
+    from specan.models.catalogue import effects_from_file, example_rig, is_file, load_model, read_rig_file
     from specan.models.chosen_model import override
-    from specan.models.rig import read_rig_file
     from specan_cli.simulators import simulator_of
 
     if rig is None and not is_file(model_name):

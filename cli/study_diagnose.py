@@ -41,7 +41,7 @@ def command(
 
 
 def _print(found: Diagnosis, directory: Path) -> None:
-    from specan.report.verdict_words import headline
+    from specan.study.verdict import headline
 
     click.echo(headline(found))
     if found.reason:

@@ -14,10 +14,10 @@ from specan.models import Model, Use
 from specan.models.worm_gear.build import build
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose as find_missing
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
 from specan.study.selection.alternatives import other_forms
+from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, score_pairs
 from specan.study.selection.search import Search

@@ -10,11 +10,11 @@ from typing import Any
 from hidden_effects.gear_cases import Case
 from specan.models.planetary_gear.build import build
 from specan.study.data.open_orders import open_data
-from specan.study.data.sources import DataFile, MeasuredFiles
 from specan.study.diagnose import diagnose as find_missing
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
+from specan.study.observation import DataFile, MeasuredFiles
+from specan.study.selection.candidates import base_problem
 from truth.planetary_gear import Gear
 
 

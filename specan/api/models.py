@@ -37,7 +37,7 @@ def load_model(name: str | Path, rig: Mapping[str, Any] | str | Path | None = No
     True
     """
     from specan.models import catalogue
-    from specan.models.rig import read_rig_file
+    from specan.models.catalogue import read_rig_file
 
     if rig is None:
         return catalogue.example_model(str(name))

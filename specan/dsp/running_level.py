@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,6 @@ Real = NDArray[np.float64] | NDArray[np.float32]
 # What a band filter makes of the cut at the record's beginning has fallen by 60 dB after 2 times 3 / B: 10 dB
 # in every 1 / B.
 _SETTLINGS_OF_A_CUT = 2.0
-# The decaying rest of what came before a maximum is looked for is followed down to this part of it.
-_FORGOTTEN = 1e-9
 
 
 class RunningLevel:
@@ -80,7 +79,7 @@ class RunningLevel:
         self._together, self._last_interval = together, samples // together
         self._last_samples = max(samples % together, 1)
         self._position, self._read = 0, 0
-        self._last = np.zeros((rows, 1))
+        self._held, self._last = decay is not None, np.zeros((rows, 1))
         self._before_start: NDArray[np.float64] | None = None
         self.readings = np.full((rows, len(times)), np.nan)
         self.maximum, self.minimum = np.full(rows, np.nan), np.full(rows, np.nan)
@@ -97,35 +96,35 @@ class RunningLevel:
     def take(self, square: Real, factor: NDArray[np.float64] | None = None) -> None:
         """Weight the next mean squares (channels, intervals), each channel's times a factor, and read the result."""
         square[:, : max(self._silent - self._position, 0)] = 0.0
-        weighted = self._weighting(square, factor)
-        peaks = None
-        if self._peaks is not None:
-            square[:, : max(self._start - self._position, 0)] = 0.0
-            peaks = self._peaks(square, factor)
-        self._extremes(weighted, peaks)
-        self._look(weighted)
-        self._last = weighted[:, -1:].copy()
-        self._position += weighted.shape[1]
+        high, low = self._span(square, self._start), self._span(square, self._settled)
+        if self._held:
+            weighted = self._weighting(square, factor)
+            self.minimum = np.fmin(self.minimum, np.fmin.reduce(weighted[:, low], axis=1, initial=np.nan))
+            known = np.concatenate([self._last, weighted], axis=1)
+            self._last = known[:, -1:]
+            if self._peaks is not None:
+                square[:, : max(self._start - self._position, 0)] = 0.0
+                weighted = self._peaks(square, factor)
+            self.maximum = np.fmax(self.maximum, np.fmax.reduce(weighted[:, high], axis=1, initial=np.nan))
+            self._look(square.shape[1], lambda places: known[:, places + 1])
+        else:
+            sparse = self._weighting.sparse(square, factor)
+            if low.start < low.stop:
+                self.minimum = sparse.smallest(low, self.minimum)
+            if high.start < high.stop:
+                if self._before_start is None:
+                    self._before_start = sparse.at(np.array([high.start - 1]))
+                later = self._position - self._start
+                self.maximum = sparse.largest(high, self.maximum, self._before_start, later)
+            self._look(square.shape[1], sparse.at)
+        self._position += square.shape[1]
 
-    def _extremes(self, weighted: NDArray[np.float64], peaks: NDArray[np.float64] | None) -> None:
-        upto = max(min(weighted.shape[1], self._end - self._position), 0)
-        low = weighted[:, max(self._settled - self._position, 0) : upto]
-        if low.shape[1]:
-            self.minimum = np.fmin(self.minimum, np.fmin.reduce(low, axis=1))
-        since = max(self._start - self._position, 0)
-        if since >= upto:
-            return
-        high = (weighted if peaks is None else peaks)[:, since:upto]
-        if peaks is None:
-            if self._before_start is None:
-                self._before_start = self._last if since == 0 else weighted[:, since - 1 : since].copy()
-            later = self._position + since - self._start
-            high = self._weighting.without(self._before_start, high, later, _FORGOTTEN)
-        self.maximum = np.fmax(self.maximum, np.fmax.reduce(high, axis=1))
+    def _span(self, square: Real, since: int) -> slice:
+        """Which of the next intervals belong to the record from an interval of it on."""
+        return slice(max(since - self._position, 0), max(min(square.shape[1], self._end - self._position), 0))
 
-    def _look(self, weighted: NDArray[np.float64]) -> None:
+    def _look(self, length: int, at: Callable[[NDArray[np.intp]], NDArray[np.float64]]) -> None:
         """Intervals i and i + 1 around each reading, the last one of before included."""
-        length = weighted.shape[1]
         # A place as computed may miss an interval by a rounding error.
         done = int(np.searchsorted(self._place, self._position + length - 1 + 1e-6, side="right"))
         if done == self._read:
@@ -133,6 +132,6 @@ class RunningLevel:
         place = self._place[self._read : done] - (self._position - 1)
         before = np.clip(np.floor(place).astype(int), 0, length - 1)
         share = place - before
-        earlier = np.where(before == 0, self._last, weighted[:, before - 1])
-        self.readings[:, self._read : done] = earlier * (1.0 - share) + weighted[:, before] * share
+        earlier, later = np.hsplit(at(np.concatenate([before - 1, before])), 2)
+        self.readings[:, self._read : done] = earlier * (1.0 - share) + later * share
         self._read = done

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +81,25 @@ class TimeWeighting:
             self._state = average[:, -1:].copy()
         return self._hold(average) if self._fall else average
 
+    def sparse(
+        self,
+        squared: NDArray[np.float64] | NDArray[np.float32],
+        factor: NDArray[np.float64] | None = None,
+    ) -> SparseAverages:
+        """The same as a call, without the peak detector, for those who look at few of the values."""
+        rows, n = squared.shape
+        whole, rest = divmod(n, _BLOCK)
+        factors = np.ones(rows) if factor is None else factor
+        weights: NDArray[Any] = self._within[:-1, -1].astype(squared.dtype)
+        ends = np.zeros((rows, whole + 1))
+        with np.errstate(invalid="ignore", over="ignore"):
+            np.matmul(squared[:, : whole * _BLOCK].reshape(rows, whole, _BLOCK), weights, out=ends[:, :whole])
+            ends[:, whole] = np.add.reduce(squared[:, whole * _BLOCK :] * weights[_BLOCK - rest :], axis=1)
+            ends *= factors[:, None]
+            before = self._before(ends, self._state)
+            self._state = self._keep**rest * before[:, -1:] + ends[:, -1:]
+        return SparseAverages(self._keep, squared, factors, ends, before)
+
     def _average(
         self, squared: NDArray[np.float64] | NDArray[np.float32], factors: NDArray[np.float64]
     ) -> NDArray[np.float64]:
@@ -113,28 +133,6 @@ class TimeWeighting:
             state = sums[:, -1:]
         return before
 
-    def without(
-        self, earlier: NDArray[np.float64], weighted: NDArray[np.float64], later: int, forgotten: float
-    ) -> NDArray[np.float64]:
-        """What would have been found, had the signal begun later.
-
-        Parameters
-        ----------
-        earlier : ndarray, shape (rows, 1)
-            The average just before that.
-        weighted : ndarray, shape (rows, n)
-            Averages from `later` samples after the beginning on (not those of a peak detector).
-        forgotten : float
-            Where less than this part of `earlier` is left it is not looked for.
-        """
-        keep = self._keep ** (later + 1.0)
-        if keep < forgotten or not earlier.any():
-            return weighted
-        lasting = math.ceil(math.log(forgotten / keep) / math.log(self._keep)) + 1
-        left = earlier * keep * self._keep ** np.arange(min(lasting, weighted.shape[1]))
-        later_on = weighted[:, left.shape[1] :]
-        return np.concatenate([np.maximum(weighted[:, : left.shape[1]] - left, 0.0), later_on], axis=1)
-
     def _hold(self, average: NDArray[np.float64]) -> NDArray[np.float64]:
         """The largest of all earlier values, each with its decay: a running maximum of the logarithms."""
         fallen = self._fall * np.arange(1, average.shape[1] + 1)
@@ -145,3 +143,96 @@ class TimeWeighting:
         held = np.exp(rising[:, 1:] - fallen)
         self._peak = held[:, -1:]
         return np.asarray(held)
+
+
+class SparseAverages:
+    """Running averages of which few are looked at: those before each block are known, the others are found on demand.
+
+    What is not finite makes all that follows NaN.
+
+    Parameters
+    ----------
+    keep : float
+        y(i) = keep y(i - 1) + (1 - keep) factor x(i).
+    squared : ndarray, shape (rows, n)
+        x.
+    factors : ndarray, shape (rows,)
+    ends, before : ndarray, shape (rows, blocks)
+        What each block alone leaves at its end, and y before it.
+    """
+
+    def __init__(
+        self,
+        keep: float,
+        squared: NDArray[np.float64] | NDArray[np.float32],
+        factors: NDArray[np.float64],
+        ends: NDArray[np.float64],
+        before: NDArray[np.float64],
+    ) -> None:
+        self._keep, self._squared, self._factors = keep, squared, factors
+        self._ends, self._before = ends, before
+
+    def at(self, places: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Averages at these places, shape (rows, places); -1 is the one before the first."""
+        blocks, (rows, _) = np.maximum(places, 0) // _BLOCK, self._squared.shape
+        known = self._before[:, blocks]
+        values = self._inside(np.repeat(np.arange(rows), blocks.size), np.tile(blocks, rows), known.ravel())
+        found = values.reshape(*known.shape, _BLOCK)[:, np.arange(blocks.size), places % _BLOCK]
+        return np.where(places < 0, known, found)
+
+    def largest(
+        self, span: slice, least: NDArray[np.float64], earlier: NDArray[np.float64], later: int
+    ) -> NDArray[np.float64]:
+        """The largest average of each row in a span, or `least`, had the signal begun at or before the span.
+
+        `earlier`, shape (rows, 1), is the average just before that, and place 0 comes so many places `later`.
+        """
+        begins = np.maximum(np.arange(self._before.shape[1]), span.start // _BLOCK) * _BLOCK
+        before = self._before - earlier * self._keep ** (later + begins)
+        # Nothing is larger than if all of the block came with its first interval.
+        with np.errstate(invalid="ignore"):
+            bound = self._keep * before + self._ends * self._keep ** (1 - _BLOCK)
+            return self._searched(span, before, bound, least, np.fmax)
+
+    def smallest(self, span: slice, most: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The smallest average of each row in a span, or `most`."""
+        # Nothing is smaller than if all of the block came after its last interval.
+        with np.errstate(invalid="ignore"):
+            return self._searched(span, self._before, self._keep**_BLOCK * self._before, most, np.fmin)
+
+    def _searched(
+        self,
+        span: slice,
+        before: NDArray[np.float64],
+        bound: NDArray[np.float64],
+        best: NDArray[np.float64],
+        better: np.ufunc,
+    ) -> NDArray[np.float64]:
+        """Look into the blocks that may hold something better than what blocks end with."""
+        sought = np.zeros(before.shape, dtype=np.bool_)
+        sought[:, span.start // _BLOCK : -(-span.stop // _BLOCK)] = True
+        whole = slice(-(-span.start // _BLOCK), span.stop // _BLOCK)
+        if whole.stop > whole.start:
+            ended = self._keep**_BLOCK * before[:, whole] + self._ends[:, whole]
+            lost = ~np.isfinite(ended)
+            ended[lost] = np.nan
+            best = better(best, better.reduce(ended, axis=1))
+            sought[:, whole] = lost | (better(bound[:, whole], best[:, None]) != best[:, None])
+        rows, blocks = np.nonzero(sought)
+        values = self._inside(rows, blocks, before[rows, blocks])
+        places = blocks[:, None] * _BLOCK + np.arange(_BLOCK)
+        values[(places < span.start) | (places >= span.stop)] = np.nan
+        best = best.copy()
+        better.at(best, rows, better.reduce(values, axis=1))
+        return best
+
+    def _inside(
+        self, rows: NDArray[np.intp], blocks: NDArray[np.intp], known: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """All averages of some blocks, from those before them."""
+        places = np.minimum(blocks * _BLOCK + np.arange(_BLOCK)[:, None], self._squared.shape[1] - 1)
+        values = self._squared[rows, places] * ((1.0 - self._keep) * self._factors[rows])
+        for value in values:
+            value += self._keep * known
+            known = value
+        return np.where(np.isfinite(values), values, np.nan).T

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from specan.errors import RequestError, nearest
 from specan.impedance.absorption import diffuse_absorption, normal_absorption
 from specan.impedance.wall_admittance import WallFit, wall_fit
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.models.room.places import wall_areas
 from specan.result import Result, counted
 from specan.study.build_problem import assemble

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError, RequestError, SpecanError
 from specan.models import Assembly, Parameter, Use, effect
-from specan.study.estimation.base_problem import without
 from specan.study.estimation.continuation import down_weighted
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.frf import FrfObservation
+from specan.study.selection.candidates import without
 
 Complex = NDArray[np.complex128]
 

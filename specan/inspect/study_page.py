@@ -29,9 +29,8 @@ from specan.inspect.trial import Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Work
 from specan.report.figures_study import figure_compare
-from specan.report.verdict_words import headline, reason
 from specan.study.edit import Change, add_effect
-from specan.study.verdict import Diagnosis
+from specan.study.verdict import Diagnosis, headline, reason
 from specan.units import printed_unit
 
 if TYPE_CHECKING:

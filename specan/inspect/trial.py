@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from specan.errors import RequestError
 from specan.models import Use
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.report.residual_map import ResidualMap, residual_map
 from specan.study.build_problem import parameter_table
 from specan.study.estimation.continuation import linearised

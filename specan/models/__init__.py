@@ -5,13 +5,21 @@ scales or joins some of them. See `specan.models.effect.effect` for how to write
 """
 
 from specan.models.check import check_effect, conditions_over_limits
-from specan.models.effect import Effect, Use, effect
+from specan.models.effect import Effect, Parameter, Use, effect
 from specan.models.evaluation import Evaluation, varying
 from specan.models.measurement_kinds import Completed, Receivers, TableFault, TableRules
 from specan.models.model import Assembly, LawSpace, Model, Nuisance, Words
-from specan.models.parameter import Parameter
-from specan.models.quantity import Condition, Frf, Observable, Quantity, SettingError, constant, quantity
-from specan.models.rig import RigStatement, rig_statement
+from specan.models.quantity import (
+    Condition,
+    Frf,
+    Observable,
+    Quantity,
+    RigStatement,
+    SettingError,
+    constant,
+    quantity,
+    rig_statement,
+)
 
 __all__ = [
     "Assembly", "Completed", "Condition", "Effect", "Evaluation", "Frf", "LawSpace", "Model", "Nuisance", "Observable",

@@ -1,4 +1,4 @@
-"""Where models and effects are found: the built-in ones, installed plug-ins, and a user's own file."""
+"""Where models, effects and rigs are found: what is built in, installed plug-ins, and a user's own files."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect
 from specan.models.model import Model
+from specan.schema import read_toml
 
 # name -> package that holds `build(rig) -> Model` and `EXAMPLE_RIG`
 MODELS = {
@@ -233,3 +234,30 @@ def _plugins(model: str) -> list[Effect]:
         if point.name.split(":")[0] == model:
             found.append(point.load())
     return found
+
+
+_FILES = (("room", "mesh"),)  # keys whose values are paths
+
+
+def read_rig_file(path: Path) -> dict[str, Any]:
+    """Read a rig file; paths in it are relative to where it lies, and are made absolute.
+
+    Raises
+    ------
+    RequestError
+        It does not exist or is not valid TOML.
+    """
+    content = read_toml(path)
+    for table, key in _FILES:
+        given = content.get(table)
+        if isinstance(given, dict) and isinstance(given.get(key), str):
+            given[key] = str((path.parent / given[key]).resolve())
+    return content
+
+
+def rig_files(path: Path) -> tuple[Path, ...]:
+    """The rig file and the files that it names: everything that decides what the rig is."""
+    content = read_rig_file(path)
+    tables = [(content.get(table), key) for table, key in _FILES]
+    named = [table.get(key) for table, key in tables if isinstance(table, dict)]
+    return (path, *(Path(name) for name in named if isinstance(name, str)))

@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from specan.errors import RequestError, nearest
-from specan.models.effect import Effect
+from specan.models.effect import Effect, Parameter
 from specan.models.model import Model
-from specan.models.parameter import Parameter
 from specan.models.quantity import Quantity
 from specan.units import convert, printed_unit
 

@@ -8,9 +8,8 @@ from functools import cached_property
 from typing import Any, Protocol
 
 from specan.errors import ComputationError, RequestError, SpecanError, nearest
-from specan.models.effect import Effect, Use
+from specan.models.effect import Effect, Parameter, ParameterName, Use
 from specan.models.loops import FixedPoint, components, cut
-from specan.models.parameter import Parameter, ParameterName
 from specan.models.quantity import Condition, Quantity
 from specan.models.user_code import place_of, users_mistake
 from specan.units import convert

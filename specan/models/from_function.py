@@ -9,10 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 from specan.errors import RequestError, nearest
-from specan.models.effect import Effect
-from specan.models.parameter import Parameter
-from specan.models.quantity import KIND, Condition, Frf, Observable, Quantity, SettingError
-from specan.models.rig import rig_statement
+from specan.models.effect import Effect, Parameter
+from specan.models.quantity import KIND, Condition, Frf, Observable, Quantity, SettingError, rig_statement
 from specan.models.user_code import PREFIX, place_of
 from specan.units import base_unit, convert
 

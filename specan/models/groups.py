@@ -15,8 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from specan.errors import RequestError, nearest
-from specan.models.effect import Effect
-from specan.models.parameter import Parameter
+from specan.models.effect import Effect, Parameter
 from specan.models.quantity import Condition, Quantity, SettingError
 from specan.models.user_code import Instead
 

@@ -13,8 +13,7 @@ from specan.models.from_function import as_declared, fields_from_functions, name
 from specan.models.groups import check_groups, with_groups
 from specan.models.loops import components
 from specan.models.measurement_kinds import OrderLines, Receivers, TableRules
-from specan.models.quantity import Condition, Frf, Observable, Quantity
-from specan.models.rig import RigStatement, rig_statement
+from specan.models.quantity import Condition, Frf, Observable, Quantity, RigStatement, rig_statement
 from specan.models.user_code import PREFIX
 
 
@@ -273,7 +272,7 @@ class Model:
         base_effects : sequence of str, optional
             Those that a new study begins with.
         uncertainty : mapping, optional
-            What ``[uncertainty]`` of a rig file may hold, see `specan.models.rig.rig_statement`.
+            What ``[uncertainty]`` of a rig file may hold, see `specan.models.quantity.rig_statement`.
         law : LawSpace, optional
             Where a law is looked for when something unknown is missing; by default what the first observable lacks,
             over all conditions that have limits above zero.

@@ -1,18 +1,20 @@
 """Nodes of a model's graph: conditions, quantities; and what is measured of them.
 
-What is measured is a quantity, and the column or channel, or the transfer function, that holds it.
+What is measured is a quantity, and the column or channel, or the transfer function, that holds it. A rig says of
+conditions what its limits are, and of both how uncertain they are.
 """
 
 from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-from specan.errors import RequestError
-from specan.models.parameter import Parameter
+from specan.errors import RequestError, nearest
+from specan.models.effect import Parameter, signature_of
+from specan.units import convert, scale_to
 
 KIND = "transfer"  # kind of measurement that holds it
 
@@ -124,29 +126,6 @@ class Quantity:
     def __call__(self, *args: Any, **parameters: Any) -> Any:
         """The base value."""
         return self.function(*args, **parameters)
-
-
-def signature_of(function: Callable[..., Any], owner: str) -> tuple[tuple[str, ...], dict[str, Parameter]]:
-    """Names that a function reads (positional) and its Parameters (keyword-only)."""
-    reads: list[str] = []
-    parameters: dict[str, Parameter] = {}
-    for name, argument in inspect.signature(function).parameters.items():
-        if argument.kind in (argument.POSITIONAL_ONLY, argument.POSITIONAL_OR_KEYWORD):
-            reads.append(name)
-        elif argument.kind is argument.KEYWORD_ONLY:
-            if not isinstance(argument.default, Parameter):
-                raise RequestError(
-                    f"{owner}: the keyword argument {name!r} has no Parameter",
-                    expected=f"{name}=Parameter(default, unit, ...)",
-                )
-            parameters[name] = argument.default
-        else:
-            raise RequestError(
-                f"{owner}: *args and **kwargs hide what it reads",
-                expected="named arguments",
-                remedy="name them",
-            )
-    return tuple(reads), parameters
 
 
 def quantity(
@@ -313,3 +292,112 @@ class Frf:
     uncertainty_percent: float | None = None
     uncertainty: float | None = None
     averages: float | None = None
+
+
+@dataclass(frozen=True)
+class RigStatement:
+    """Limits and uncertainties of a rig, in SI, by the model's names of conditions and observables.
+
+    Instrument errors that are common to all readings (a zero, a gain) are not here: they are effects that
+    the model holds by a certificate, see `specan.models.model.Nuisance`.
+
+    Attributes
+    ----------
+    limits : mapping
+        ``{condition: (low, high)}`` that the rig can run.
+    setting : mapping
+        ``{condition: SettingError}`` of setting a condition anew.
+    reading : mapping
+        ``{observable or condition: standard uncertainty}`` of one reading.
+    reading_percent : mapping
+        The same in percent of the reading; added to `reading` in squares.
+    discrepancy_percent : float
+        Declared standard discrepancy of the model, in percent of what its effects do to the reading.
+    defaults_used : mapping
+        ``{"table.key": value}`` that the rig file did not give and the model assumed.
+    """
+
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    setting: Mapping[str, SettingError] = field(default_factory=dict)
+    reading: Mapping[str, float] = field(default_factory=dict)
+    discrepancy_percent: float = 0.0
+    reading_percent: Mapping[str, float] = field(default_factory=dict)
+    defaults_used: Mapping[str, Any] = field(default_factory=dict)
+
+
+def rig_statement(
+    rig: Mapping[str, Any], conditions: Iterable[Condition], observables: Iterable[Observable]
+) -> RigStatement:
+    """Read ``[limits]`` and ``[uncertainty]`` of a rig file by the columns of a model's conditions and observables.
+
+    Parameters
+    ----------
+    rig : mapping
+        The parsed rig file. ``[limits]`` holds ``COLUMN = [low, high]``. ``[uncertainty]`` holds
+        ``COLUMN = sd`` of a reading, ``COLUMN_percent = sd`` of a reading in percent of it,
+        ``COLUMN_setting_percent = sd`` or ``COLUMN_setting = sd`` of setting a
+        condition, and ``model_discrepancy_percent``; values are in the column's unit.
+    conditions, observables : iterable
+        Those of the model.
+
+    Raises
+    ------
+    RequestError
+        A key that names no column.
+
+    Examples
+    --------
+    >>> from specan.models import Condition, Observable
+    >>> load = Condition("load", "N", "Load.", "load_kN", "kN")
+    >>> stretch = Observable("stretch", "stretch", "m", "Stretch.", column="stretch_mm", column_unit="mm")
+    >>> said = rig_statement(
+    ...     {"limits": {"load_kN": [0, 2]}, "uncertainty": {"stretch_mm": 0.5, "load_kN_setting_percent": 1.0}},
+    ...     [load], [stretch],
+    ... )
+    >>> said.limits, said.reading, said.setting
+    ({'load': (0.0, 2000.0)}, {'stretch': 0.0005}, {'load': SettingError(relative=0.01, absolute=0.0)})
+    """
+    by_column = {c.column: c for c in conditions}
+    reads = {o.header: o for o in observables}
+    limits: dict[str, tuple[float, float]] = {}
+    for key, (low, high) in dict(rig.get("limits", {})).items():
+        known = by_column.get(key)
+        if known is None:
+            raise RequestError(
+                f"[limits] names {key!r}, which is not a condition", remedy=nearest(key, by_column)
+            )
+        ends = [float(convert(float(end), known.column_unit, known.unit)) for end in (low, high)]
+        limits[known.name] = (ends[0], ends[1])
+    setting: dict[str, SettingError] = {}
+    reading: dict[str, float] = {}
+    reading_percent: dict[str, float] = {}
+    percent = 0.0
+    for key, value in dict(rig.get("uncertainty", {})).items():
+        if key == "model_discrepancy_percent":
+            percent = float(value)
+        elif key in reads:
+            node = reads[key]
+            reading[node.name] = float(value) * scale_to(node.column_unit or node.unit, node.unit)
+        elif key in by_column:
+            known = by_column[key]
+            reading[known.name] = float(value) * scale_to(known.column_unit, known.unit)
+        elif (column := key.removesuffix("_percent")) in reads or column in by_column:
+            reading_percent[(reads[column] if column in reads else by_column[column]).name] = float(value)
+        elif (column := key.removesuffix("_setting_percent")) in by_column:
+            setting[by_column[column].name] = SettingError(relative=float(value) / 100)
+        elif (column := key.removesuffix("_setting")) in by_column:
+            known = by_column[column]
+            setting[known.name] = SettingError(
+                absolute=float(value) * scale_to(known.column_unit, known.unit)
+            )
+        else:
+            usual = [
+                *reads,
+                *by_column,
+                *(f"{c}_setting_percent" for c in by_column),
+                "model_discrepancy_percent",
+            ]
+            raise RequestError(
+                f"[uncertainty] has the key {key!r}, which names nothing", remedy=nearest(key, usual)
+            )
+    return RigStatement(limits, setting, reading, percent, reading_percent)

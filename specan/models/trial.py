@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models.effect import Parameter
 from specan.models.evaluation import Evaluation
 from specan.models.model import Assembly, Model
-from specan.models.parameter import Parameter
 from specan.models.user_code import PREFIX, place_of
 from specan.units import base_unit, convert, same_dimension, with_unit
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
-from specan.report.verdict_words import headline
-from specan.study.verdict import Diagnosis, Ranked
+from specan.study.verdict import Diagnosis, Ranked, headline
 from specan.units import printed_unit
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import Block
-from specan.study.localisation.localise import localise
+from specan.study.localisation.localise import Block, localise
 from specan.study.observation import Variable, variable_named
 
 _LEAST_END = 6.0  # of the colour scale: what is below is what chance may do
@@ -64,7 +63,7 @@ class ResidualMap:
 def residual_map(problem: Problem, best: Fit) -> ResidualMap | None:
     """The map of a fitted model; None where no operating variable varies.
 
-    Blocks are those of `specan.study.localisation.by_blocks`: nuisance parameters cannot hide a failure in them.
+    Blocks are those of `specan.study.localisation.localise`: nuisance parameters cannot hide a failure in them.
     """
     labels = _shared_labels(problem)
     names = map_axes(labels)

@@ -18,10 +18,9 @@ from specan.report.figures_study import figure_compare, figure_map
 from specan.report.html_page import bullets, page, picture, table
 from specan.report.residual_map import map_axes
 from specan.report.study_words import fall_text
-from specan.report.verdict_words import headline, headline_of, reason
-from specan.study.history import History, Step
-from specan.study.kept_results import diagnosis_of
+from specan.study.history import History, Step, diagnosis_of
 from specan.study.study_file import NAME
+from specan.study.verdict import headline, headline_of, reason
 from specan.units import printed_unit
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models import Model, Parameter, Use, varying
-from specan.models.parameter import ParameterName
-from specan.study.estimation.base_problem import grouped_by
+from specan.models.effect import ParameterName
 from specan.study.estimation.fit import NORMAL_95, Fit
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
+from specan.study.selection.candidates import grouped_by
 from specan.study.selection.pulls import TOO_FAR
 from specan.study.study_file import EffectEntry, ParameterEntry, StudyFile
 from specan.units import convert, scale_to

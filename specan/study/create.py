@@ -10,12 +10,11 @@ from typing import Any
 
 from specan.errors import RequestError
 from specan.models import Model, Use
-from specan.models.catalogue import is_file, load_model
+from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
-from specan.models.rig import read_rig_file
 from specan.study.build_problem import undetermined
-from specan.study.data.sources import kind_of
 from specan.study.history import Step, changing, commit, line_of
+from specan.study.observation import kind_of
 from specan.study.study import Study, relative_to
 from specan.study.study_file import NAME, StudyText, file_hash
 from specan.study.user_effects import take_in_model

@@ -25,11 +25,11 @@ from specan.study.conclusion import (
 from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import Block
-from specan.study.localisation.localise import localise
+from specan.study.localisation.localise import Block, localise
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
 from specan.study.selection.alternatives import alternatives, other_forms
+from specan.study.selection.beyond_known import refit_promising
 from specan.study.selection.doubtful_data import (
     copied_rows,
     drift_over_rows,
@@ -101,6 +101,7 @@ def diagnose(
     tried: dict[str, Explained] = {}
     for form, search in _forms(declared):
         search.run()
+        refit_promising(search)
         sets = alternatives(search)
         _check_failures(search)
         tried[form] = Explained(search, sets, conclude(search, sets))

@@ -16,9 +16,9 @@ from specan.models.catalogue import effects_from_file
 from specan.result import Result
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
-from specan.study.estimation.base_problem import without
 from specan.study.estimation.fit import NORMAL_95, fit, profile_interval
 from specan.study.history import History, Step, changing, commit, line_of
+from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
 

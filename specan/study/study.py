@@ -7,18 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from specan import __version__
 from specan.errors import RequestError
 from specan.models import Model, Use
-from specan.models.catalogue import is_file, load_model
+from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
-from specan.models.rig import read_rig_file
 from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
-from specan.study.data.sources import DataFile, MeasuredFiles, kind_named, together
-from specan.study.estimation.base_problem import grouped_by
 from specan.study.estimation.continuation import continuation_fit, linearised
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.prediction_error import (
@@ -28,12 +25,20 @@ from specan.study.estimation.prediction_error import (
     observable_errors,
 )
 from specan.study.estimation.problem import Problem
-from specan.study.history import History, Step, changing, commit, line_of, recover
-from specan.study.kept_results import KeptResults, keep_diagnosis
-from specan.study.localisation.by_blocks import Localisation
-from specan.study.localisation.frf_errors import FrfErrors
-from specan.study.localisation.localise import curve_errors, localise
+from specan.study.history import (
+    History,
+    KeptResults,
+    Step,
+    changing,
+    commit,
+    keep_diagnosis,
+    line_of,
+    recover,
+)
+from specan.study.localisation.localise import Localisation, curve_errors, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
+from specan.study.observation import DataFile, MeasuredFiles, kind_named, together
+from specan.study.selection.candidates import grouped_by
 from specan.study.selection.refits import POOR_FIT
 from specan.study.selection.starting_values import kept_values, starting_values
 from specan.study.study_file import (
@@ -54,6 +59,9 @@ from specan.study.user_effects import (
     with_own_effects,
 )
 from specan.study.verdict import Diagnosis
+
+if TYPE_CHECKING:
+    from specan.study.localisation.frf_errors import FrfErrors
 
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again

@@ -13,8 +13,8 @@ from pydantic import Field
 
 from specan.errors import RequestError
 from specan.models import Use
-from specan.models.parameter import ParameterName
-from specan.models.rig import rig_files
+from specan.models.catalogue import rig_files
+from specan.models.effect import ParameterName
 from specan.schema import Settings, parse, read_toml
 
 NAME = "study.toml"

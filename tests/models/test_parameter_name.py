@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 
 CHANNELS = ["", "Mic 1", "cDAQ1Mod1/ai0.x", "31.5", "day 2.csv", "a]b"]
 

@@ -15,10 +15,10 @@ from specan.errors import InputError, RequestError, SpecanError
 from specan.models import Frf, Model
 from specan.models.catalogue import load_model
 from specan.study.data.open_transfer import open_data
-from specan.study.data.sources import DataFile, MeasuredFiles, kind_of
 from specan.study.data.transfer_file import read_transfer_file
 from specan.study.diagnose import diagnose
-from specan.study.estimation.base_problem import base_problem
+from specan.study.observation import DataFile, MeasuredFiles, kind_of
+from specan.study.selection.candidates import base_problem
 from specan_cli.main import main
 from truth.three_masses import ThreeMasses, as_text, simulate
 

@@ -71,8 +71,8 @@ def test_what_cannot_be_is_refused(change, said):
 
 @pytest.mark.parametrize("name", model_names())
 def test_a_rig_template_is_a_rig_file(tmp_path, name):
+    from specan.models.catalogue import read_rig_file
     from specan.models.describe import rig_template
-    from specan.models.rig import read_rig_file
 
     (tmp_path / "rig.toml").write_text(rig_template(example_model(name), example_rig(name)), encoding="utf-8")
     found = load_model(name, read_rig_file(tmp_path / "rig.toml"))

@@ -10,8 +10,8 @@ from specan.errors import InputError, RequestError
 from specan.models import Model, Parameter, effect
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
+from specan.study.selection.candidates import base_problem
 from specan_cli.main import main
 
 SLOPES = {"No. 1": 2.0, "No. 2": 2.3, "No. 3": 1.9}  # N/mm
@@ -150,7 +150,7 @@ def test_a_specimen_can_be_put_aside(place):
 def test_a_file_for_each_specimen(place):
     model = spring(groups="specimen")
     from specan.study.data.open_tables import open_data
-    from specan.study.data.sources import DataFile, MeasuredFiles
+    from specan.study.observation import DataFile, MeasuredFiles
 
     files = []
     for name, slope in SLOPES.items():

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from specan.errors import RequestError
 from specan.models import Condition, Model, Observable, constant
 from specan.models.catalogue import load_model, model_names
-from specan.study.data.sources import kind_of
+from specan.study.observation import kind_of
 from specan_cli.main import main
 
 SPRING = Path(__file__).parent / "spring.py"
@@ -171,7 +171,7 @@ def test_an_installed_package_brings_a_kind_of_measurement(monkeypatch, place):
         def load(self):
             return Orders
 
-    monkeypatch.setattr("specan.study.data.sources.entry_points", lambda group: [Point()])
+    monkeypatch.setattr("specan.study.observation.entry_points", lambda group: [Point()])
     model = load_model(SPRING, {})
     both = replace(
         model,

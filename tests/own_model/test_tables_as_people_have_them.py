@@ -8,8 +8,8 @@ from click.testing import CliRunner
 from specan.errors import InputError
 from specan.models import Model
 from specan.models.catalogue import example_model
-from specan.study.data.sources import kind_of
 from specan.study.data.table_reader import read_measurement
+from specan.study.observation import kind_of
 from specan.study.study_file import read_study_file
 from specan_cli.main import main
 

@@ -5,9 +5,9 @@ import pytest
 from nist_strd import DATA, ENOUGH, read, residual_sd, scored, with_scipy, with_specan
 
 from specan.models import Model
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.observation.table import TableObservation
+from specan.study.selection.candidates import base_problem
 
 NAMES = sorted(path.stem for path in DATA.glob("*.dat"))
 

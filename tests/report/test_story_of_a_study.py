@@ -10,10 +10,10 @@ from specan.report.figures_change import figure_change
 from specan.report.figures_diagnosis import figure_diagnosis
 from specan.report.figures_history import figure_history
 from specan.report.study_report import study_report
-from specan.report.verdict_words import headline
 from specan.study.create import begin
 from specan.study.edit import add_effect
-from specan.study.kept_results import NAME, diagnosis_of
+from specan.study.history import DIAGNOSES, diagnosis_of
+from specan.study.verdict import headline
 
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
 
@@ -68,7 +68,7 @@ def test_a_diagnosis_is_found_again_by_the_state_that_it_is_about(story):
     before, after = change.study.history.steps
     assert diagnosis_of(study.directory, before.hashes)["reason"] == found.reason
     assert diagnosis_of(study.directory, after.hashes) is None
-    path = study.directory / NAME
+    path = study.directory / DIAGNOSES
     whole = path.read_text(encoding="utf-8")
     try:
         path.write_text(whole + '{"cut": ', encoding="utf-8")  # as a power cut leaves it

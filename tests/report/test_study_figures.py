@@ -8,7 +8,7 @@ import pytest
 from specan.report import residual_map as module
 from specan.report.measured_transfer import measured_transfer
 from specan.report.residual_map import map_axes, residual_map
-from specan.study.localisation.by_blocks import Block, Localisation
+from specan.study.localisation.localise import Block, Localisation
 
 
 @dataclass

@@ -14,8 +14,8 @@ from specan.models import (
     effect,
     quantity,
 )
-from specan.study.estimation.base_problem import base_problem
 from specan.study.observation.table import TableObservation
+from specan.study.selection.candidates import base_problem
 
 
 @quantity(unit="W")

@@ -7,10 +7,9 @@ import pytest
 
 from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.estimation.linear import Projection
-from specan.study.selection.candidates import candidates, grid
+from specan.study.selection.candidates import base_problem, candidates, grid
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import best_of_each, family, score, score_pairs
 from specan.study.selection.search import Search
@@ -149,7 +148,7 @@ def test_pairs_keep_to_their_domains(toy):
 def test_elements_of_an_axis_are_candidates_of_their_own(toy):
     from dataclasses import replace
 
-    from specan.study.estimation.base_problem import base_problem
+    from specan.study.selection.candidates import base_problem
 
     @effect("spot", adds_to="heat", at="place", neutral={"c": 0.0})
     def spot(x, *, c=Parameter(1.0, "W", min=-5.0, max=5.0)):

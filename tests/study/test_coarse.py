@@ -8,13 +8,12 @@ import pytest
 from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.measurement_kinds import ReceiverErrors
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import fit
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
-from specan.study.selection.candidates import candidates, confounded_with
+from specan.study.selection.candidates import base_problem, candidates, confounded_with
 from specan.study.selection.initial_fit import _screened
 from specan.study.selection.refits import Refit
 from specan.study.selection.score_test import best_of_each, score

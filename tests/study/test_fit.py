@@ -5,10 +5,10 @@ import pytest
 
 from specan.errors import ComputationError, RequestError
 from specan.models import Condition, Model, Nuisance, Observable, Parameter, Use, effect, quantity
-from specan.study.estimation.base_problem import base_problem, without
 from specan.study.estimation.fit import fit, profile_interval
 from specan.study.observation import Observation
 from specan.study.observation.table import TableObservation
+from specan.study.selection.candidates import base_problem, without
 
 
 @quantity(unit="W")

@@ -11,8 +11,8 @@ from specan.models.worm_gear.build import build
 from specan.models.worm_gear.example import EXAMPLE_RIG
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
+from specan.study.selection.candidates import base_problem
 
 NOISE = 0.004  # N*m
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from specan.study import diagnose as module
-from specan.study import kept_results
+from specan.study import history
 from specan.study.create import begin
-from specan.study.kept_results import FOLDER, MOST_FILES, KeptResults
+from specan.study.history import FOLDER, MOST_FILES, KeptResults
 from specan.study.study import Study
 
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
@@ -118,7 +118,7 @@ def test_changed_data_are_computed_anew(study, computed):
 
 
 def test_another_program_computes_anew(study, computed, monkeypatch):
-    monkeypatch.setattr(kept_results, "_programs", lambda: {"specan": "another"})
+    monkeypatch.setattr(history, "_programs", lambda: {"specan": "another"})
     Study(study).diagnose()
     assert computed == [1]
 

@@ -12,10 +12,10 @@ from specan.io.open import open_recording
 from specan.models.catalogue import load_model
 from specan.study.data.estimate_frf import observe_recording
 from specan.study.data.open_recordings import open_data
-from specan.study.data.sources import DataFile, MeasuredFiles
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
+from specan.study.observation import DataFile, MeasuredFiles
+from specan.study.selection.candidates import base_problem
 from truth.room import simulate, write
 
 SEED = 57

@@ -7,12 +7,12 @@ import pytest
 
 from specan.models.catalogue import load_model
 from specan.models.measurement_kinds import ReceiverErrors
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
+from specan.study.selection.candidates import base_problem
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},

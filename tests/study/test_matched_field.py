@@ -9,12 +9,11 @@ import pytest
 
 from specan.models import Use
 from specan.models.catalogue import load_model
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import describe
 from specan.study.observation import Strategy
 from specan.study.selection.acceptance import complete
-from specan.study.selection.candidates import candidates
+from specan.study.selection.candidates import base_problem, candidates
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.search import Search
 from specan.study.selection.starting_values import EACH_WAY, FROM_EDGE, likely_places

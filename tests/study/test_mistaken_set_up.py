@@ -8,10 +8,10 @@ import pytest
 
 from specan.models.catalogue import load_model
 from specan.study.data.open_recordings import open_data
-from specan.study.data.sources import DataFile, MeasuredFiles
 from specan.study.diagnose import diagnose
-from specan.study.estimation.base_problem import base_problem
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
+from specan.study.observation import DataFile, MeasuredFiles
+from specan.study.selection.candidates import base_problem
 from truth.room import simulate, write
 
 SEED = 41

@@ -116,7 +116,7 @@ def test_no_condition_is_proposed_twice_and_between_measured_ones_where_the_grid
     """A model that fails at slow speeds, over limits whose grid has a single slow point, zero."""
     from specan.models import Model
     from specan.study.data.open_tables import read_tables
-    from specan.study.estimation.base_problem import base_problem
+    from specan.study.selection.candidates import base_problem
 
     model = Model.from_function(
         lambda speed, level=1.0: level + 0 * speed, conditions={"speed": ("rpm", -200, 200)},

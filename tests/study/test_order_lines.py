@@ -9,9 +9,9 @@ from specan.models import Condition, Model, Observable
 from specan.models.measurement_kinds import OrderLines, Tacho
 from specan.models.quantity import constant
 from specan.study.data.open_orders import like
-from specan.study.estimation.base_problem import base_problem
 from specan.study.observation import Observation
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
+from specan.study.selection.candidates import base_problem
 
 ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
 HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])

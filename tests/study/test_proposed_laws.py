@@ -8,10 +8,10 @@ from click.testing import CliRunner
 
 from specan.errors import ComputationError
 from specan.models import Model
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.observation.table import TableObservation
 from specan.study.propose import _write, source_of
+from specan.study.selection.candidates import base_problem
 from specan.study.selection.law_grammar import Spread, formulas
 from specan.study.selection.law_search import search_laws
 from specan.study.selection.refits import Refit

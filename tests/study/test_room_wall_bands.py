@@ -13,10 +13,10 @@ from specan.models.catalogue import load_model
 from specan.models.room import EXAMPLE_RIG
 from specan.schema import parse
 from specan.study.build_problem import assemble, parameter_table
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
+from specan.study.selection.candidates import base_problem
 from specan.study.study_file import StudyFile
 
 FREQUENCY = np.arange(90.0, 300.0, 3.0)

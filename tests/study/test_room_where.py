@@ -12,15 +12,14 @@ from specan.models.room import EXAMPLE_RIG
 from specan.models.room.mode_names import mode_names
 from specan.study.design.operating_points import explore, propose
 from specan.study.design.receiver_places import _separations, _views, best_places
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
 from specan.study.localisation.by_band_and_channel import Cells
-from specan.study.localisation.by_blocks import LeftOut
-from specan.study.localisation.frf_errors import assurance, frf_errors
-from specan.study.localisation.localise import localise
+from specan.study.localisation.frf_errors import assurance, curve_errors
+from specan.study.localisation.localise import LeftOut, localise
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
+from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refit
 
 FREQUENCY = np.arange(60.0, 320.0, 4.0)
@@ -130,7 +129,7 @@ def test_levels_carry_the_uncertainty_that_their_errors_have(model):
     for seed in range(60):
         o = recorded(model, seed=seed)
         predicted = np.concatenate([truth.real.ravel(), truth.imag.ravel()])
-        found = frf_errors(o, predicted)
+        found = curve_errors(o, predicted)
         z += (found.level_dB / found.u_level_dB).ravel().tolist()
         z += (found.phase_deg / found.u_phase_deg).ravel().tolist()
         level, u_level, phase, u_phase = found.mean([0, 1, 2], range(len(found.bands)))
@@ -218,7 +217,7 @@ def test_errors_of_both_signs_say_where_they_are_largest(model):
     assert not any("no one direction" in b.text for b in localise(problem, best).blocks)
     seen = problem.observations[0]
     low, high = (
-        frf_errors(seen, seen.predict(problem.assembly, best.values)).extremes(range(8), [3]).split(" to ")
+        curve_errors(seen, seen.predict(problem.assembly, best.values)).extremes(range(8), [3]).split(" to ")
     )
     assert low.startswith("-1.")
     assert high.startswith("+1.")

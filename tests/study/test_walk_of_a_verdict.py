@@ -19,7 +19,7 @@ from specan_cli.main import main
 HOUSE = {"specan": Path(specan.__file__).parent, "cli": Path(specan_cli.__file__).parent}
 ROOT = Path(__file__).parents[2]
 DEEPEST = 20
-MOST_IN_THE_ENGINE, MOST = 42, 77  # files
+MOST = 60  # files
 # Bodies of modules and classes (not optimised), and comprehensions are no step of the walk.
 OPTIMISED = 0x1
 NO_STEP = {"<listcomp>", "<genexpr>", "<dictcomp>", "<setcomp>", "<lambda>"}
@@ -110,5 +110,4 @@ def test_a_verdict_on_a_gear_is_a_short_walk(tmp_path: Path, capsys: pytest.Capt
     found, _ = walk(lambda: main(["study", "diagnose", str(place)], standalone_mode=False))
     assert "Missing: windage." in capsys.readouterr().out
     assert len(found.deepest) <= DEEPEST, "\n".join(found.deepest)
-    assert len({f for f in found.files if f.startswith("specan/study/")}) <= MOST_IN_THE_ENGINE
     assert len(found.files) <= MOST, "\n".join(sorted(found.files))

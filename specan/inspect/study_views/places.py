@@ -21,7 +21,7 @@ from bokeh.palettes import PuOr11
 
 from specan.inspect.plots import panel, plain
 from specan.inspect.trial import Trial
-from specan.study.localisation.frf_errors import FrfErrors, frf_errors
+from specan.study.localisation.frf_errors import FrfErrors, curve_errors
 from specan.study.observation.frf import FrfObservation
 from specan.study.study import Study
 
@@ -141,7 +141,7 @@ class PlacesView:
         k = self._observations[0]
         observation = trial.problem.observations[k]
         assert isinstance(observation, FrfObservation)
-        self._errors = frf_errors(observation, trial.predictions[k])
+        self._errors = curve_errors(observation, trial.predictions[k])
         bands = [f"{band:g}" for band in self._errors.bands]
         worst = int(np.nanargmax(np.nanmean((self._errors.level_dB / self._errors.u_level_dB) ** 2, axis=0)))
         self.band.options = [("", f"worst: {bands[worst]}"), *((b, b) for b in bands)]

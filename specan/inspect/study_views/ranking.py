@@ -13,7 +13,7 @@ from bokeh.models import Button, Div, Select
 from specan.inspect.plots import plain
 from specan.inspect.sheets import notice, sheet
 from specan.models import Use
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.study import Study
 from specan.study.verdict import Diagnosis, Ranked
 

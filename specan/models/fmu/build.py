@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
-from specan.models.effect import Effect, effect
+from specan.models.effect import Effect, Parameter, effect
 from specan.models.fmu.process import FmuProcess
 from specan.models.fmu.settings import EffectEntry, FmuSettings, Variable, read_settings
 from specan.models.model import Model
-from specan.models.parameter import Parameter
 from specan.units import base_unit, convert, is_compatible
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.parameter import Parameter
+from specan.models.effect import Parameter
 from specan.models.quantity import quantity
 from specan.models.room.box_field import BoxField, box
 from specan.models.room.port import Port, point

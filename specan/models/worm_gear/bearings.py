@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from specan.models.quantity import Quantity, constant, quantity
-from specan.models.worm_gear.bearing_table import K_Z
-from specan.models.worm_gear.rig import PlacedBearing, Rig
+from specan.models.worm_gear.rig import K_Z, PlacedBearing, Rig
 
 WORM, WHEEL = slice(0, 2), slice(2, 4)
 AXES = ("bearing",)

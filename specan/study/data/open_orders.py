@@ -20,8 +20,7 @@ from specan.io.open import open_recording
 from specan.models import Model
 from specan.models.measurement_kinds import OrderLines, Stated
 from specan.study.data.open_recordings import reads  # noqa: F401  a recording is one by its content
-from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
-from specan.study.observation import Variable
+from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
 from specan.units import convert
 

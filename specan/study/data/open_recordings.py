@@ -13,7 +13,7 @@ from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.models import Model, Receivers
 from specan.study.data.estimate_frf import observe_recording, settling_s
-from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
+from specan.study.observation import DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.frf import FrfObservation
 
 TITLE = "a recording"

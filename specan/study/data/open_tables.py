@@ -14,9 +14,9 @@ from specan.models import Model, SettingError
 from specan.models.groups import grouped
 from specan.models.trial import try_model
 from specan.study.data.operating_table import Rows, check_varied, grouping_of, join
-from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.data.table_covariance import uncertainty
 from specan.study.data.table_reader import Measurement, read_measurement
+from specan.study.observation import DataFile, MeasuredFiles, OpenedData
 from specan.units import convert
 
 TITLE = "a table (text with a header line, .xlsx, Parquet)"

@@ -22,9 +22,8 @@ from specan.models.trial import try_model
 from specan.study.data.estimate_frf import LEAST_BLOCKS, noise_of_lines
 from specan.study.data.open_recordings import put_aside
 from specan.study.data.open_recordings import reads as is_recording
-from specan.study.data.sources import DataFile, MeasuredFiles, OpenedData
 from specan.study.data.transfer_file import MeasuredFrf, find, is_transfer_file, read_transfer_file, sigma_of
-from specan.study.observation import Array
+from specan.study.observation import Array, DataFile, MeasuredFiles, OpenedData
 from specan.study.observation.correlated_errors import piecewise_linear_basis
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 from specan.study.observation.window_leakage import Folding, fold

@@ -1,4 +1,4 @@
-"""The rows of all tables of a study, with what belongs together: recordings, conditions, set-ups."""
+"""The rows of all tables of a study, with what belongs together; checked against the rig and against each other."""
 
 from __future__ import annotations
 
@@ -11,16 +11,20 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Condition, Model, SettingError
-from specan.study.data.plausible_rows import check_limits, duplicates
-from specan.study.data.setpoints import apart_in_rounds, cells, grouped, levels
+from specan.study.data.setpoints import (
+    TIME,
+    cells,
+    grouped,
+    levels,
+    not_repeats,
+    parted,
+    said_of_near_rows,
+    set_ups,
+    within_files,
+)
 from specan.study.data.table_reader import Measurement
 from specan.study.observation import Array, Variable
-from specan.units import convert, printed_unit
-
-NEXT, LATER = 0.5, 0.1  # standard deviations of setting within which two rows are readings of one setting
-ENOUGH = 8  # degrees of freedom above which repeats are believed
-
-TIME = "elapsed_time"  # orders the readings; never a setting
+from specan.units import convert, often_mistaken_for, printed_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +163,8 @@ def join(measurements: Sequence[Measurement], model: Model) -> Rows:
     exact = not_repeats(measurements, conditions, level, model)
     alike = cells(*(conditions[n] if n in exact else v for n, v in level.items() if n != TIME))
     nearness = said_of_near_rows(conditions, level, exact, alike, lines, measurements, recording)
-    replicate_group = _within_files(alike, recording)
-    setup, how = _setups(measurements, recording, replicate_group, conditions, settings)
+    replicate_group = within_files(alike, recording)
+    setup, how = set_ups(measurements, recording, replicate_group, conditions, settings)
     return Rows(
         recordings=tuple(m.name for m in measurements),
         recording=recording,
@@ -208,60 +212,6 @@ def _conditions(
     return conditions, steps, notes
 
 
-def _within_files(alike: NDArray[np.intp], recording: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Repeats are looked for inside each file, where there are enough of them.
-
-    What differs between files (another day, another specimen) is common to all rows of a file and no
-    scatter. Files that hold one round of the same plan each are repeats of each other.
-    """
-    apart = cells(recording, alike)
-    repeats = alike.size - np.unique(apart).size
-    return apart if repeats >= ENOUGH else alike
-
-
-def _setups(
-    measurements: Sequence[Measurement],
-    recording: NDArray[np.intp],
-    replicate_group: NDArray[np.intp],
-    conditions: Mapping[str, Array],
-    settings: Mapping[str, SettingError],
-) -> tuple[NDArray[np.intp], str]:
-    for how in ("setup", "repeat"):
-        marks = [getattr(m, how) for m in measurements]
-        if all(mark is not None for mark in marks):
-            marked = cells(recording, replicate_group, np.concatenate(marks))
-            if how == "setup":
-                return marked, how
-            # One round sets a condition once: rows of it at other values are other settings, not second readings.
-            order = np.argsort(marked, kind="stable")
-            new = (np.diff(marked[order], prepend=-1) != 0) | _set_anew(conditions, settings, order)
-            number = np.empty(order.size, dtype=np.intp)
-            number[order] = np.cumsum(new)
-            return number, how
-    # Without a mark: the next row at the same condition, at values that were not set anew, is a second
-    # reading; a condition that comes back later was set again.
-    everything = np.arange(recording.size)
-    changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(replicate_group, prepend=-1) != 0)
-    return np.cumsum(changed | _set_anew(conditions, settings, everything)), "order"
-
-
-def _set_anew(
-    conditions: Mapping[str, Array], settings: Mapping[str, SettingError], order: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """Whether a row lies further from the one before it, in an order, than readings of one setting do.
-
-    Half the scatter of setting where the one row follows the other in the table, a tenth where other rows lie between.
-    """
-    changed = np.zeros(order.size, dtype=bool)
-    share = np.where(np.diff(order, prepend=-1) == 1, NEXT, LATER)
-    for name, values in conditions.items():
-        if name != TIME:
-            ordered = values[order]
-            apart = np.abs(np.diff(ordered, prepend=ordered[0]))
-            changed |= apart > share * settings[name].at(ordered) + 1e-12
-    return changed
-
-
 def check_varied(rows: Rows, model: Model) -> None:
     """Refuse a single condition, or rows that are all alike: no model can be tested on them."""
     if all(np.unique(values).size < 2 for name, values in rows.levels.items() if name != TIME):
@@ -274,81 +224,125 @@ def check_varied(rows: Rows, model: Model) -> None:
         )
 
 
-def not_repeats(
-    measurements: Sequence[Measurement],
+THOUSAND = 1000.0  # a point that parts thousands, read as a decimal point
+SCATTER = 3.0  # standard deviations of setting by which a limit may be passed
+OF_RANGE = 0.05  # and the share of the limits' range
+IDLE = 0.05  # share of the upper limit below which a condition that `idles` does so
+MOST_NAMED = 5  # lines in one message
+
+
+def check_limits(
     conditions: Mapping[str, Array],
-    level: Mapping[str, Array],
+    places: Sequence[str],
     model: Model,
-) -> tuple[str, ...]:
-    """Conditions at which rows are alike only where their values are equal: nobody has said how well they are set."""
-    if all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements):
-        return ()
-    return tuple(
-        name
-        for name in conditions
-        if model.conditions[name].setting_assumed
-        and name not in model.rig.setting
-        and not np.array_equal(conditions[name], level[name])
+    settings: Mapping[str, SettingError],
+) -> list[str]:
+    """Refuse values that the bench cannot run; a likely unit is named.
+
+    What lies outside by less than the whole range, and in no other unit inside, is only remarked on: a bench may run a
+    little further than its file says.
+
+    Parameters
+    ----------
+    conditions : mapping
+        SI values by the model's names.
+    places : sequence of str
+        File and line of every row.
+    model : Model
+        Its rig holds the ``[limits]``.
+    settings : mapping
+        Scatter of setting each condition.
+
+    Returns
+    -------
+    list of str
+        Remarks.
+
+    Raises
+    ------
+    InputError
+        Values far outside the limits, or in another unit.
+    """
+    remarks = []
+    for name, (low, high) in model.rig.limits.items():
+        if name not in conditions:
+            continue
+        values, condition = conditions[name], model.conditions[name]
+        bad = _outside(values, low, high, condition, settings.get(name, SettingError()))
+        if not np.any(bad):
+            continue
+        shown = _shown(values[bad], condition)
+        ends = _shown(np.array([low, high]), condition)
+        unit = _likely_unit(values, low, high, condition, settings.get(name, SettingError()))
+        span = f"{shown.min():.4g} to {shown.max():.4g}" if np.ptp(shown) > 0 else f"{shown[0]:.4g}"
+        said = f"{_named(places, bad)}: {condition.column} is {span} {condition.column_unit}"
+        if not unit and values.min() > low - (high - low) and values.max() < high + (high - low):
+            remarks.append(f"{said}, outside the [limits] of the rig file ({ends[0]:.4g} to {ends[1]:.4g})")
+            continue
+        raise InputError(
+            said,
+            expected=f"{ends[0]:.4g} to {ends[1]:.4g}, the [limits] of the rig file",
+            remedy=f"{unit}; convert the column"
+            if unit
+            else "correct the rows, or the limits in the rig file",
+        )
+    return remarks
+
+
+def duplicates(columns: Sequence[Array], places: Sequence[str]) -> str:
+    """A sentence on rows that equal another one in every number; empty where there are none.
+
+    Readings that are printed coarsely agree by chance now and then: only where a reading has four digits or more, or a
+    tenth of all rows equal another, is that worth a word.
+    """
+    table = np.stack(list(columns), axis=1)
+    _, first, index = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    again = np.flatnonzero(first[np.ravel(index)] != np.arange(table.shape[0]))
+    if not again.size or again.size < 0.1 * table.shape[0]:
+        return ""
+    row = int(again[0])
+    more = f" (and {again.size - 1} more rows like that)" if again.size > 1 else ""
+    return (
+        f"{places[row]} equals {places[int(first[np.ravel(index)[row]])]} to the last digit{more}: a copied row is no "
+        "repeat, and makes the scatter look smaller than it is"
     )
 
 
-def said_of_near_rows(
-    conditions: Mapping[str, Array],
-    level: Mapping[str, Array],
-    exact: Sequence[str],
-    alike: NDArray[np.intp],
-    lines: NDArray[np.int_],
-    measurements: Sequence[Measurement],
-    recording: NDArray[np.intp],
-) -> list[str]:
-    """Which rows that are near each other are taken for repeats, or are not, and why."""
-    near = cells(*(v for n, v in level.items() if n != TIME))
-    differ = [n for n, v in conditions.items() if n != TIME and not np.array_equal(v, level[n])]
-    marked = all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements)
-    groups = [np.flatnonzero(near == k) for k in np.unique(near)]
-    taken = [
-        g
-        for g in groups
-        if np.unique(alike[g]).size < g.size and any(np.ptp(conditions[n][g]) > 0 for n in differ)
-    ]
-    left = [g for g in groups if np.unique(alike[g]).size > 1]
-
-    def some(found: list[NDArray[np.intp]]) -> str:
-        texts = [", ".join(str(lines[k]) for k in g[:4]) for g in found[:3]]
-        more = f", and {len(found) - 3} more groups" if len(found) > 3 else ""
-        file = f"{measurements[int(recording[found[0][0]])].name}: " if len(measurements) > 1 else ""
-        return file + "lines " + "; ".join(texts) + more
-
-    said = []
-    if left:
-        said.append(
-            f"{some(left)}: near each other in {' and '.join(exact)}, and not taken for repeats, since nothing "
-            f"says how well it is set (declare {exact[0]}_setting_percent, or give a column 'repeat')"
-        )
-    if taken and not marked and not left:
-        said.append(
-            f"{some(taken)}: taken for repeats, since they differ in {' and '.join(differ)} by no more than the "
-            "scatter of setting"
-        )
-    return said
+def _outside(
+    values: Array, low: float, high: float, condition: Condition, setting: SettingError
+) -> NDArray[np.bool_]:
+    reach = SCATTER * np.asarray(setting.at(values)) + OF_RANGE * (high - low)
+    bad = (values < low - reach) | (values > high + reach)
+    if condition.idles:
+        bad &= ~(np.abs(values) <= IDLE * high)
+    return np.asarray(bad)
 
 
-def parted(
-    level: dict[str, Array],
-    is_set: Mapping[str, bool],
-    measurements: Sequence[Measurement],
-    recording: NDArray[np.intp],
-    conditions: Mapping[str, Array],
-    settings: Mapping[str, SettingError],
-) -> dict[str, Array]:
-    """Levels parted by what a round of the plan holds, where the tables number the rounds."""
-    marks = [m.repeat for m in measurements if m.repeat is not None]
-    if len(marks) < len(measurements) or any(m.setup is not None for m in measurements):
-        return level
-    rounds = cells(recording, np.concatenate(marks))
-    for name, values in conditions.items():
-        if name != TIME and not is_set[name]:
-            others = [c for other, c in level.items() if other not in (name, TIME)]
-            scatter = np.asarray(settings[name].at(values), dtype=float) + 1e-300
-            level[name] = apart_in_rounds(values, level[name], cells(rounds, *others), scatter)
-    return level
+def _likely_unit(values: Array, low: float, high: float, condition: Condition, setting: SettingError) -> str:
+    """``rev/s?``: a unit in which all values lie within the limits; empty where none does."""
+    shown = _shown(values, condition)
+    for unit in often_mistaken_for(condition.column_unit):
+        meant = np.asarray(convert(_in(shown, unit), "rad/s" if unit == "Hz" else unit, condition.unit))
+        if not np.any(_outside(meant, low, high, condition, setting)):
+            return f"they are likely in {'rev/s' if unit == 'Hz' else unit}"
+    meant = np.asarray(convert(THOUSAND * shown, condition.column_unit, condition.unit))
+    if not np.any(_outside(meant, low, high, condition, setting)):
+        return "a point that parts thousands was likely read as a decimal point (1.200 for 1200)"
+    return ""
+
+
+def _in(shown: Array, unit: str) -> Array:
+    """Revolutions a second as radians a second, which every unit system knows."""
+    return 2 * np.pi * shown if unit == "Hz" else shown
+
+
+def _shown(values: Array, condition: Condition) -> Array:
+    return np.asarray(convert(values, condition.unit, condition.column_unit), dtype=float)
+
+
+def _named(places: Sequence[str], rows: NDArray[np.bool_]) -> str:
+    found = [places[int(k)] for k in np.flatnonzero(rows)]
+    more = f" and {len(found) - MOST_NAMED} more rows" if len(found) > MOST_NAMED else ""
+    first = found[0]
+    lines = [place.rpartition("line ")[2] for place in found[1:MOST_NAMED]]
+    return first + "".join(f", {line}" for line in lines) + more

@@ -1,15 +1,21 @@
-"""Which readings were meant to be at the same setting, and whether a column was set or read."""
+"""Which readings were meant to be at the same setting, whether a column was set or read, which rows are repeats."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models import SettingError
+from specan.models import Model, SettingError
+from specan.study.data.table_reader import Measurement
 from specan.study.observation import Array
 
 MOST_LEVELS = 20  # more values than this are cut into groups of neighbours
 GROUPS = 8  # of neighbours, into which values without set-points are divided
+NEXT, LATER = 0.5, 0.1  # standard deviations of setting within which two rows are readings of one setting
+ENOUGH = 8  # degrees of freedom above which repeats are believed
+TIME = "elapsed_time"  # orders the readings; never a setting
 CHANCE = 1e-3  # probability below which gaps of two sizes are no accident
 
 
@@ -189,3 +195,138 @@ def cells(*columns: NDArray[np.generic]) -> NDArray[np.intp]:
         _, inside = np.unique(column, return_inverse=True)
         _, index = np.unique(index * (inside.max() + 1) + inside, return_inverse=True)
     return index
+
+
+def within_files(alike: NDArray[np.intp], recording: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Repeats are looked for inside each file, where there are enough of them.
+
+    What differs between files (another day, another specimen) is common to all rows of a file and no
+    scatter. Files that hold one round of the same plan each are repeats of each other.
+    """
+    apart = cells(recording, alike)
+    repeats = alike.size - np.unique(apart).size
+    return apart if repeats >= ENOUGH else alike
+
+
+def set_ups(
+    measurements: Sequence[Measurement],
+    recording: NDArray[np.intp],
+    replicate_group: NDArray[np.intp],
+    conditions: Mapping[str, Array],
+    settings: Mapping[str, SettingError],
+) -> tuple[NDArray[np.intp], str]:
+    """Number of the set-up that each row was read at, and what told it: ``setup``, ``repeat`` or ``order``."""
+    for how in ("setup", "repeat"):
+        marks = [getattr(m, how) for m in measurements]
+        if all(mark is not None for mark in marks):
+            marked = cells(recording, replicate_group, np.concatenate(marks))
+            if how == "setup":
+                return marked, how
+            # One round sets a condition once: rows of it at other values are other settings, not second readings.
+            order = np.argsort(marked, kind="stable")
+            new = (np.diff(marked[order], prepend=-1) != 0) | _set_anew(conditions, settings, order)
+            number = np.empty(order.size, dtype=np.intp)
+            number[order] = np.cumsum(new)
+            return number, how
+    # Without a mark: the next row at the same condition, at values that were not set anew, is a second
+    # reading; a condition that comes back later was set again.
+    everything = np.arange(recording.size)
+    changed = (np.diff(recording, prepend=-1) != 0) | (np.diff(replicate_group, prepend=-1) != 0)
+    return np.cumsum(changed | _set_anew(conditions, settings, everything)), "order"
+
+
+def _set_anew(
+    conditions: Mapping[str, Array], settings: Mapping[str, SettingError], order: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Whether a row lies further from the one before it, in an order, than readings of one setting do.
+
+    Half the scatter of setting where the one row follows the other in the table, a tenth where other rows lie between.
+    """
+    changed = np.zeros(order.size, dtype=bool)
+    share = np.where(np.diff(order, prepend=-1) == 1, NEXT, LATER)
+    for name, values in conditions.items():
+        if name != TIME:
+            ordered = values[order]
+            apart = np.abs(np.diff(ordered, prepend=ordered[0]))
+            changed |= apart > share * settings[name].at(ordered) + 1e-12
+    return changed
+
+
+def not_repeats(
+    measurements: Sequence[Measurement],
+    conditions: Mapping[str, Array],
+    level: Mapping[str, Array],
+    model: Model,
+) -> tuple[str, ...]:
+    """Conditions at which rows are alike only where their values are equal: nobody has said how well they are set."""
+    if all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements):
+        return ()
+    return tuple(
+        name
+        for name in conditions
+        if model.conditions[name].setting_assumed
+        and name not in model.rig.setting
+        and not np.array_equal(conditions[name], level[name])
+    )
+
+
+def said_of_near_rows(
+    conditions: Mapping[str, Array],
+    level: Mapping[str, Array],
+    exact: Sequence[str],
+    alike: NDArray[np.intp],
+    lines: NDArray[np.int_],
+    measurements: Sequence[Measurement],
+    recording: NDArray[np.intp],
+) -> list[str]:
+    """Which rows that are near each other are taken for repeats, or are not, and why."""
+    near = cells(*(v for n, v in level.items() if n != TIME))
+    differ = [n for n, v in conditions.items() if n != TIME and not np.array_equal(v, level[n])]
+    marked = all(m.repeat is not None for m in measurements) or all(m.setup is not None for m in measurements)
+    groups = [np.flatnonzero(near == k) for k in np.unique(near)]
+    taken = [
+        g
+        for g in groups
+        if np.unique(alike[g]).size < g.size and any(np.ptp(conditions[n][g]) > 0 for n in differ)
+    ]
+    left = [g for g in groups if np.unique(alike[g]).size > 1]
+
+    def some(found: list[NDArray[np.intp]]) -> str:
+        texts = [", ".join(str(lines[k]) for k in g[:4]) for g in found[:3]]
+        more = f", and {len(found) - 3} more groups" if len(found) > 3 else ""
+        file = f"{measurements[int(recording[found[0][0]])].name}: " if len(measurements) > 1 else ""
+        return file + "lines " + "; ".join(texts) + more
+
+    said = []
+    if left:
+        said.append(
+            f"{some(left)}: near each other in {' and '.join(exact)}, and not taken for repeats, since nothing "
+            f"says how well it is set (declare {exact[0]}_setting_percent, or give a column 'repeat')"
+        )
+    if taken and not marked and not left:
+        said.append(
+            f"{some(taken)}: taken for repeats, since they differ in {' and '.join(differ)} by no more than the "
+            "scatter of setting"
+        )
+    return said
+
+
+def parted(
+    level: dict[str, Array],
+    is_set: Mapping[str, bool],
+    measurements: Sequence[Measurement],
+    recording: NDArray[np.intp],
+    conditions: Mapping[str, Array],
+    settings: Mapping[str, SettingError],
+) -> dict[str, Array]:
+    """Levels parted by what a round of the plan holds, where the tables number the rounds."""
+    marks = [m.repeat for m in measurements if m.repeat is not None]
+    if len(marks) < len(measurements) or any(m.setup is not None for m in measurements):
+        return level
+    rounds = cells(recording, np.concatenate(marks))
+    for name, values in conditions.items():
+        if name != TIME and not is_set[name]:
+            others = [c for other, c in level.items() if other not in (name, TIME)]
+            scatter = np.asarray(settings[name].at(values), dtype=float) + 1e-300
+            level[name] = apart_in_rounds(values, level[name], cells(rounds, *others), scatter)
+    return level

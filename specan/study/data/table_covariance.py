@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from specan.errors import InputError
 from specan.models import Model
-from specan.study.data.operating_table import ENOUGH, TIME, Rows
+from specan.study.data.operating_table import Rows
 from specan.study.data.replicate_variance import Reference, VarianceFunction, crude, pooled, reference
+from specan.study.data.setpoints import ENOUGH, TIME
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 from specan.units import printed_unit

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from specan.models import Condition, Model
 from specan.study.design.receiver_places import best_places, can_place, in_words, spoken_place, where_it_fails
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import Block
+from specan.study.localisation.localise import Block
 from specan.study.observation.table import TableObservation
 from specan.study.selection.refits import Refit
 from specan.units import convert, printed_unit

@@ -20,8 +20,8 @@ import numpy as np
 
 from specan.models.measurement_kinds import Places, Receivers
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import Block
 from specan.study.localisation.frf_errors import DB
+from specan.study.localisation.localise import Block
 from specan.study.observation import Array
 from specan.study.observation.frf import LINE_CORRELATION, FrfObservation
 from specan.study.observation.window_leakage import Folding

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError, RequestError, nearest
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.estimation.levenberg_marquardt import MOST_REFINING, Minimum, descend, refine
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array

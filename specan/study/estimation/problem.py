@@ -1,18 +1,16 @@
-"""The fitting problem: a model with some effects, observations, and which parameters are free.
+"""The fitting problem: a model with some effects, observations, which parameters are free, and what is known of them.
 
 This is what every other part of the study engine works on. In short::
 
-    problem = base_problem(model, observations)          # specan.study.estimation.base_problem
+    problem = base_problem(model, observations)          # specan.study.selection.candidates
     result = fit(problem)                                # specan.study.estimation.fit
     richer = problem.with_uses([Use("seal-drag")])       # its parameters free, at their defaults
     problem.residual(theta)       # V^(-1/2) (predicted - measured), then priors and known ranges
     problem.jacobian(theta)       # derivative of that residual: the Gauss-Newton step is -(J'J)^-1 J'r
     richer.start(result.values)   # a start that keeps what was fitted
-    problem.split(array)          # rows of a residual or Jacobian by observation; the priors come last
 
-An instrument effect that is in the problem as a nuisance (held by its prior) becomes a candidate
-by `with_uses` as well: the use loses its priors and its parameters are free; `nuisances` says which uses
-can be treated so, `without` gives them their priors back.
+An instrument effect that is in the problem as a nuisance (held by its prior) becomes a candidate by `with_uses`: the
+use loses its priors and its parameters are free; `without` gives them their priors back.
 """
 
 from __future__ import annotations
@@ -23,15 +21,90 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.models import Assembly, Use, varying
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.estimation.linear import chosen_stencil, usual_stencil
-from specan.study.estimation.pseudo_measurements import KnownRanges, PseudoMeasurements
 from specan.study.observation import Array, Observation, Strategy, joined
 
+SHARE = 0.25  # standard deviation of a tail over the range
 SUBSAMPLE_ROWS = 5000  # rows of a subsample
+
+
+@dataclass(frozen=True, eq=False)
+class KnownRanges:
+    """Known ranges of several parameters, with soft tails; infinite ends pull nowhere.
+
+    A range says where such machines were found; it is knowledge, no law. Inside it every value is as good as
+    another. Outside, the pull (value - end) / sd is a residual like any other: sd is a quarter of the range, as for
+    one of plus and minus two standard deviations (GUM, JCGM 100:2008, 4.3.5 and 6.3.3). A quantity that is known to
+    be positive is known to that share of itself: below its range, sd is at most a quarter of the lower end, so that
+    "none at all" is four standard deviations away.
+
+    Attributes
+    ----------
+    low, high : array, shape (n,)
+        Ends of the ranges, SI.
+    below, above : array, shape (n,)
+        Standard deviations of the tails.
+    """
+
+    low: Array
+    high: Array
+    below: Array
+    above: Array
+
+    @classmethod
+    def of(cls, low: Array, high: Array, size: Array) -> KnownRanges:
+        """Ranges with their tails; `size` serves for the width of a range that is open at one end.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> known = KnownRanges.of(np.array([0.01, 0.3]), np.array([0.12, 1.5]), np.ones(2))
+        >>> known.pulls(np.array([0.175, 0.0])).round(2)
+        array([ 2., -4.])
+        """
+        low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+        width = np.where(np.isfinite(high - low) & (high > low), high - low, size / SHARE)
+        floor = np.where(low > 0, np.minimum(low, width), width)
+        return cls(low, high, SHARE * floor, SHARE * width)
+
+    def pulls(self, values: Array) -> Array:
+        """Standard deviations by which values lie outside, with their sign; zero inside."""
+        under, over = np.minimum(values - self.low, 0.0), np.maximum(values - self.high, 0.0)
+        return np.asarray(under / self.below + over / self.above, dtype=float)
+
+    def slopes(self, values: Array) -> Array:
+        """Derivative of `pulls`."""
+        return np.where(values < self.low, 1 / self.below, np.where(values > self.high, 1 / self.above, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class PseudoMeasurements:
+    """What is known beforehand, as rows of a residual that follow the data: priors, then known ranges.
+
+    Elements `held` of theta (of `size` elements) have a prior (mean, sd), elements `ranged` a known range.
+    """
+
+    held: NDArray[np.intp]
+    ranged: NDArray[np.intp]
+    mean: Array
+    sd: Array
+    ranges: KnownRanges
+    size: int
+
+    def residual(self, theta: Array) -> Array:
+        """(theta - mean) / sd of the priors, then the pulls of the known ranges."""
+        priors = (theta[self.held] - self.mean) / self.sd
+        return np.concatenate([priors, self.ranges.pulls(theta[self.ranged])])
+
+    def jacobian(self, theta: Array) -> Array:
+        """Derivative of `residual`."""
+        slopes = np.concatenate([1 / self.sd, self.ranges.slopes(theta[self.ranged])])
+        return np.asarray(slopes[:, None] * np.eye(self.size)[np.concatenate([self.held, self.ranged])])
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +128,8 @@ class Problem:
         ``{name: other}``: the parameter always has the other's value.
     nuisances : frozenset of Use
         Uses that stand for instrument errors held by a prior.
-    ranges : bool
-        False: parameters are not held by their known ranges, to see what the data alone would take.
+    unheld : frozenset of str
+        Parameters that are not held by their known ranges, to see what the data alone would take.
     """
 
     assembly: Assembly
@@ -67,18 +140,11 @@ class Problem:
     domains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     links: Mapping[str, str] = field(default_factory=dict)
     nuisances: frozenset[Use] = frozenset()
-    ranges: bool = True
+    unheld: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        known = self.assembly.parameters
-        for name in (
-            *self.free,
-            *self.values,
-            *self.priors,
-            *self.domains,
-            *self.links,
-            *self.links.values(),
-        ):
+        known, links = self.assembly.parameters, self.links
+        for name in (*self.free, *self.values, *self.priors, *self.domains, *links, *links.values()):
             if name not in known:
                 raise RequestError(f"the model has no parameter {name!r}", remedy=nearest(name, known))
 
@@ -310,9 +376,12 @@ class Problem:
         held = [i for i, owner in enumerate(self._owner) if owner in self.priors]
         ranged = [i for i, owner in enumerate(self._owner) if owner not in self.priors]
         prior = np.array([self.priors[self._owner[i]] for i in held]).reshape(-1, 2)
-        ends = np.array([self.plausible(self._owner[i]) for i in ranged]).reshape(-1, 2)
-        if not self.ranges:
-            ends = np.tile([-np.inf, np.inf], (len(ranged), 1))
+        ends = np.array(
+            [
+                (-np.inf, np.inf) if o in self.unheld else self.plausible(o)
+                for o in (self._owner[i] for i in ranged)
+            ]
+        ).reshape(-1, 2)
         return PseudoMeasurements(
             np.array(held, dtype=np.intp), np.array(ranged, dtype=np.intp), prior[:, 0], prior[:, 1],
             KnownRanges.of(ends[:, 0], ends[:, 1], self.scale[ranged]), len(self._owner),
@@ -320,7 +389,7 @@ class Problem:
 
     def pulls(self, theta: Array) -> Array:
         """Standard deviations by which the elements without a prior leave their known ranges."""
-        return self.pseudo.pulls(np.asarray(theta, dtype=float))
+        return self.pseudo.ranges.pulls(np.asarray(theta, dtype=float)[self.pseudo.ranged])
 
     def pulled(self, residual: Array) -> float:
         """Chi-square that a residual owes to known ranges, and not to data or priors."""

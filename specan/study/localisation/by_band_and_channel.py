@@ -1,6 +1,6 @@
 """Where a model fails on transfer functions: level and phase, by third octave, receiver and group of receivers.
 
-Whether a place stands out is a matter of the left-out algebra of `by_blocks`: in a cell, a third octave at
+Whether a place stands out is a matter of the left-out algebra of `LeftOut`: in a cell, a third octave at
 one receiver, the prediction may be off along itself (a level) and across itself (a phase). Errors of
 different receivers are independent, or low in rank, so what holds for any set of cells follows from sums over
 cells. By how much
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from specan.models import Model
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import (
+from specan.study.localisation.frf_errors import curve_errors  # also offered to `localise`
+from specan.study.localisation.localise import (
     CLEAR,
     LEAST_SHARE,
     LEVEL,
@@ -27,12 +28,11 @@ from specan.study.localisation.by_blocks import (
     LeftOut,
     Localisation,
     Trend,
-    benjamini_yekutieli,
     level_and_phase,
 )
-from specan.study.localisation.frf_errors import frf_errors
 from specan.study.observation import Array, Variable
 from specan.study.observation.frf import FrfObservation
+from specan.study.selection.significance import benjamini_yekutieli
 
 MOST_SENTENCES = 3  # that are told
 NEAR_MODE = (
@@ -183,7 +183,7 @@ class Words:
     def __init__(self, problem: Problem, best: Fit, cells: Cells) -> None:
         predictions = problem.predictions(best.theta)
         self._errors = [
-            frf_errors(o, p)  # type: ignore[arg-type]
+            curve_errors(o, p)  # type: ignore[arg-type]
             for o, p in zip(problem.observations, predictions, strict=True)
         ]
         self._cells = cells
@@ -241,7 +241,7 @@ def _near_mode(frequency_hz: float, modes: Sequence[tuple[float, str]]) -> str:
     return f"below the first mode, {modes[0][0]:.0f} Hz" if frequency_hz < modes[0][0] else "between modes"
 
 
-def by_band_and_channel(problem: Problem, best: Fit) -> Localisation:
+def localise(problem: Problem, best: Fit) -> Localisation:
     """Find third octaves, receivers and groups of them at which a fitted model of transfer functions fails."""
     cells = Cells(LeftOut(problem, best))
     words = Words(problem, best, cells)

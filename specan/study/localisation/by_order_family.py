@@ -1,7 +1,7 @@
 """Where a model fails on order lines: families of lines beside the harmonics, in dB and in standard uncertainties.
 
 A model that shows no line where one was measured has no relative error, so blocks are judged by the left-out chi-square
-alone (`specan.study.localisation.by_blocks`), and their level says how far the model lies below or above the
+alone (`specan.study.localisation.localise`), and their level says how far the model lies below or above the
 measurement there.
 """
 
@@ -16,23 +16,23 @@ from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_blocks import (
+from specan.study.localisation.localise import (
     LEVEL,
     Block,
     LeftOut,
     Localisation,
     Trend,
-    benjamini_yekutieli,
 )
 from specan.study.observation import Array
 from specan.study.observation.order_lines import OrderLinesObservation
+from specan.study.selection.significance import benjamini_yekutieli
 
 LOUDER = 2.0  # dB between the first and the last level from which a failure is said to grow or fall
 MOST_SENTENCES = 3  # that are told
 MOST_Z = 40.0  # beyond which a normal law gives no number
 
 
-def by_order_family(problem: Problem, best: Fit) -> Localisation:
+def localise(problem: Problem, best: Fit) -> Localisation:
     """Find the families of order lines, and their harmonics, sensors and operating points, at which a model fails."""
     algebra = LeftOut(problem, best)
     lines = _Lines(problem, np.concatenate(problem.plain(best.theta)))

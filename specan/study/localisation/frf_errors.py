@@ -153,7 +153,7 @@ class FrfErrors:
         }
 
 
-def frf_errors(observation: FrfObservation, predicted: Array) -> FrfErrors:
+def curve_errors(observation: FrfObservation, predicted: Array) -> FrfErrors:
     """Level, phase, FRAC and CSAC of one recording.
 
     Parameters

@@ -1,30 +1,258 @@
 """Where a fitted model fails, looked for in the way that suits the kind of measurement.
 
-An installed kind of measurement (an entry point of the group ``specan.measurement_kinds``) may bring its own way: the
-functions ``localise(problem, best) -> Localisation`` and ``curve_errors(observation, predicted)`` in its module.
+Rows of tables are looked at by left-out blocks over every operating variable, with false discoveries controlled.
+
+For a block b of rows the left-out residual - what the model, fitted to all other rows, says of b - and
+its covariance follow from one fit without a refit. With R = W'(I - QQ')W, where W whitens and Q spans
+the whitened Jacobian, they are R_bb^-1 (R r)_b and R_bb^-1, so that S_b = (R r)_b' R_bb^-1 (R r)_b is
+chi-square. The same algebra gives the mean relative error of a block with its z: nuisance parameters
+cannot hide a failure in either.
+
+Other kinds have a module of their own, with a function ``localise(problem, best) -> Localisation`` and, where they hold
+curves, ``curve_errors(observation, predicted)``. So may an installed kind (an entry point of the group
+``specan.measurement_kinds``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import combinations
 from typing import Any
 
-from specan.errors import RequestError
-from specan.study.data.sources import KINDS, kind_named
-from specan.study.estimation.fit import Fit
-from specan.study.estimation.problem import Problem
-from specan.study.localisation.by_band_and_channel import by_band_and_channel
-from specan.study.localisation.by_blocks import Localisation, by_blocks
-from specan.study.localisation.by_order_family import by_order_family
-from specan.study.localisation.frf_errors import FrfErrors, frf_errors
+import numpy as np
+from numpy.typing import NDArray
 
-# By kind of measurement: how its residual is looked at (by blocks if there is no own way), and what is said of curves.
-WAYS: Mapping[str, Callable[[Problem, Fit], Localisation]] = {
-    "table": by_blocks,
-    "frf": by_band_and_channel,
-    "orders": by_order_family,
+from specan.errors import RequestError
+from specan.study.estimation.fit import Fit, misfit_p_value
+from specan.study.estimation.linear import orthonormal
+from specan.study.estimation.problem import Problem
+from specan.study.observation import KINDS, Array, Variable, kind_named, variable_named
+from specan.study.selection.significance import benjamini_yekutieli
+
+LEVEL = 0.05  # false discovery rate
+CLEAR = 3.0  # |z| from which a mean error is named
+
+MOST_ROWS = 3000  # of data; beyond it blocks are tested by their direction only
+LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows that were left out together.
+
+    Attributes
+    ----------
+    where : mapping
+        Operating variable to level, ``{"load_kN": 2.0}``.
+    n : int
+        Number of rows.
+    statistic, p_value : float
+        S_b and its probability under a true model.
+    z : float
+        Mean relative error over its standard uncertainty; positive where the model is high.
+    error_percent, error : float
+        That mean relative error of the prediction, and what it is in the observable's unit.
+    significant : bool
+        Passed by Benjamini and Yekutieli's rule (blocks overlap) at a false discovery rate of 5 %.
+    level_dB, phase_deg, z_phase : float or None
+        Of transfer functions: model over measurement, and the z of the phase (`z` is that of the level).
+    between : str
+        Of transfer functions: the least and the largest error there, for where the mean error is none.
+    most_at : str
+        Of transfer functions: where the error is largest, and the mode that is near.
+    variables : mapping
+        Words and unit of the operating variables.
+    """
+
+    where: Mapping[str, Any]
+    observable: str
+    n: int
+    statistic: float
+    p_value: float
+    z: float
+    error_percent: float
+    error: float
+    unit: str
+    significant: bool = False
+    level_dB: float | None = None
+    phase_deg: float | None = None
+    z_phase: float | None = None
+    between: str = ""
+    most_at: str = ""
+    variables: Mapping[str, Variable] = field(default_factory=dict, repr=False)
+
+    @property
+    def text(self) -> str:
+        """What the model does there: ``model 4.2 % (0.11 mm) high``, ``model 4 dB high``."""
+        if self.level_dB is not None:
+            return level_and_phase(self.level_dB, self.z, self.phase_deg, self.z_phase, self.between)
+        if abs(self.z) < CLEAR:
+            return "model off in both directions"
+        size = f" ({abs(self.error):.2g} {self.unit})" if self.unit not in ("", "1") else ""
+        return f"model {abs(self.error_percent):.2g} %{size} {'high' if self.z > 0 else 'low'}"
+
+    @property
+    def place(self) -> str:
+        """Where that is: ``2 kN (load), 60 mm (width)``."""
+        return ", ".join(self._variable(name).spoken(level) for name, level in self.where.items())
+
+    @property
+    def short_place(self) -> str:
+        """The same without the variables' names: ``2 kN, 60 mm``."""
+        return ", ".join(self._variable(name).short(level) for name, level in self.where.items())
+
+    def _variable(self, name: str) -> Variable:
+        return variable_named(name, self.variables)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        found = {
+            "where": dict(self.where), "observable": self.observable, "z": self.z, "p_value": self.p_value,
+            "error_percent": self.error_percent, "error": self.error, "unit": self.unit, "n": self.n, "text": self.text,
+        }  # fmt: skip
+        if self.level_dB is not None:
+            found |= {
+                "level_dB": self.level_dB, "phase_deg": self.phase_deg, "z_phase": self.z_phase,
+                "most_at": self.most_at, "place": self.place,
+            }  # fmt: skip
+        return found
+
+
+@dataclass(frozen=True)
+class Trend:
+    """Whether the residual depends on an operating variable at all.
+
+    Attributes
+    ----------
+    p_value : float
+        Of the fall in chi-square if every level had its own offset.
+    sentence : str
+        ``fails from 2 kN up: model 6 % low (z = -5.1)``; empty where there is nothing to say.
+    """
+
+    variable: str
+    p_value: float
+    significant: bool
+    sentence: str
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Localisation:
+    """Blocks and trends of one fit, the most improbable first.
+
+    Attributes
+    ----------
+    notes : tuple of str
+        Sentences on where it fails, where they say more than those of the trends.
+    """
+
+    blocks: tuple[Block, ...]
+    trends: tuple[Trend, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def fails_at(self) -> tuple[Block, ...]:
+        """Blocks that are significant."""
+        return tuple(b for b in self.blocks if b.significant)
+
+    def sentences(self) -> list[str]:
+        """Where the model fails and where not, in words."""
+        failing = list(self.notes) or list(
+            dict.fromkeys(t.sentence for t in self.trends if t.significant and t.sentence)
+        )
+        calm = [f"{t.words or t.variable} (p = {t.p_value:.2g})" for t in self.trends if not t.significant]
+        if not failing and self.fails_at:
+            worst = self.fails_at[0]
+            failing = [f"fails at {worst.place}: {worst.text} (z = {worst.z:.1f})"]
+        if not failing:
+            return ["no block of conditions stands out"]
+        return [*failing, *(["no dependence on " + ", ".join(calm)] if calm else [])]
+
+
+def level_and_phase(
+    level_dB: float | None, z: float, phase_deg: float | None, z_phase: float | None, between: str = ""
+) -> str:
+    """``model 4.0 dB high``, ``model 12 degrees ahead``, or both; `between` where neither is clear.
+
+    Examples
+    --------
+    >>> level_and_phase(3.96, 8.0, -2.0, -1.0)
+    'model 4 dB high'
+    >>> level_and_phase(-0.31, -4.0, -12.2, -9.0)
+    'model 0.31 dB low and 12 degrees behind'
+    """
+    parts = []
+    if abs(z) >= CLEAR and level_dB is not None:
+        parts.append(f"{abs(level_dB):.2g} dB {'high' if level_dB > 0 else 'low'}")
+    if z_phase is not None and abs(z_phase) >= CLEAR and phase_deg is not None:
+        parts.append(f"{float(f'{abs(phase_deg):.2g}'):g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
+    return "model " + (" and ".join(parts) or between or "off by as much up as down")
+
+
+class LeftOut:
+    """The algebra of left-out rows of one fit.
+
+    Without a block the other rows may leave a parameter open; the linear refit then must not run out of
+    its domain. Parameters at a bound stay there, the others are held by half their domain's width.
+    """
+
+    def __init__(self, problem: Problem, best: Fit) -> None:
+        self.problem = problem
+        low, high = problem.bounds()
+        free = np.array([name not in best.at_bound for name in problem.names], dtype=bool)
+        hold = np.diag(2 / (high - low))[free]  # zero where the domain has no end
+        jacobian = np.vstack([best.jacobian, hold])[:, free]
+        residual = np.concatenate([best.residual, np.zeros(hold.shape[0])])
+        self.basis = orthonormal(jacobian)
+        self.projected = residual - self.basis @ (self.basis.T @ residual)
+        self.predicted = np.concatenate(problem.predictions(best.theta))
+        self._other_rows = residual.size - problem.n_data
+
+    @cached_property
+    def observables(self) -> dict[str, NDArray[np.bool_]]:
+        """Rows of each observable."""
+        names = [np.broadcast_to(getattr(o, "observable", o.name), (o.n,)) for o in self.problem.observations]
+        whole = np.concatenate(names)
+        return {name: whole == name for name in dict.fromkeys(whole.tolist())}
+
+    def columns(self, raw: Array) -> Array:
+        """Columns over the data rows, whitened, with everything taken out that the parameters absorb."""
+        whole = np.vstack([self.problem.whiten(raw), np.zeros((self._other_rows, raw.shape[1]))])
+        return whole - self.basis @ (self.basis.T @ whole)
+
+    @cached_property
+    def _unit_columns(self) -> Array:
+        """Columns of single rows, each in units of its own uncertainty."""
+        return self.columns(np.diag(np.concatenate([o.sigma for o in self.problem.observations])))
+
+    def direction(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
+        """Mean relative error of the prediction over some rows, and its z."""
+        raw = np.where(rows, self.predicted, 0.0)
+        column = self.columns(raw[:, None])[:, 0]
+        size, whole = float(column @ column), float(np.sum(self.problem.whiten(raw) ** 2))
+        if size <= LEAST_SHARE * whole:
+            return float("nan"), 0.0
+        along = float(column @ self.projected)
+        return along / size, along / np.sqrt(size)
+
+    def statistic(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
+        """S_b and its degrees of freedom: directions that only the block determines do not count."""
+        columns = self._unit_columns[:, rows]
+        values, vectors = np.linalg.eigh(columns.T @ columns)
+        kept = values > LEAST_SHARE * max(values[-1], 1e-300)
+        along = vectors[:, kept].T @ (columns.T @ self.projected)
+        return float(np.sum(along**2 / values[kept])), float(np.sum(kept))
+
+
+# kind of measurement -> module with its own way; the others are looked at by blocks
+WAYS = {
+    "frf": "specan.study.localisation.by_band_and_channel",
+    "orders": "specan.study.localisation.by_order_family",
 }
-CURVES: Mapping[str, Callable[..., FrfErrors]] = {"frf": frf_errors}
 
 
 def localise(problem: Problem, best: Fit) -> Localisation:
@@ -43,13 +271,35 @@ def localise(problem: Problem, best: Fit) -> Localisation:
         Blocks and trends, the most improbable first.
     """
     kinds = {o.kind for o in problem.observations}
-    way = _of_kind(kinds.pop(), WAYS, "localise") if len(kinds) == 1 else None
+    way = _of_kind(kinds.pop(), "localise") if len(kinds) == 1 else None
     found: Localisation = (way or by_blocks)(problem, best)
     return found
 
 
-def curve_errors(problem: Problem, best: Fit) -> list[FrfErrors]:
+def curve_errors(problem: Problem, best: Fit) -> list[Any]:
     """Level and phase errors of every recording whose kind of measurement holds curves; none where none does.
+
+    See `specan.study.localisation.frf_errors.FrfErrors`.
+    """
+    predictions = problem.predictions(best.theta)
+    ways = [_of_kind(o.kind, "curve_errors") for o in problem.observations]
+    return [way(o, p) for way, o, p in zip(ways, problem.observations, predictions, strict=True) if way]
+
+
+def _of_kind(kind: str, name: str) -> Callable[..., Any] | None:
+    """Function of this name that a kind of measurement brings; None where it has none."""
+    try:
+        built_in = kind in KINDS
+        module = (
+            importlib.import_module(WAYS[kind]) if kind in WAYS else None if built_in else kind_named(kind)
+        )
+    except RequestError:  # observations that somebody made without any file
+        return None
+    return getattr(module, name, None)
+
+
+def by_blocks(problem: Problem, best: Fit) -> Localisation:
+    """Find the operating conditions at which a fitted model fails.
 
     Parameters
     ----------
@@ -57,16 +307,121 @@ def curve_errors(problem: Problem, best: Fit) -> list[FrfErrors]:
     best : Fit
         Its minimum.
     """
-    predictions = problem.predictions(best.theta)
-    ways = [_of_kind(o.kind, CURVES, "curve_errors") for o in problem.observations]
-    return [way(o, p) for way, o, p in zip(ways, problem.observations, predictions, strict=True) if way]
+    algebra = LeftOut(problem, best)
+    labels, variables = _labels(problem), dict(problem.observations[0].variables)
+    blocks = [
+        _block(algebra, where, name, rows & mine, variables)
+        for where, rows in _places(labels)
+        for name, mine in algebra.observables.items()
+        if np.any(rows & mine)
+    ]
+    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
+    marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
+    return Localisation(
+        blocks=tuple(sorted(marked, key=lambda b: b.p_value)),
+        trends=tuple(sorted(_trends(algebra, labels, marked, variables), key=lambda t: t.p_value)),
+    )
 
 
-def _of_kind(kind: str, known: Mapping[str, Callable[..., Any]], name: str) -> Callable[..., Any] | None:
-    """Function of a built-in kind, or the one that an installed kind brings; None where it has none."""
-    if kind in known or kind in KINDS:
-        return known.get(kind)
-    try:
-        return getattr(kind_named(kind), name, None)
-    except RequestError:  # observations that somebody made without any file
-        return None
+def _labels(problem: Problem) -> dict[str, NDArray[Any]]:
+    """Labels over all observations that share them."""
+    shared = set.intersection(*(set(o.labels) for o in problem.observations))
+    order = [name for name in problem.observations[0].labels if name in shared]
+    return {name: np.concatenate([o.labels[name] for o in problem.observations]) for name in order}
+
+
+def _places(labels: Mapping[str, NDArray[Any]]) -> list[tuple[dict[str, Any], NDArray[np.bool_]]]:
+    """Every level of every variable, and every combination of levels of two of them."""
+    single = [
+        ({name: level}, values == level) for name, values in labels.items() for level in _levels(values)
+    ]
+    pairs = [
+        ({a: one, b: two}, (labels[a] == one) & (labels[b] == two))
+        for a, b in combinations(labels, 2)
+        for one in _levels(labels[a])
+        for two in _levels(labels[b])
+    ]
+    found: dict[bytes, tuple[dict[str, Any], NDArray[np.bool_]]] = {}
+    for where, rows in [*single, *pairs]:
+        if np.any(rows) and not np.all(rows):
+            found.setdefault(rows.tobytes(), (where, rows))  # the same rows under two names count once
+    return list(found.values())
+
+
+def _levels(values: NDArray[Any]) -> list[Any]:
+    return np.unique(values).tolist()
+
+
+def _block(
+    algebra: LeftOut,
+    where: Mapping[str, Any],
+    observable: str,
+    rows: NDArray[np.bool_],
+    variables: Mapping[str, Variable],
+) -> Block:
+    error, z = algebra.direction(rows)
+    if rows.size <= MOST_ROWS:
+        statistic, dof = algebra.statistic(rows)
+    else:
+        statistic, dof = z**2, 1.0
+    p = misfit_p_value(statistic, dof, algebra.problem.noise_dof)
+    known = algebra.problem.assembly.model.observables.get(observable)
+    size = error * float(np.mean(algebra.predicted[rows]))
+    unit = known.unit if known else ""
+    return Block(
+        where, observable, int(rows.sum()), statistic, p, z, 100 * error, size, unit, variables=variables
+    )
+
+
+def _trends(
+    algebra: LeftOut,
+    labels: Mapping[str, NDArray[Any]],
+    blocks: Sequence[Block],
+    variables: Mapping[str, Variable],
+) -> list[Trend]:
+    raw = []
+    for name, values in labels.items():
+        dummies = np.stack(
+            [np.where(values == level, algebra.predicted, 0.0) for level in _levels(values)], axis=1
+        )
+        basis = orthonormal(algebra.columns(dummies), 1e-6)
+        fall = float(np.sum((basis.T @ algebra.projected) ** 2))
+        raw.append((name, misfit_p_value(fall, basis.shape[1], algebra.problem.noise_dof)))
+    passed = benjamini_yekutieli([p for _, p in raw], LEVEL)
+    return [
+        Trend(
+            name,
+            p,
+            bool(ok),
+            _sentence(algebra, name, labels[name], blocks, variable_named(name, variables)) if ok else "",
+            variable_named(name, variables).words,
+        )
+        for (name, p), ok in zip(raw, passed, strict=True)
+    ]
+
+
+def _sentence(
+    algebra: LeftOut, name: str, values: NDArray[Any], blocks: Sequence[Block], variable: Variable
+) -> str:
+    """The end of a variable's range, the level, or the level in company, at which the model is furthest off."""
+    levels = _levels(values)
+    tried = [(f"at {variable.spoken(level)}", values == level) for level in levels]
+    if not isinstance(levels[0], str):
+        tried += [(f"from {variable.spoken(level)} up", values >= level) for level in levels[1:-1]]
+        tried += [(f"up to {variable.spoken(level)}", values <= level) for level in levels[1:-1]]
+    # Two observables may be off to opposite sides for one reason: each by itself.
+    found = [
+        (text, what, *algebra.direction(rows & mine))
+        for text, rows in tried
+        for what, mine in algebra.observables.items()
+        if np.any(rows & mine)
+    ]
+    text, what, error, z = max(found, key=lambda f: abs(f[3]))
+    if abs(z) >= CLEAR:
+        whose = f"{what.replace('_', ' ')} of the model" if len(algebra.observables) > 1 else "model"
+        return f"fails {text}: {whose} {100 * abs(error):.2g} % {'high' if z > 0 else 'low'} (z = {z:.1f})"
+    company = [b for b in blocks if name in b.where and len(b.where) > 1]
+    worst = max(company, key=lambda b: abs(b.z), default=None)
+    if worst is not None and abs(worst.z) >= CLEAR:
+        return f"fails at {worst.place}: {worst.text} (z = {worst.z:.1f})"
+    return f"fails with {variable.words}, in no one direction"

@@ -19,12 +19,11 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.base_problem import without
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
 from specan.study.selection.acceptance import DECISIVE, complete
-from specan.study.selection.candidates import candidates, confounded_with
+from specan.study.selection.candidates import candidates, confounded_with, without
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
 from specan.study.selection.score_test import best_of_each, score, score_pairs
 from specan.study.selection.search import Search

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.study.data.plausible_rows import IDLE
+from specan.study.data.operating_table import IDLE
 from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array

@@ -16,7 +16,7 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.estimation.continuation import STAGES, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, descend_steps

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.problem import range_of
 from specan.study.selection.acceptance import LEVEL, held_out_gain, noise_dof
@@ -218,7 +218,7 @@ def data_alone(base: Refit) -> DataAlone:
     held = sum(1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.whole not in problem.priors)
     if not problem.strategy.secondary_refits or not held:
         return DataAlone()
-    free = replace(problem, ranges=False)
+    free = replace(problem, unheld=frozenset(problem.free))
     alone = Refit(frozenset(), free, fit(free, start=base.fit.theta, starts=STARTS))
     gain = base.chi2 - alone.chi2
     there = Refit(frozenset(), problem, describe(problem, alone.fit.theta))

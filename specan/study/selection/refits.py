@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.estimation.continuation import ENOUGH, continuation_fit
 from specan.study.estimation.fit import Fit, describe
 from specan.study.estimation.levenberg_marquardt import (

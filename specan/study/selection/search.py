@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Use
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision, complete
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.pulls import Pull, too_far

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.estimation.fit import Fit
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem

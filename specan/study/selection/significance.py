@@ -15,6 +15,7 @@ crossings of the level c on the great circle between two directions (Rice; Davie
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -229,3 +230,22 @@ def simulated_probability(family: MultipleTestingFamily, p_value: float, draws: 
         single = np.where(family.one_sided, ndtr(-z), 2 * ndtr(-np.abs(z)))
         hits += int(np.sum(single.min(axis=1) <= p_value))
     return min((hits + 1) / (draws + 1) + family.subspaces * p_value, 1.0)
+
+
+def benjamini_yekutieli(p_values: Sequence[float], level: float) -> NDArray[np.bool_]:
+    """Which hypotheses fall at a false discovery rate, whatever the dependence between them.
+
+    Examples
+    --------
+    >>> benjamini_yekutieli([1e-6, 0.2, 0.9], 0.05).tolist()
+    [True, False, False]
+    """
+    p = np.asarray(p_values, dtype=float)
+    if not p.size:
+        return np.zeros(0, dtype=bool)
+    p = np.where(np.isfinite(p), p, 1.0)
+    m = p.size
+    limit = level / np.sum(1 / np.arange(1, m + 1)) * np.arange(1, m + 1) / m
+    ordered = np.sort(p)
+    below = np.flatnonzero(ordered <= limit)
+    return p <= (ordered[below[-1]] if below.size else -1.0)

@@ -21,15 +21,14 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.models.effect import ParameterName
 from specan.models.measurement_kinds import PlacedEffects
-from specan.models.parameter import ParameterName
-from specan.study.estimation.base_problem import without
 from specan.study.estimation.continuation import JACOBIANS, about, continuation_fit, down_weighted
 from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.observation.frf import FrfObservation
-from specan.study.selection.candidates import Candidate, candidates, grid
+from specan.study.selection.candidates import Candidate, candidates, grid, without
 from specan.study.selection.refits import Refit, start_from
 from specan.study.selection.score_test import Scored, best_of_each, different, score
 from specan.study.selection.signatures import Known, Point, default_value, shape_grid, signatures

@@ -7,8 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from specan.errors import RequestError
-from specan.models.catalogue import load_model
-from specan.models.rig import read_rig_file
+from specan.models.catalogue import load_model, read_rig_file
 from specan.models.room.mesh_file import read_room_mesh
 from specan.study.study_file import rig_hash
 from specan_cli.main import main

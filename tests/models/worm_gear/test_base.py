@@ -7,7 +7,7 @@ import pytest
 
 from specan.models import varying
 from specan.models.catalogue import example_model
-from specan.models.worm_gear.oil import chart_constant, exponential, vogel
+from specan.models.worm_gear.power import chart_constant, exponential, vogel
 
 MODEL = example_model("worm-gear")
 BASE = MODEL.assemble(MODEL.base_effects)

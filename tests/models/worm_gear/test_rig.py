@@ -10,8 +10,7 @@ from specan.errors import RequestError
 from specan.models import SettingError
 from specan.models.catalogue import load_model
 from specan.models.worm_gear import EXAMPLE_RIG, build
-from specan.models.worm_gear.bearing_table import SERIES, SIZES
-from specan.models.worm_gear.rig import read_rig
+from specan.models.worm_gear.rig import SERIES, SIZES, read_rig
 
 SAMPLE = Path(__file__).parents[3] / "sample_data/worm_gear/rig.toml"
 

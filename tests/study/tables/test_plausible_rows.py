@@ -10,7 +10,7 @@ from specan.models import SettingError
 from specan.study.data.open_tables import read_tables
 from specan.study.data.setpoints import levels
 from specan.study.diagnose import diagnose
-from specan.study.estimation.base_problem import base_problem
+from specan.study.selection.candidates import base_problem
 
 # The limits of the sample rig: 1200 to 2800 rpm, 0 to 90 N m, 25 to 80 degC.
 PLAN = {"speeds": (1200, 2000, 2800), "torques": (5, 20, 50, 90), "temperatures": (30, 70)}

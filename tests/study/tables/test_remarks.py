@@ -5,7 +5,7 @@ import pytest
 
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
-from specan.study.estimation.base_problem import base_problem
+from specan.study.selection.candidates import base_problem
 from specan.study.selection.pulls import ODDS, DataAlone, Pull
 
 

@@ -8,8 +8,8 @@ import pytest
 from specan.errors import InputError
 from specan.study.data.open_tables import read_tables
 from specan.study.data.replicate_variance import pooled
-from specan.study.estimation.base_problem import base_problem
 from specan.study.estimation.fit import fit
+from specan.study.selection.candidates import base_problem
 
 
 def opened(tables, tmp_path, columns, **uncertainty):

@@ -3,8 +3,8 @@
 import numpy as np
 
 from specan.models import Parameter, effect
-from specan.models.worm_gear.bearing_table import K_Z
 from specan.models.worm_gear.bearings import RPM, WHEEL, WORM, without_load
+from specan.models.worm_gear.rig import K_Z
 
 CATALOGUE = 1.84e-9  # SKF's coefficient of inlet shear heating
 OIL_BATH = 3e-8  # SKF's K_rs in an oil bath

@@ -4,7 +4,7 @@ import numpy as np
 
 from specan.models import Parameter, effect
 from specan.models.worm_gear.effects.oil import REFERENCE_VISCOSITY
-from specan.models.worm_gear.mesh import power_step
+from specan.models.worm_gear.power import power_step
 
 REFERENCE_LOAD = 4e4  # N/m: 45 N*m on a wheel of 90 mm and 25 mm width
 NO_LOAD = 0.02  # of the reference load: keeps the law finite where the flanks hardly touch
