@@ -11,7 +11,7 @@ from specan.models.catalogue import load_model
 from specan.models.rig import rig_files
 from specan.study.data.estimate_frf import observe_recording
 from specan.study.data.open_recordings import open_data
-from specan.study.data.sources import DataFile, MeasuredFiles
+from specan.study.observation.__init__ import DataFile, MeasuredFiles
 from truth.rig_files import write_tdms
 from truth.room import background, simulate, write
 
