@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -37,18 +38,27 @@ from specan.study.selection.doubtful_data import (
     rows_of_two_kinds,
     suspect_rows,
 )
-from specan.study.selection.initial_fit import initial_fit, with_covariances_about
+from specan.study.selection.initial_fit import NEAR, initial_fit, with_covariances_about
 from specan.study.selection.pulls import Pull, pulls, shown
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import ResidualLaw, residual_law
-from specan.study.selection.search import Progress, Search
-from specan.study.verdict import Diagnosis, LackOfFit, error_fall, places_of, ranking
+from specan.study.selection.search import Progress, Search, unheard
+from specan.study.verdict import (
+    Diagnosis,
+    LackOfFit,
+    error_fall,
+    main_error,
+    parameters_of,
+    places_of,
+    ranking,
+)
 
 LEAST_DOF = 3.0  # degrees of freedom below which no test is made
 STARTS = 3  # of the fit of the base
 MOST_PLACES = 12  # where the model fails, that are told
 MOST_OTHERS = 3  # sets behind the best between which a measurement is proposed
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
+ENDS = 0.95  # share of a diagnosis that is over when its searches are
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
 
 
@@ -80,15 +90,59 @@ def diagnose(
     ------
     ComputationError
         A fit that a verdict would rest on did not converge or is not finite.
+    Stopped
+        The user interrupted it.
     """
     start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
     why = untestable(start)
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
-    progress = progress or (lambda text: None)
-    declared = Search(Refits(start), (), bootstrap, progress)
+    progress = progress or unheard
+    begun: list[Search] = []
+    try:
+        return _of_a_search(start, bootstrap, progress, begun)
+    except KeyboardInterrupt:
+        raise Stopped(tuple(begun)) from None
+
+
+class Stopped(KeyboardInterrupt):
+    """A diagnosis was stopped; it has the searches as far as they came.
+
+    Attributes
+    ----------
+    searches : tuple of Search
+    """
+
+    def __init__(self, searches: tuple[Search, ...]) -> None:
+        super().__init__()
+        self.searches = searches
+
+    @cached_property
+    def content(self) -> dict[str, Any]:
+        """The effects that were refitted, the likeliest first, as plain values; of the latest search."""
+        search = self.searches[-1] if self.searches else None
+        done = [r for r in search.refits.done.values() if r.uses] if search else []
+        rows = []
+        for refit in sorted(done, key=lambda r: r.bic(1.0)):
+            error = main_error(refit)
+            rows.append(
+                {
+                    "effects": sorted(map(str, refit.uses)),
+                    "reduced_chi2": refit.reduced,
+                    "error_after": error.rms,
+                    "unit": error.unit,
+                    "parameters": parameters_of(refit),
+                }
+            )
+        return {"finished": False, "refitted": rows}
+
+
+def _of_a_search(start: Refit, bootstrap: bool, progress: Progress, begun: list[Search]) -> Diagnosis:
+    """The verdict; searches are put into `begun` as they are begun."""
+    problem = start.problem
+    declared = Search(Refits(start), (), bootstrap, progress, part=(0.0, ENDS))
     if start.poor_fit:
-        progress("checking positions and signs of the channels against the data")
+        progress("checking positions and signs of the channels against the data", 0.0)
         mistake = mistaken_set_up(problem)
         if mistake.text:
             return Diagnosis(
@@ -97,9 +151,10 @@ def diagnose(
                 lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
-        declared = _about_a_near_field(start, bootstrap, progress)
+        declared = _about_a_near_field(start, bootstrap, progress, begun)
     tried: dict[str, Explained] = {}
     for form, search in _forms(declared):
+        begun.append(search)
         search.run()
         refit_promising(search)
         sets = alternatives(search)
@@ -107,6 +162,7 @@ def diagnose(
         tried[form] = Explained(search, sets, conclude(search, sets))
         if not form and tried[form].found.nothing_left:
             break
+    progress("where the model fails, and what to measure next", ENDS)
     forms = likeliest_form(tried)
     return _verdict(forms, with_forms(forms))
 
@@ -116,25 +172,30 @@ def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
     yield "", declared
     for other in other_forms(declared.base):
         declared.progress(f"searching with {other.text}")
-        yield other.text, Search(Refits(other.start), (), declared.bootstrap, declared.progress)
+        yield (
+            other.text,
+            Search(Refits(other.start), (), declared.bootstrap, declared.progress, part=(ENDS, ENDS)),
+        )
 
 
-def _about_a_near_field(start: Refit, bootstrap: bool, progress: Progress) -> Search:
+def _about_a_near_field(start: Refit, bootstrap: bool, progress: Progress, begun: list[Search]) -> Search:
     """A search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
     """
     near = initial_fit(start, progress)
-    search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress)
+    search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress, part=(NEAR, ENDS))
+    begun.append(search)
     if not search.refits.poor_fit or search.single is None or search.single.uses == near.found:
         return search
     single = search.single
-    search.progress("once more, with covariances about the field that was found")
+    search.progress("once more, with covariances about the field that was found", (NEAR + ENDS) / 2)
     done = {uses: r.problem.values_at(r.fit.theta) for uses, r in search.refits.done.items() if uses}
     order = sorted(search.refits.of_size(1), key=lambda r: r.chi2)
     likely = [use for r in order[:MOST_OTHERS] for use in r.uses]
     base = with_covariances_about(start, single.uses, done[single.uses])
-    return Search(Refits(base, {**near.known, **done}), likely, search.bootstrap, search.progress, only=True)
+    known = {**near.known, **done}
+    return Search(Refits(base, known), likely, bootstrap, progress, only=True, part=((NEAR + ENDS) / 2, ENDS))
 
 
 def untestable(start: Refit) -> str:

@@ -12,6 +12,7 @@ from specan.models.rig import rig_files
 from specan.study.data.estimate_frf import observe_recording
 from specan.study.data.open_recordings import open_data
 from specan.study.observation.__init__ import DataFile, MeasuredFiles
+from specan.study.observation.correlated_errors import _of_all
 from truth.rig_files import write_tdms
 from truth.room import background, simulate, write
 
@@ -86,3 +87,10 @@ def test_the_calibrators_level_is_common_and_the_rest_of_each(room, tmp_path):
     own = 8.686 / 100 * np.sqrt(1.3**2 - 1.2**2)  # 20 / ln 10 dB a unit of relative amplitude
     np.testing.assert_allclose(errors.calibration_dB[:, 0], [own, own, 0.0], atol=1e-4)
     assert errors.common_dB == pytest.approx(8.686 / 100 * 1.2, abs=1e-4)
+
+
+def test_places_where_none_stands_yet_are_as_uncertain_as_the_usual_receiver():
+    response = np.ones((5, 4), dtype=complex)
+    found = _of_all(np.array([[0.1], [0.3], [0.2]]), response)
+    assert found[:, 0].tolist() == [0.1, 0.3, 0.2, 0.2, 0.2]
+    assert _of_all(0.1, response) == 0.1
