@@ -62,49 +62,6 @@ ENDS = 0.95  # share of a diagnosis that is over when its searches are
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
 
 
-def diagnose(
-    problem: Problem,
-    *,
-    base: Fit | None = None,
-    bootstrap: bool = False,
-    progress: Progress | None = None,
-) -> Diagnosis:
-    """Find out which effect a model is missing.
-
-    Parameters
-    ----------
-    problem : Problem
-        The model with the effects it has, its observations, nuisances and free parameters.
-    base : Fit, optional
-        A fit of it, where it has been fitted already.
-    bootstrap : bool
-        Family-wise probabilities by simulation of the maximum over all candidates instead of a bound.
-    progress : callable, optional
-        Told in a few words what is being done.
-
-    Returns
-    -------
-    Diagnosis
-
-    Raises
-    ------
-    ComputationError
-        A fit that a verdict would rest on did not converge or is not finite.
-    Stopped
-        The user interrupted it.
-    """
-    start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
-    why = untestable(start)
-    if why:
-        return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
-    progress = progress or unheard
-    begun: list[Search] = []
-    try:
-        return _of_a_search(start, bootstrap, progress, begun)
-    except KeyboardInterrupt:
-        raise Stopped(tuple(begun)) from None
-
-
 class Stopped(KeyboardInterrupt):
     """A diagnosis was stopped; it has the searches as far as they came.
 
@@ -137,9 +94,43 @@ class Stopped(KeyboardInterrupt):
         return {"finished": False, "refitted": rows}
 
 
-def _of_a_search(start: Refit, bootstrap: bool, progress: Progress, begun: list[Search]) -> Diagnosis:
-    """The verdict; searches are put into `begun` as they are begun."""
-    problem = start.problem
+def diagnose(
+    problem: Problem,
+    *,
+    base: Fit | None = None,
+    bootstrap: bool = False,
+    progress: Progress | None = None,
+    begun: list[Search] | None = None,
+) -> Diagnosis:
+    """Find out which effect a model is missing.
+
+    Parameters
+    ----------
+    problem : Problem
+        The model with the effects it has, its observations, nuisances and free parameters.
+    base : Fit, optional
+        A fit of it, where it has been fitted already.
+    bootstrap : bool
+        Family-wise probabilities by simulation of the maximum over all candidates instead of a bound.
+    progress : callable, optional
+        Told in a few words what is being done.
+    begun : list of Search, optional
+        The searches are put into it as they are begun.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    ComputationError
+        A fit that a verdict would rest on did not converge or is not finite.
+    """
+    start = Refit(frozenset(), problem, base or fit(problem, starts=STARTS))
+    why = untestable(start)
+    if why:
+        return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
+    progress, begun = progress or unheard, [] if begun is None else begun
     declared = Search(Refits(start), (), bootstrap, progress, part=(0.0, ENDS))
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)

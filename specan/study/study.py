@@ -65,7 +65,7 @@ from specan.study.verdict import Diagnosis
 
 if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors
-    from specan.study.selection.search import Progress
+    from specan.study.selection.search import Progress, Search
 
 STOPPED = "stopped_diagnosis.json"  # in a study: what a diagnosis had found when it was interrupted
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
@@ -354,11 +354,15 @@ class Study:
         if found is None:
             from specan.study.diagnose import Stopped, diagnose
 
+            begun: list[Search] = []
             try:
-                found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
-            except Stopped as stopped:
+                found = diagnose(
+                    self.problem, base=self.best, bootstrap=bootstrap, progress=progress, begun=begun
+                )
+            except KeyboardInterrupt:
+                stopped = Stopped(tuple(begun))
                 self._keep_stopped(stopped.content)
-                raise
+                raise stopped from None
             with contextlib.suppress(OSError):
                 (self.directory / STOPPED).unlink(missing_ok=True)
             found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
