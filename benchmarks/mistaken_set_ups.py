@@ -20,7 +20,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
-from room_search import KINDS, drawn
+from room_search import drawn
 
 from specan.models.catalogue import load_model
 from specan.study.data.open_recordings import open_data
@@ -36,6 +36,7 @@ from truth.room import RoomCase, simulate, write
 from truth.room.box import WALLS
 
 F_MAX_HZ = 400.0
+KINDS = ("lining", "corner", "warm", "lining-warm", "box", "moved", "two-moved", "panel-delay", "null")
 
 
 def described(made: RoomCase, rig: dict[str, Any], folder: Path) -> Problem:
