@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError
-from specan.models.parameter import ParameterName
+from specan.models.effect import ParameterName
 from specan.study.conclusion import (
     Conclusion,
     Explained,
