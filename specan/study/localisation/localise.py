@@ -13,6 +13,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import combinations
 from typing import Any
 
@@ -194,6 +195,7 @@ WAYS = {
 }
 
 
+@lru_cache(maxsize=2)  # a conclusion asks, and what is printed beside it
 def localise(problem: Problem, best: Fit) -> Localisation:
     """Find where a fitted model fails.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -46,6 +47,7 @@ def _table(refit: Refit) -> _Table | None:
     return None if first.lines is None or first.replicate_group is None else cast("_Table", first)
 
 
+@lru_cache(maxsize=2)  # a conclusion asks, and what is printed beside it
 def suspect_rows(refit: Refit) -> str:
     """A sentence on the one condition, or the one reading, without which the model meets the data.
 

@@ -11,6 +11,7 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -64,6 +65,7 @@ class ResidualLaw:
     p_value: float
 
 
+@lru_cache(maxsize=2)  # a conclusion asks, and what is printed beside it
 def residual_law(start: Refit) -> ResidualLaw | None:
     """Fit a law to what a fitted model leaves; None where the model offers no variables or they do not vary."""
     space = start.problem.assembly.model.law
