@@ -1,6 +1,6 @@
 """specan beside its peers on one signal, in one run: CPU seconds as multiples of a plain transform, peak memory.
 
-``python benchmarks/compare.py [--channels 26] [--seconds 60] [--rate 51200] [--no-growth] [--no-small-files]``
+``python benchmarks/compare.py [--channels 26] [--seconds 60] [--rate 51200] [--no-growth] [--no-commands] [--hour]``
 
 Every measurement runs in a process of its own. A peer that is not installed is left out, and said so. The table and
 the plot are written to `benchmarks/compare.md` and `benchmarks/compare.svg`.
@@ -288,7 +288,10 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rate", type=float, default=51200.0)
     parser.add_argument("--no-growth", action="store_true", help="leave out how cost grows")
-    parser.add_argument("--no-small-files", action="store_true", help="leave out the batch of short files")
+    parser.add_argument(
+        "--no-commands", action="store_true", help="leave out short files, start-up, studies and many files"
+    )
+    parser.add_argument("--hour", action="store_true", help="with a recording of one hour, some minutes")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
@@ -314,10 +317,17 @@ def main() -> None:
     if grown:
         lines += ["", "| channels | seconds | CPU s | us for a channel and a second |", "|---|---|---|---|"]
         lines += [f"| {r} | {s:g} | {cpu:.3f} | {1e6 * cpu / (r * s):.0f} |" for r, s, cpu in grown]
-    if not given.no_small_files:
+    if not given.no_commands:
         import small_files
+        import whole_commands
 
-        lines += ["", *small_files.table()]
+        for rows in (small_files.table, small_files.fixed, small_files.scaling, whole_commands.table):
+            lines += ["", *rows()]
+    if given.hour:
+        for asked in ([], ["--page"]):
+            command = [sys.executable, str(HERE / "one_hour.py"), *asked]
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
+            lines += ["", *done.stdout.splitlines()]
     (HERE / "compare.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     plot(found, plain["cpu"], grown, HERE / "compare.svg")
     print("\n".join(lines))

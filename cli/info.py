@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.output import Verb, draw, emit_json, plot_option, say, table
-from specan_cli.recording_input import opening_options
-from specan_cli.several_files import expand
+from specan_cli.recording_verb import expand, opening_options
 
 if TYPE_CHECKING:
     from specan.data.channel import Channel

@@ -14,7 +14,7 @@ from click.shell_completion import CompletionItem
 
 from specan.errors import SpecanError, unforeseen
 
-# verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
+# verb -> (module in this package, one line of help). The module holds the click command `command`, or the one named.
 VERBS: dict[str, tuple[str, str]] = {
     "info": ("info", "Contents of a recording: channels, roles, rates, units, excitation, notes."),
     "octave": ("octave", "Levels in octave bands, and overall levels; against time."),
@@ -53,11 +53,12 @@ class LazyGroup(click.Group):
         """Import the module of one verb."""
         if cmd_name not in self.verbs:
             return None
-        module = importlib.import_module(f"specan_cli.{self.verbs[cmd_name][0]}")
+        module, _, name = self.verbs[cmd_name][0].partition(":")
+        command: click.Command = getattr(importlib.import_module(f"specan_cli.{module}"), name or "command")
         from specan_cli.output import add_options
 
-        add_options(module.command)
-        return module.command
+        add_options(command)
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the verbs without importing them."""
@@ -131,7 +132,7 @@ def run() -> None:
         if isinstance(stream, io.TextIOWrapper):  # a name may hold what the terminal cannot show
             stream.reconfigure(errors="backslashreplace")
     if os.environ.get(COMPLETE, "").startswith("powershell"):
-        importlib.import_module("specan_cli.completion_powershell")
+        importlib.import_module("specan_cli.completion")
     try:
         sys.exit(main(prog_name="specan", standalone_mode=False) or 0)
     except click.exceptions.Exit as done:

@@ -12,7 +12,7 @@ from specan.analysis.excitation import recognise
 from specan.analysis.section import of_one_rate, section
 from specan.analysis.transfer_function import RESPONSES, TransferFunction
 from specan.data.channel import Channel
-from specan.data.impulse_response import ImpulseResponses
+from specan.data.decay import ImpulseResponses
 from specan.data.recording import Recording
 from specan.dsp.deconvolution import Deconvolution
 from specan.errors import InputError, RequestError

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.accumulator import READ_BLOCK
-from specan.analysis.order_settings import OrderSettings
+from specan.analysis.order_settings import DRIFT_PERCENT, OrderSettings, Shaft, steady_shaft, tracked_shaft
 from specan.analysis.section import of_one_rate, section
-from specan.analysis.shaft import DRIFT_PERCENT, Shaft, steady_shaft, tracked_shaft
 from specan.data.channel import Channel
 from specan.data.orders import OrderLines, OrderSpectrum, TachoReport
 from specan.data.recording import Recording

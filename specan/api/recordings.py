@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport
     from specan.data.band_levels import BandLevels
     from specan.data.calibration import Calibration
-    from specan.data.decay import DecayTimes
+    from specan.data.decay import DecayTimes, ImpulseResponses
     from specan.data.frequency_response import FrequencyResponse
-    from specan.data.impulse_response import ImpulseResponses
     from specan.data.levels import SignalLevels
     from specan.data.orders import OrderSpectrum
     from specan.data.spectrum import Spectrogram, Spectrum

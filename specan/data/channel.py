@@ -213,3 +213,24 @@ def matches(pattern: str, channel: Channel) -> bool:
     """Whether a shell-style pattern (``Mic *``) is or fits the channel's name or ``group/name``."""
     names = (channel.name, f"{channel.group}/{channel.name}")
     return pattern in names or any(fnmatch.fnmatchcase(name, pattern) for name in names)
+
+
+def channels_matching(patterns: Sequence[str], channels: Sequence[Channel]) -> tuple[Channel, ...]:
+    """Channels that any of the names and shell-style patterns means, in their order; empty where none does."""
+    names = set(patterns)  # a thousand channels may be named one by one
+    shapes = [p for p in patterns if any(mark in p for mark in "*?[")]
+    chosen = [
+        c.name in names or f"{c.group}/{c.name}" in names or any(matches(p, c) for p in shapes)
+        for c in channels
+    ]
+    exact = {name for c in channels for name in (c.name, f"{c.group}/{c.name}")}
+    for pattern in dict.fromkeys(p for p in patterns if p not in exact):
+        if pattern not in shapes:
+            fitting = {id(c) for c in channels_meant(pattern, channels)}
+        elif not any(matches(pattern, c) for c in channels):
+            small = pattern.casefold()
+            fitting = {id(c) for c in channels if fnmatch.fnmatchcase(c.name.casefold(), small)}
+        else:
+            continue
+        chosen = [was or id(c) in fitting for was, c in zip(chosen, channels, strict=True)]
+    return tuple(c for was, c in zip(chosen, channels, strict=True) if was)

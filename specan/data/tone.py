@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted
+from specan.result import Result, counted, picked
 from specan.units import level_reference
 
 Real = NDArray[np.float64]
@@ -100,15 +100,9 @@ class ToneTable(Result):
             "role": list(self.roles),
             "unit": list(self.units),
             "frequency_hz": np.full(len(self.channels), self.frequency_hz),
-            "rms": self.rms,
-            "level_dB": self.level_dB,
-            "tone_rms": self.tone_rms,
-            "phase_deg": self.phase_deg,
-            "u_phase_deg": self.u_phase_deg,
+            **picked(self, "rms level_dB tone_rms phase_deg u_phase_deg"),
             "magnitude_re_reference": self.magnitude,
-            "u_magnitude_percent": self.u_magnitude_percent,
-            "thd_percent": self.thd_percent,
-            "noise_rms": self.noise_rms,
+            **picked(self, "u_magnitude_percent thd_percent noise_rms"),
             "flags": [" ".join(words) for words in self.flags],
         }
 

@@ -10,10 +10,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.decimator import FACTOR
 from specan.dsp.filter_at_work import FilterAtWork, Scratch, stage_for
 from specan.dsp.history_filters import Filter
-from specan.dsp.multirate import Stage, stages_of
+from specan.dsp.multirate import FACTOR, Stage, stages_of
 from specan.dsp.running_level import RunningLevel
 from specan.dsp.sections import GRAIN, LATE, Sections, shape_for
 

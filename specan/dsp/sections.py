@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.decimator import FACTOR, low_pass
-from specan.dsp.multirate import LENGTH
+from specan.dsp.multirate import FACTOR, LENGTH, low_pass
 
 GRAIN = 1024
 """Everything is a multiple of so many samples: a whole number of intervals fills them."""

@@ -12,8 +12,7 @@ from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, SpecanError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import ChannelTable, find_channel_table, read_channel_table
-from specan.io.content import format_of
-from specan.io.formats import format_named
+from specan.io.content import format_named, format_of
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ, is_rate
 
 SUFFIXES = (".tdms", ".wav")

@@ -185,6 +185,22 @@ def octave_axis(axes: Axes, low_hz: float, high_hz: float, which: Literal["x", "
     axis.set_minor_locator(NullLocator())
 
 
+def level_limits(
+    level: NDArray[np.float64], dynamics_dB: float, below: float = 3.0, above: float = 3.0
+) -> tuple[float, float]:
+    """From the highest level down to the lowest, but no further than `dynamics_dB`, with margins."""
+    finite = level[np.isfinite(level)]
+    if not finite.size:
+        return 0.0, 1.0
+    top = float(finite.max())
+    return max(float(finite.min()), top - dynamics_dB) - below, top + above
+
+
+def phase_axis(axes: Axes, text: str = "Phase / degrees") -> None:
+    """A whole turn, with ticks at quarters."""
+    axes.set(ylabel=text, ylim=(-190, 190), yticks=range(-180, 181, 90))
+
+
 def with_gaps(phase: NDArray[np.float64]) -> NDArray[np.float64]:
     """A wrapped phase in degrees with a gap where it jumps instead of a vertical line."""
     gapped = phase.copy()

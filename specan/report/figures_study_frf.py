@@ -11,8 +11,10 @@ from specan.report.figure_style import (
     COLOURS,
     heading,
     legend_below,
+    level_limits,
     new_figure,
     octave_axis,
+    phase_axis,
     styled,
     with_gaps,
 )
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 MOST_CHANNELS = 3  # columns of the figure: those that the model misses most
 _DYNAMICS_DB = 70.0
+BAND: dict[str, Any] = {"color": "0.6", "alpha": 0.6, "linewidth": 0}
 
 
 @styled
@@ -50,11 +53,9 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
         _draw(found, row, axes)
     used = np.isfinite(found.measured[chosen]).any(axis=0)
     octave_axis(grid[-1, 0], float(found.frequency_hz[used].min()), float(found.frequency_hz[used].max()))
-    levels = level_dB(found.measured[chosen])
-    top = float(np.nanmax(levels))
-    grid[0, 0].set_ylim(max(float(np.nanmin(levels)), top - _DYNAMICS_DB) - 3, top + 3)
+    grid[0, 0].set_ylim(*level_limits(level_dB(found.measured[chosen]), _DYNAMICS_DB))
     grid[0, 0].set_ylabel(f"Magnitude / dB re 1 {printed_unit(unit)}")
-    grid[1, 0].set(ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90))
+    phase_axis(grid[1, 0])
     grid[2, 0].set_ylabel("Model -\nmeasured / dB")
     error = np.abs(found.error_dB[chosen])
     reach = float(np.clip(np.nanquantile(error, 0.98), 1.0, 20.0))
@@ -82,15 +83,20 @@ def _number(found: MeasuredTransfer, channel: str) -> int:
     return found.channels.index(channel)
 
 
-def _draw(found: MeasuredTransfer, row: int, axes: Any) -> None:
+def draw_response(found: MeasuredTransfer, row: int, level: Any, phase: Any) -> None:
+    """Level with its band and phase of one channel, measured and model."""
     f, (low, high) = found.frequency_hz, found.band_dB()
-    band = {"color": "0.6", "alpha": 0.6, "linewidth": 0}
-    axes[0].fill_between(f, low[row], high[row], label="measured, 95 %", **band)
+    level.fill_between(f, low[row], high[row], label="measured, 95 %", **BAND)
     lines = (("measured", found.measured, "0.15", "-"), ("model", found.model, COLOURS[1], "--"))
     for text, response, colour, dash in lines:
-        axes[0].plot(f, level_dB(response[row]), color=colour, linestyle=dash, linewidth=1.0, label=text)
+        level.plot(f, level_dB(response[row]), color=colour, linestyle=dash, linewidth=1.0, label=text)
         shown = with_gaps(phase_deg(response[row]))
-        axes[1].plot(f, shown, color=colour, linestyle=dash, linewidth=1.0)
+        phase.plot(f, shown, color=colour, linestyle=dash, linewidth=1.0)
+
+
+def _draw(found: MeasuredTransfer, row: int, axes: Any) -> None:
+    draw_response(found, row, axes[0], axes[1])
+    f, (low, high), band = found.frequency_hz, found.band_dB(), BAND
     reach, phase = 2 * found.u_phase_deg[row], with_gaps(phase_deg(found.measured[row]))
     axes[1].fill_between(f, phase - reach, phase + reach, **band)
     level = level_dB(found.measured[row])

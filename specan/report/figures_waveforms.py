@@ -16,7 +16,7 @@ from specan.report.figure_style import COLOURS, heading, new_figure, styled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from specan.data.impulse_response import ImpulseResponses
+    from specan.data.decay import ImpulseResponses
 
 MOST_CHANNELS = 32
 _COLUMNS = 1500  # of the picture

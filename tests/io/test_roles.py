@@ -5,8 +5,8 @@ import pytest
 
 from specan.data.sensor import gain_of, si_unit
 from specan.errors import RequestError
-from specan.io.full_scale import full_scale_of
 from specan.io.roles import identify
+from specan.io.tdms import full_scale_of
 
 
 @pytest.mark.parametrize(

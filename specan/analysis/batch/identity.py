@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import specan
-from specan.io.tdms_metadata import metadata_of
+from specan.io.tdms_headers import metadata_of
 
 BLOCK, BLOCKS = 1 << 16, 64
 # What results are computed by; the rest of the package only shows them.

@@ -9,10 +9,10 @@ from specan.analysis.octave import Octave
 from specan.data.band_levels import BandLevels
 from specan.data.recording import Recording
 from specan.inspect.grouped_lines import GroupedLines
+from specan.inspect.header import sheet
 from specan.inspect.kept_bands import KeptBands
 from specan.inspect.opened import Chosen, Opened
 from specan.inspect.plots import Curve
-from specan.inspect.sheets import sheet
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell
 from specan.inspect.view import View
 from specan.report.figure_style import level_label, micro

@@ -11,9 +11,8 @@ from specan.analysis.spectrogram import SpectrogramSettings
 from specan.data.recording import Recording
 from specan.data.spectrum import Spectrogram
 from specan.dsp.windows import WINDOWS
-from specan.inspect.heat_map import HeatMap
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import HarmonicCursor, hertz_axis, plain
+from specan.inspect.plots import HarmonicCursor, HeatMap, hertz_axis, plain
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import micro
