@@ -29,8 +29,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
-from specan.study.selection.alternatives import alternatives, other_forms
-from specan.study.selection.beyond_known import refit_promising
+from specan.study.selection.alternatives import alternatives, other_forms, refit_promising
 from specan.study.selection.doubtful_data import (
     copied_rows,
     drift_over_rows,
@@ -46,6 +45,7 @@ from specan.study.selection.pulls import (
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import ResidualLaw, residual_law
 from specan.study.selection.search import Progress, Search
+from specan.study.selection.significance import LACK_OF_FIT
 from specan.study.verdict import Diagnosis, LackOfFit, error_fall, places_of, ranking
 
 LEAST_DOF = 3.0  # degrees of freedom below which no test is made
@@ -245,14 +245,11 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
 
 
 def _law_of_what_is_left(search: Search, found: Conclusion) -> ResidualLaw | None:
-    """A law for the residual: of the base where nothing of the catalogue is sure, else of the best set.
-
-    None where the model meets the data.
-    """
-    unsure = found.kind == "unknown-effect"
-    if not found.doubt or not (search.best.uses or unsure):
-        return None
-    return residual_law(search.base if unsure or len(search.best.uses) > 1 else search.best)
+    """A law for what the base lacks where that is unknown, else for what the best set leaves if that follows one."""
+    if found.kind == "unknown-effect":
+        return residual_law(search.base)
+    law = residual_law(search.best) if found.doubt and search.best.uses else None
+    return law if law is not None and law.p_value < LACK_OF_FIT else None
 
 
 def _too_good(base: Refit) -> tuple[str, ...]:

@@ -648,7 +648,7 @@ def test_a_law_next_to_one_that_the_model_has_is_no_larger_than_all_that_is_lost
     assert 0.6 < law.exponents["x"] < 2.0
     assert 0.0 < law.amplitude <= 1.2 * np.mean(np.abs(problem.observations[0].measured))
     assert "near x" not in law.text
-    assert "next to a term that the model has" in law.text
+    assert "the model has a term of nearly this form" in law.text
 
 
 def test_idle_runs_are_not_the_middle_of_the_data(toy):

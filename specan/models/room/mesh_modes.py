@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import ComputationError
-from specan.models.room.mesh_elements import Elements
+from specan.models.room.mesh_elements import Elements, Simplices
 from specan.models.room.mesh_file import RoomMesh, triangle_areas
-from specan.models.room.mesh_places import Simplices
 from specan.models.room.port import Port, ball_mean
 
 Real = NDArray[np.float64]
