@@ -77,7 +77,9 @@ def drawn(kind: str, seed: int, n_mics: int) -> dict[str, float]:
             f"microphone-position@Mic {first}": rng.uniform(0.025, 0.045),
             f"microphone-position@Mic {second}": sign * rng.uniform(0.02, 0.04),
         },
-        "delay": {"microphone-delay": sign * rng.uniform(3e-5, 1.5e-4)},  # one card: beside the vibrometer's 1e-5 s
+        "delay": {
+            "microphone-delay": sign * rng.uniform(3e-5, 1.5e-4)
+        },  # one card: beside the vibrometer's 1e-5 s
         "leak-moved": {
             "leak": float(np.exp(rng.uniform(*np.log([3e-4, 5e-3])))),
             f"microphone-position@Mic {first}": rng.uniform(0.01, 0.04),
