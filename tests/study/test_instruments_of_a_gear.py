@@ -5,8 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from specan.models.chosen_model import ChosenModel
-from specan.models.prediction import grid, predict
+from specan.models.chosen_model import ChosenModel, grid, predict
 from specan.models.worm_gear.build import build
 from specan.models.worm_gear.example import EXAMPLE_RIG
 from specan.study.data.open_tables import read_tables
