@@ -8,8 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.decimator import FACTOR, Decimator
-from specan.dsp.multirate import LENGTH, ROWS, Stage
+from specan.dsp.multirate import FACTOR, LENGTH, ROWS, Decimator, Stage
 from specan.dsp.smooth_step import falling_step
 
 LONGEST_FADE_S = 0.5

@@ -12,22 +12,25 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
 
 from specan.errors import RequestError
-from specan.inspect.browser_link import BrowserLink
-from specan.inspect.busy import Busy
-from specan.inspect.header import STUDY_KEYS, header
-from specan.inspect.kept_study import KeptStudy
-from specan.inspect.look import PANEL, Dress, dark_toggle
-from specan.inspect.sheets import folded, notice, sheet
-from specan.inspect.study_views.agreement import agreement_of
-from specan.inspect.study_views.failing import FailingMap
+from specan.inspect.look import (
+    PANEL,
+    STUDY_KEYS,
+    BrowserLink,
+    Busy,
+    Dress,
+    dark_toggle,
+    folded,
+    header,
+    notice,
+    sheet,
+)
+from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
+from specan.inspect.study_views.errors import FailingMap, Staircase
 from specan.inspect.study_views.places import PlacesView
 from specan.inspect.study_views.ranking import Ranking, Uses
-from specan.inspect.study_views.staircase import Staircase
-from specan.inspect.study_views.transfer import TransferAgreement
-from specan.inspect.superseded import Tell
-from specan.inspect.trial import Trial, candidates_of, try_effects
+from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
-from specan.inspect.work import Work
+from specan.inspect.work import Tell, Work
 from specan.report.figures_study import figure_compare
 from specan.study.edit import Change, add_effect
 from specan.study.verdict import Diagnosis, headline, reason

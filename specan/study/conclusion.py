@@ -13,9 +13,8 @@ from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import MOST_ROWS, localise
 from specan.study.selection.acceptance import DECISIVE
-from specan.study.selection.alternatives import seen_from
-from specan.study.selection.beyond_known import sizes_beyond
-from specan.study.selection.doubtful_data import WHOLE, suspect_rows
+from specan.study.selection.alternatives import seen_from, sizes_beyond
+from specan.study.selection.doubtful_data import WHOLE, rows_of_two_kinds, suspect_rows
 from specan.study.selection.law_search import search_laws
 from specan.study.selection.pulls import ODDS, DataAlone, Pull, data_alone, stretched, what_would_tell
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
@@ -84,13 +83,28 @@ def _with_doubts(explained: Explained) -> Conclusion:
         reasons.append(
             f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well"
         )
-    if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
-        reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
+    named = {
+        str(use) for one in sets for use in one.uses
+    }  # an instrument that is named is no other explanation
+    far = [pull for pull in search.too_far(base) if pull.parameter.owner not in named]
+    held = far if base.lack_of_fit >= LACK_OF_FIT else []
+    if held:
+        reasons.append(f"without it the model fits only with {_values(held)}")
     beyond = [
-        f"{_names([one])} fits as well, with {_values(values)}" for one, values in sizes_beyond(search, sets)
+        f"{_names([rival])} fits as well, with {_values(values)}"
+        for rival, values in sizes_beyond(search, sets)
     ]
     reasons += beyond[:MOST_PULLS]
-    suspect = bool(suspect_rows(base) or stretched(best) or beyond or better_but_too_far(search, sets))
+    suspect = bool(
+        suspect_rows(base)
+        or rows_of_two_kinds(base)
+        or stretched(best)
+        or held
+        or beyond
+        or better_but_too_far(search, sets)
+    )
+    if not (reasons or suspect) and len(sets) == 1:
+        reasons.append("no other explanation in the catalogue fits as well, and nothing is left")
     return replace(found, reason="; ".join(reasons), doubt=left or bool(second) or bool(one) or suspect)
 
 
@@ -115,7 +129,8 @@ def _one_unknown(search: Search) -> str:
         for law in laws
         if law.chi2 / best.dispersion + price * (1 + len(law.shapes)) < best.bic(best.dispersion) + DECISIVE
     ]
-    return f"one unknown effect ({' x '.join(likely[0].formula.family)})" if likely else ""
+    law = " x ".join(likely[0].formula.family).replace("_", " ") if likely else ""
+    return f"one unknown effect ({law})" if law else ""
 
 
 def _cancel(best: Refit) -> bool:
@@ -168,7 +183,7 @@ def _of_base(search: Search) -> Conclusion:
     if base.lack_of_fit < LACK_OF_FIT:
         reason = "the model does not fit, and no effect of the catalogue explains it"
         if contradicted:
-            reason += f"; even so it takes {_values(contradicted)}"
+            reason += f"; its best fit takes {_values(contradicted)}"
         return Conclusion("unknown-effect", reason, True)
     if contradicted:
         return Conclusion(
@@ -283,8 +298,8 @@ def _as_likely(one: Explained, best: Explained) -> bool:
 def with_forms(forms: OfForms) -> Conclusion:
     """The verdict with the form of a part that it rests on; a doubt only where another form would change it."""
     found, others = _with_doubts(forms.best), forms.others()
-    said = f"with {forms.form}, another published form of the same part" if forms.form else ""
-    reason = ": ".join(text for text in (said, found.reason) if text)
+    said = f"it rests on {forms.form}, another published form of the same part" if forms.form else ""
+    reason = "; ".join(text for text in (said, found.reason) if text)
     if found.kind not in ("nothing-missing", "effect", "group") or not others:
         return replace(found, reason=reason)
     said = f"the form of the base is not certain, and {' and '.join(others)}"
@@ -322,7 +337,11 @@ def _beside(other: DataAlone) -> str:
 
 
 def _telling(refit: Refit) -> str:
-    wanted = what_would_tell(refit)
+    """What would decide: what separates the added effect from others, or conditions that did not vary."""
+    effects = refit.problem.assembly.model.effects
+    wanted = " or ".join(effects[use.name].separate_by for use in sorted(refit.uses)) or what_would_tell(
+        refit
+    )
     return f"; what would tell: {wanted}" if wanted else ""
 
 

@@ -7,13 +7,14 @@ best, accept or reject them; compare what is left; see where the model fails; pr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from specan.errors import ComputationError
+from specan.models.effect import ParameterName
 from specan.study.conclusion import (
     Conclusion,
     Explained,
@@ -27,10 +28,9 @@ from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block, localise
-from specan.study.localisation.mistaken_set_up import mistaken_set_up
+from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
-from specan.study.selection.alternatives import alternatives, other_forms
-from specan.study.selection.beyond_known import refit_promising
+from specan.study.selection.alternatives import alternatives, other_forms, refit_promising
 from specan.study.selection.doubtful_data import (
     copied_rows,
     drift_over_rows,
@@ -38,11 +38,12 @@ from specan.study.selection.doubtful_data import (
     rows_of_two_kinds,
     suspect_rows,
 )
-from specan.study.selection.initial_fit import NEAR, initial_fit, with_covariances_about
+from specan.study.selection.initial_fit import NEAR, InitialFit, initial_fit, with_covariances_about
 from specan.study.selection.pulls import Pull, pulls, shown
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import ResidualLaw, residual_law
 from specan.study.selection.search import Progress, Search, unheard
+from specan.study.selection.significance import LACK_OF_FIT
 from specan.study.verdict import (
     Diagnosis,
     LackOfFit,
@@ -134,7 +135,10 @@ def diagnose(
     declared = Search(Refits(start), (), bootstrap, progress, part=(0.0, ENDS))
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)
-        mistake = mistaken_set_up(problem)
+        mistake, near = mistaken_set_up(problem), InitialFit(start)
+        if not mistake.text:
+            near = initial_fit(start, progress)
+            mistake = mistake_beside(near, problem)
         if mistake.text:
             return Diagnosis(
                 "cannot-tell",
@@ -142,7 +146,7 @@ def diagnose(
                 lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
-        declared = _about_a_near_field(start, bootstrap, progress, begun)
+        declared = _about_a_near_field(start, near, bootstrap, progress, begun)
     tried: dict[str, Explained] = {}
     for form, search in _forms(declared):
         begun.append(search)
@@ -169,12 +173,27 @@ def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
         )
 
 
-def _about_a_near_field(start: Refit, bootstrap: bool, progress: Progress, begun: list[Search]) -> Search:
+def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:
+    """A mistake of the set-up in what the effects of a first fit leave, where a lining, say, makes the larger part.
+
+    Data that they meet within the few per cent of a down-weighted view are not looked at again.
+    """
+    if not near.found or near.left < 1:
+        return MistakenSetUp()
+    values = {n: v for n, v in near.known[near.found].items() if ParameterName(n).owned_by(near.found)}
+    with_effects = problem.with_uses(sorted(near.found))
+    found = mistaken_set_up(replace(with_effects, values={**with_effects.values, **values}))
+    names = " and ".join(sorted(map(str, near.found)))
+    return replace(found, text=f"beside {names}, {found.text}") if found.text else found
+
+
+def _about_a_near_field(
+    start: Refit, near: InitialFit, bootstrap: bool, progress: Progress, begun: list[Search]
+) -> Search:
     """A search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
     """
-    near = initial_fit(start, progress)
     search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress, part=(NEAR, ENDS))
     begun.append(search)
     if not search.refits.poor_fit or search.single is None or search.single.uses == near.found:
@@ -278,14 +297,11 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
 
 
 def _law_of_what_is_left(search: Search, found: Conclusion) -> ResidualLaw | None:
-    """A law for the residual: of the base where nothing of the catalogue is sure, else of the best set.
-
-    None where the model meets the data.
-    """
-    unsure = found.kind == "unknown-effect"
-    if not found.doubt or not (search.best.uses or unsure):
-        return None
-    return residual_law(search.base if unsure or len(search.best.uses) > 1 else search.best)
+    """A law for what the base lacks where that is unknown, else for what the best set leaves if that follows one."""
+    if found.kind == "unknown-effect":
+        return residual_law(search.base)
+    law = residual_law(search.best) if found.doubt and search.best.uses else None
+    return law if law is not None and law.p_value < LACK_OF_FIT else None
 
 
 def _too_good(base: Refit) -> tuple[str, ...]:

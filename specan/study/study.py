@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +17,8 @@ from specan.io.output_file import text_file
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
-from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
+from specan.study.comparison import Comparison
 from specan.study.estimation.continuation import continuation_fit, linearised
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.prediction_error import (
@@ -38,7 +38,7 @@ from specan.study.history import (
     line_of,
     recover,
 )
-from specan.study.localisation.localise import Localisation, curve_errors, localise
+from specan.study.localisation.localise import curve_errors, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles, kind_named, together
 from specan.study.selection.candidates import grouped_by
@@ -70,39 +70,6 @@ if TYPE_CHECKING:
 STOPPED = "stopped_diagnosis.json"  # in a study: what a diagnosis had found when it was interrupted
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Result):
-    """A model fitted and compared with the measurement.
-
-    Attributes
-    ----------
-    errors : tuple of ObservableError
-        The observable with most values first.
-    localisation : Localisation or None
-        Where the model fails; None where the uncertainty is unknown.
-    """
-
-    fit: Fit
-    errors: tuple[ObservableError, ...]
-    localisation: Localisation | None
-    parameters: Mapping[str, Mapping[str, Any]]
-
-    dimensions = ("parameter",)
-
-    def summary(self) -> str:
-        """Errors, and how well the model fits."""
-        errors = ", ".join(f"RMS of {e.observable} {e.rms:.3g} {e.unit}" for e in self.errors)
-        if self.localisation is None:
-            return errors
-        return f"{errors}, reduced chi-square {self.fit.reduced_chi2:.3g}, p {self.fit.p_value:.2g}"
-
-    def columns(self) -> dict[str, Any]:
-        """One row for each fitted parameter, with its 95 % interval."""
-        names = ("value", "low", "high", "unit", "plausible", "at_bound")
-        rows = self.parameters.values()
-        return {"parameter": list(self.parameters), **{n: [row[n] for row in rows] for n in names}}
 
 
 class Study:
@@ -334,7 +301,7 @@ class Study:
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
         where = localise(self.problem, self.shown) if self.data.known else None
-        return Comparison(self.shown, self.errors, where, parameter_table(self.problem, self.shown))
+        return Comparison(self, self.shown, self.errors, where, parameter_table(self.problem, self.shown))
 
     def frf_errors(self) -> list[FrfErrors]:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""

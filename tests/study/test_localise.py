@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from specan.study.estimation.fit import fit
-from specan.study.estimation.prediction_error import held_out_error, observable_errors
-from specan.study.localisation.localise import LeftOut, curve_errors, localise
+from specan.study.estimation.prediction_error import LeftOut, held_out_error, observable_errors
+from specan.study.localisation.localise import curve_errors, localise
 from specan.study.observation.table import TableObservation
 from specan.study.selection.significance import benjamini_yekutieli
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models.room.mesh_elements import Simplices
+from specan.models.room.mesh_field import Lines
 from specan.models.room.mesh_file import RoomMesh, triangle_areas
-from specan.models.room.mesh_lines import Lines
 from specan.models.room.mesh_modes import MARGIN, expected_modes
-from specan.models.room.mesh_places import Simplices
 
 Real = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ import numpy as np
 from specan.errors import RequestError, nearest
 from specan.models.quantity import Quantity, constant
 from specan.models.room.field import COLD
+from specan.models.room.mesh_elements import Simplices
 from specan.models.room.mesh_field import MeshRoom, room_modes
 from specan.models.room.mesh_file import RoomMesh, read_room_mesh
-from specan.models.room.mesh_places import Simplices
 from specan.models.room.mesh_size import degree_for, expected_cost, unknowns
 from specan.models.room.rig import Rig, microphone_outside
 

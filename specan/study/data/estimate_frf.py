@@ -30,6 +30,7 @@ Complex = Any
 Real = NDArray[np.float64]
 
 ORDER = 3  # of the polynomial
+SMOOTHED = 15  # lines over which the logarithm of the noise is averaged
 HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
 
 
@@ -37,7 +38,6 @@ def observe_recording(
     recording: Recording,
     model: Model,
     *,
-    channels: Sequence[str] = (),
     estimator: str = "H1",
     f_min_hz: float,
     f_max_hz: float,
@@ -52,8 +52,6 @@ def observe_recording(
         Calibrated; its receivers in the order of the rig file.
     model : Model
         Its `receivers` name them.
-    channels : sequence of str, optional
-        Receivers to use; all by default.
     estimator : {"H1", "H3c"}
     f_min_hz, f_max_hz : float
         Band.
@@ -99,7 +97,6 @@ def observe_recording(
     helper = recording.by_role(receivers.helper_role)[0] if estimator == "H3c" else None
     signals = recording.read([reference, *([helper] if helper else [])])
     folding = fold(signals[0], rate, block, hop, start, lines, signals[1] if helper else None)
-    wanted = np.array([not channels or m.name in channels for m in channels_of_all])
     conditions = {
         "frequency": folding.nodes,
         "velocity_psd": _density_at(signals[0], rate, block, reference, folding.nodes),
@@ -125,7 +122,7 @@ def observe_recording(
         folding=folding,
         conditions_at_nodes=conditions,
         shared=np.empty((*found.response.shape, 0), dtype=complex),
-        kept=wanted[:, None] & _looked_at(receivers, found.frequency_hz),
+        kept=np.tile(_looked_at(receivers, found.frequency_hz), (len(channels_of_all), 1)),
         notes=(quiet.text,) if quiet else (),
     )
     calibrated = _as_calibrated(receivers, channels_of_all, u_calibrator_percent)
@@ -322,7 +319,7 @@ def noise_density(reference: Real, responses: Iterable[Real], rate: float, frequ
     return _smooth(density, freedom)
 
 
-def _smooth(density: Real, freedom: float, width: int = 15) -> Real:
+def _smooth(density: Real, freedom: float) -> Real:
     """Mean of the logarithm over neighbouring lines, freed of its bias; a peak does not lift its neighbours."""
     from scipy.ndimage import uniform_filter1d
     from scipy.special import digamma
@@ -330,6 +327,6 @@ def _smooth(density: Real, freedom: float, width: int = 15) -> Real:
     logarithm = np.log(np.maximum(density, np.finfo(float).tiny))
     bias = float(digamma(freedom)) - np.log(freedom)
     smooth: Real = np.exp(
-        uniform_filter1d(logarithm, min(width, density.shape[1]), axis=1, mode="nearest") - bias
+        uniform_filter1d(logarithm, min(SMOOTHED, density.shape[1]), axis=1, mode="nearest") - bias
     )
     return smooth

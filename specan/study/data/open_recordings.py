@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +15,16 @@ from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.models import Model, Receivers
 from specan.study.data.estimate_frf import observe_recording, settling_s
-from specan.study.observation import DataFile, MeasuredFiles, OpenedData
+from specan.study.observation import DataFile, MeasuredFiles, Observation, OpenedData
 from specan.study.observation.frf import FrfObservation
 
 TITLE = "a recording"
+SAME_LEVEL = 0.02  # relative, of a level that a user writes: conditions are printed to three digits
 
 
 def reads(path: Path) -> bool:
     """Whether a file is a recording by its content."""
-    from specan.io.content import format_of
+    from specan.io.open import format_of
 
     try:
         format_of(path)
@@ -133,29 +136,49 @@ def _range(values: NDArray[np.float64]) -> str:
     return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
-def put_aside(whole: FrfObservation, file: DataFile, wanted: MeasuredFiles) -> NDArray[np.bool_]:
-    """Rows of the channels that ``channel=Mic 19,Mic 20`` names."""
+def put_aside(
+    whole: Observation, file: DataFile, wanted: MeasuredFiles, label_of: Callable[[str], str] = str
+) -> NDArray[np.bool_]:
+    """Rows that ``channel=Mic 19,Mic 20`` names.
+
+    Parameters
+    ----------
+    whole : Observation
+        Of a recording.
+    file, wanted
+        What it was read from, and what is to be held out.
+    label_of : callable
+        Name of the label that a user's key means.
+    """
     aside = np.zeros(whole.n, dtype=bool)
     for file_name, where in wanted.hold_out:
         if file_name not in (None, file.name):
             continue
-        key, _, names = where.partition("=")
-        if key.strip() not in whole.labels:
+        given, _, levels = where.partition("=")
+        key = label_of(given.strip())
+        if key not in whole.labels:
             raise RequestError(
-                f"{key!r} in {where!r} is not known for a recording", remedy=nearest(key, whole.labels)
+                f"{given!r} in {where!r} is not known for a recording", remedy=nearest(given, whole.labels)
             )
-        labels = whole.labels[key.strip()]
-        for name in names.split(","):
-            chosen = np.array([_alike(label, name.strip()) for label in labels.tolist()])
-            if not chosen.any():
+        labels = whole.labels[key]
+        # a condition that is the same in a whole recording may be that of another recording
+        elsewhere = labels.dtype.kind == "f" and np.ptp(labels) == 0
+        for level in map(str.strip, levels.split(",")):
+            chosen = _alike(labels, level)
+            if not chosen.any() and not elsewhere:
                 raise RequestError(
-                    f"{file.name} has no {key.strip()} {name.strip()!r}",
-                    remedy=nearest(name.strip(), [str(v) for v in np.unique(labels)]),
+                    f"{file.name} has no {key} {level!r}",
+                    remedy=nearest(level, [str(v) for v in np.unique(labels)]),
                 )
             aside |= chosen
     return aside
 
 
-def _alike(label: object, name: str) -> bool:
-    """Whether a label is what a user wrote: ``25`` is the third octave 25.0."""
-    return f"{label:g}" == name if isinstance(label, float) else str(label) == name
+def _alike(labels: NDArray[Any], level: str) -> NDArray[np.bool_]:
+    """Which labels are what a user wrote: ``25`` is the third octave 25.0."""
+    if labels.dtype.kind != "f":
+        return np.asarray(labels == level)
+    try:
+        return np.isclose(labels, float(level), rtol=SAME_LEVEL)
+    except ValueError:
+        return np.zeros(labels.size, dtype=bool)

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit, misfit_p_value
+from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import (
     LEVEL,
     Block,
-    LeftOut,
     Localisation,
     Trend,
 )

@@ -11,6 +11,7 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -64,6 +65,7 @@ class ResidualLaw:
     p_value: float
 
 
+@lru_cache(maxsize=2)  # a conclusion asks, and what is printed beside it
 def residual_law(start: Refit) -> ResidualLaw | None:
     """Fit a law to what a fitted model leaves; None where the model offers no variables or they do not vary."""
     space = start.problem.assembly.model.law
@@ -218,9 +220,10 @@ def _describe(
     as_large_as_all = abs(fitted.multiple) > 0.999 / STEP
     if not as_large_as_all and all(value is not None for value in simple.values()):
         text += " (near " + " ".join(f"{s}^{simple[s]}" for s in symbols) + ")"
-    text += f", {amplitude:.3g} {unit} in the middle of the data"
+    meant = ", ".join(f"{s}: {space.variables[s].replace('_', ' ')}" for s in symbols)
+    text += f", {amplitude:.3g} {unit} in the middle of the data ({meant})"
     if as_large_as_all:
-        text += ": next to a term that the model has, and only as sure as that one's form"
+        text += "; the model has a term of nearly this form, so that the exponents are not sure"
     p_value = improvement_probability(
         float(start.linear.residual @ start.linear.residual) - fitted.left,
         1 + len(symbols),
