@@ -6,9 +6,8 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-from specan.data.channel import Channel, PhaseCalibration, matches
+from specan.data.channel import Channel, PhaseCalibration, gain_of, matches
 from specan.data.recording import Recording
-from specan.data.sensor import gain_of
 from specan.errors import InputError, RequestError
 from specan.result import Result, counted
 

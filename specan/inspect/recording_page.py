@@ -11,22 +11,17 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, Checkbox, Div, MultiSelect, NumericInput, RadioButtonGroup, ScrollBox
 
 from specan.errors import RequestError, SpecanError
-from specan.inspect.envelope import read_overviews
-from specan.inspect.header import KEYS, BrowserLink, Busy, header, notice, sheet
 from specan.inspect.kept_bands import KeptBands
-from specan.inspect.look import PANEL, Dress, dark_toggle
+from specan.inspect.look import KEYS, PANEL, BrowserLink, Busy, Dress, dark_toggle, header, notice, sheet
 from specan.inspect.opened import Opened
 from specan.inspect.plots import Band, Curve, plain
-from specan.inspect.tabs.fft import FftTab
-from specan.inspect.tabs.frf import FrfTab
 from specan.inspect.tabs.info import InfoTab
-from specan.inspect.tabs.levels import LevelsTab
-from specan.inspect.tabs.octave import OctaveTab
+from specan.inspect.tabs.levels import LevelsTab, OctaveTab
 from specan.inspect.tabs.orders import OrdersTab
-from specan.inspect.tabs.spectrogram import SpectrogramTab
+from specan.inspect.tabs.spectra import FftTab, FrfTab, SpectrogramTab
 from specan.inspect.tabs.tab import Found, Tab, text_of
 from specan.inspect.view import View, commands
-from specan.inspect.waveform_view import WaveformView
+from specan.inspect.waveform_view import WaveformView, read_overviews
 from specan.inspect.work import Tell, Work
 from specan.report.figures import figure_of
 

@@ -12,13 +12,22 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
 
 from specan.errors import RequestError
-from specan.inspect.header import STUDY_KEYS, BrowserLink, Busy, folded, header, notice, sheet
-from specan.inspect.look import PANEL, Dress, dark_toggle
-from specan.inspect.study_views.agreement import agreement_of
+from specan.inspect.look import (
+    PANEL,
+    STUDY_KEYS,
+    BrowserLink,
+    Busy,
+    Dress,
+    dark_toggle,
+    folded,
+    header,
+    notice,
+    sheet,
+)
+from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
 from specan.inspect.study_views.errors import FailingMap, Staircase
 from specan.inspect.study_views.places import PlacesView
 from specan.inspect.study_views.ranking import Ranking, Uses
-from specan.inspect.study_views.transfer import TransferAgreement
 from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
 from specan.inspect.work import Tell, Work

@@ -104,13 +104,13 @@ def _fall(before: ObservableError, after: ObservableError) -> str:
     unit = "" if before.unit == "1" else f" {before.unit}"
     if before == after:
         text = f"{before.rms:.3g}{unit} ({before.relative_rms:.2g} %)"
-        return text if before.level_dB is None else f"{text}, third-octave levels {before.level_dB:.2g} dB"
+        return text if before.level_dB is None else f"{text}, {before.level_of} {before.level_dB:.2g} dB"
     text = (
         f"{before.rms:.3g} to {after.rms:.3g}{unit} ({before.relative_rms:.2g} to {after.relative_rms:.2g} %)"
     )
     if before.level_dB is None or after.level_dB is None:
         return text
-    return f"{text}, third-octave levels {before.level_dB:.2g} to {after.level_dB:.2g} dB"
+    return f"{text}, {before.level_of} {before.level_dB:.2g} to {after.level_dB:.2g} dB"
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ SAME_LEVEL = 0.02  # relative, of a level that a user writes: conditions are pri
 
 def reads(path: Path) -> bool:
     """Whether a file is a recording by its content."""
-    from specan.io.content import format_of
+    from specan.io.open import format_of
 
     try:
         format_of(path)
