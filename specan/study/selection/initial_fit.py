@@ -43,7 +43,7 @@ CLEAR = 0.7  # share of the base's chi-square on the down-weighted view that may
 MOST_REFITTED = 7  # with those that are easily taken for the best so far
 SURE = 0.05  # reduced chi-square on the down-weighted view below which nothing else is tried
 MOST = 2  # effects
-# Shares of a diagnosis that are over when this begins and ends: of its CPU time for a room with a lining
+# Shares of a diagnosis that are over when this begins and ends: of its CPU time for a field with a damped boundary
 BEGINS, NEAR = 0.1, 0.65
 LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
 SUBSAMPLE_JACOBIANS = 5  # Jacobians of a subsample

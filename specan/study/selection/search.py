@@ -37,8 +37,8 @@ STANDS_OUT, LOUDER = 5.0, 1.2
 MOST_OUTSTANDING = 3  # receivers
 HALF = 0.5  # of what a set leaves, that a further effect must promise to be refitted whatever the form of the others
 
-# Share of a search that is over when singles, pairs and thirds are begun: about that of its CPU time for rooms with a
-# lining, of six and of twelve microphones. A share is told, nothing rests on it.
+# Share of a search that is over when singles, pairs and thirds are begun: about that of its CPU time for fields with a
+# damped boundary, of six and of twelve receivers. A share is told, nothing rests on it.
 SINGLES, PAIRS, THIRDS = 0.3, 0.7, 0.9
 
 
