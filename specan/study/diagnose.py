@@ -7,12 +7,13 @@ best, accept or reject them; compare what is left; see where the model fails; pr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
 from specan.errors import ComputationError
+from specan.models.effect import ParameterName
 from specan.study.conclusion import (
     Conclusion,
     Explained,
@@ -26,7 +27,7 @@ from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block, localise
-from specan.study.localisation.mistaken_set_up import mistaken_set_up
+from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
 from specan.study.selection.alternatives import alternatives, other_forms, refit_promising
 from specan.study.selection.doubtful_data import (
@@ -36,7 +37,7 @@ from specan.study.selection.doubtful_data import (
     rows_of_two_kinds,
     suspect_rows,
 )
-from specan.study.selection.initial_fit import initial_fit, with_covariances_about
+from specan.study.selection.initial_fit import InitialFit, initial_fit, with_covariances_about
 from specan.study.selection.pulls import (
     pulls,
     shown,
@@ -92,7 +93,10 @@ def diagnose(
     declared = Search(Refits(start), (), bootstrap, progress)
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data")
-        mistake = mistaken_set_up(problem)
+        mistake, near = mistaken_set_up(problem), InitialFit(start)
+        if not mistake.text:
+            near = initial_fit(start, progress)
+            mistake = mistake_beside(near, problem)
         if mistake.text:
             return Diagnosis(
                 "cannot-tell",
@@ -100,7 +104,7 @@ def diagnose(
                 lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
-        declared = _about_a_near_field(start, bootstrap, progress)
+        declared = _about_a_near_field(start, near, bootstrap, progress)
     tried: dict[str, Explained] = {}
     for form, search in _forms(declared):
         search.run()
@@ -122,12 +126,25 @@ def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
         yield other.text, Search(Refits(other.start), (), declared.bootstrap, declared.progress)
 
 
-def _about_a_near_field(start: Refit, bootstrap: bool, progress: Progress) -> Search:
+def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:
+    """A mistake of the set-up in what the effects of a first fit leave, where a lining, say, makes the larger part.
+
+    Data that they meet within the few per cent of a down-weighted view are not looked at again.
+    """
+    if not near.found or near.left < 1:
+        return MistakenSetUp()
+    values = {n: v for n, v in near.known[near.found].items() if ParameterName(n).owned_by(near.found)}
+    with_effects = problem.with_uses(sorted(near.found))
+    found = mistaken_set_up(replace(with_effects, values={**with_effects.values, **values}))
+    names = " and ".join(sorted(map(str, near.found)))
+    return replace(found, text=f"beside {names}, {found.text}") if found.text else found
+
+
+def _about_a_near_field(start: Refit, near: InitialFit, bootstrap: bool, progress: Progress) -> Search:
     """A search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
     """
-    near = initial_fit(start, progress)
     search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress)
     if not search.refits.poor_fit or search.single is None or search.single.uses == near.found:
         return search

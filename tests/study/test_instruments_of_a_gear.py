@@ -90,6 +90,7 @@ def test_rows_of_two_kinds_that_contradict_each_other_are_named(tmp_path):
     columns = without(campaign(1, -1.5), "elapsed_time_s", "coupled")
     found = diagnose(problem(tmp_path, columns, rig()))
     assert any("rows without load" in remark and "uncoupled" in remark for remark in found.remarks)
+    assert found.unknown_possible
     whole = diagnose(problem(tmp_path, without(campaign(1), "elapsed_time_s", "coupled"), rig()))
     assert whole.verdict == "nothing-missing"
     assert not any("rows without load" in remark for remark in whole.remarks)

@@ -260,12 +260,17 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
     blocks = [
         _block(algebra, *place, along, variables) for place, along in zip(places, directions, strict=True)
     ]
-    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
-    marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
+    marked = tested(blocks)
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: b.p_value)),
         trends=tuple(sorted(_trends(algebra, labels, marked, variables), key=lambda t: t.p_value)),
     )
+
+
+def tested(blocks: Sequence[Block]) -> list[Block]:
+    """The blocks, told which of them are significant among all."""
+    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
+    return [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
 
 
 def _labels(problem: Problem) -> dict[str, NDArray[Any]]:

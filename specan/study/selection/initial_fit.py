@@ -62,12 +62,15 @@ class InitialFit:
         SI values that led near the data, by the set of effects that was added.
     found : set of Use
         The set that the covariances are about.
+    left : float
+        Reduced chi-square that the nearest set leaves on the down-weighted view.
     """
 
     base: Refit
     likely: tuple[Use, ...] = ()
     known: Mapping[EffectSet, Mapping[str, Any]] = field(default_factory=dict)
     found: EffectSet = frozenset()
+    left: float = 0.0
 
 
 def initial_fit(start: Refit, progress: Callable[[str], None]) -> InitialFit:
@@ -86,7 +89,11 @@ def initial_fit(start: Refit, progress: Callable[[str], None]) -> InitialFit:
     single = sorted((uses for uses in values if len(uses) == 1), key=lambda uses: uses != found)
     likely = dict.fromkeys(use for uses in [*single, near.uses] for use in sorted(uses))
     return InitialFit(
-        with_covariances_about(start, found, values[found]), tuple(likely), {**known, **values}, found
+        with_covariances_about(start, found, values[found]),
+        tuple(likely),
+        {**known, **values},
+        found,
+        near.reduced,
     )
 
 
