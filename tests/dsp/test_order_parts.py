@@ -3,10 +3,15 @@
 import numpy as np
 import pytest
 
-from specan.dsp.angular import PASS, AngularResampler, samples_per_turn
 from specan.dsp.envelope import band_kurtosis, envelope
-from specan.dsp.integration import derivative_factor
-from specan.dsp.order_lines import common_period, fit_lines
+from specan.dsp.order_lines import (
+    PASS,
+    AngularResampler,
+    common_period,
+    derivative_factor,
+    fit_lines,
+    samples_per_turn,
+)
 from specan.dsp.tacho import pulse_times, repair, shaft_angle
 from specan.errors import InputError, RequestError
 

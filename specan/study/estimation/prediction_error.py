@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit
-from specan.study.estimation.linear import orthonormal
+from specan.study.estimation.linear import chi2_beside, covariance_root, orthonormal
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.observation.frf import FrfObservation
@@ -176,10 +176,7 @@ def held_out_error(problem: Problem, best: Fit, observations: Sequence[Observati
     slopes = joint.sensitivities(theta)[seen:]
     white = np.concatenate([o.whiten(s) for o, s in zip(observations, slopes, strict=True)])
     gap = np.concatenate([o.whiten(p - o.measured) for o, p in zip(observations, predictions, strict=True)])
-    # (I + A C A')^-1 by Woodbury: theta has few elements, the data may have many.
-    root = white @ _root(covariance)
-    inner = root.T @ gap
-    chi2 = float(gap @ gap - inner @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ root, inner))
+    chi2 = chi2_beside(gap, white @ covariance_root(covariance))
     sigma = [
         np.sqrt(o.sigma**2 + np.einsum("ij,jk,ik->i", s, covariance, s))
         for o, s in zip(observations, slopes, strict=True)
@@ -187,11 +184,6 @@ def held_out_error(problem: Problem, best: Fit, observations: Sequence[Observati
     shown = joint.plain(theta, problem.observations)[seen:]
     errors = observable_errors(problem, observations, shown)
     return HeldOut(tuple(errors), chi2, int(gap.size), tuple(shown), tuple(sigma))
-
-
-def _root(covariance: Array) -> Array:
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _carried_over(problem: Problem, best: Fit, joint: Problem) -> tuple[Array, Array]:
