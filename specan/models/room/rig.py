@@ -83,6 +83,12 @@ class Vibrometer(Settings):
     point: str = "diaphragm centre"
 
 
+class Background(Settings):
+    """What is heard while the loudspeaker is silent."""
+
+    recording: str | None = None
+
+
 class Identity(Settings):
     """Recordings of one rig share a calibration."""
 
@@ -116,6 +122,7 @@ class Rig(Settings):
     band: Band
     mics: Mics
     vibrometer: Vibrometer = Vibrometer()
+    background: Background = Background()
     rig: Identity = Identity()
     uncertainty: Uncertainty = Uncertainty()
 
