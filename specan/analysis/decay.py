@@ -18,8 +18,8 @@ from specan.data.channel import Channel
 from specan.data.decay import DecayTimes, ImpulseResponses
 from specan.data.recording import Recording
 from specan.dsp import bands
-from specan.dsp.deconvolution import Deconvolution
 from specan.dsp.energy_decay import decay_line, energy_decay, noise_floor
+from specan.dsp.fft import Deconvolution
 from specan.errors import InputError, RequestError
 from specan.schema import Settings
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from specan.dsp.history_filters import SETTLINGS_IN_A_BLOCK, Filter
 from specan.dsp.multirate import LENGTH, Stage
 from specan.dsp.sections import GRAIN, Shape, fast_length
-from specan.dsp.smooth_step import falling_step
+from specan.dsp.windows import falling_step
 
 # What a filter attenuates by more than 100 dB is left out.
 _NOTHING = 1e-5

@@ -5,12 +5,12 @@ from __future__ import annotations
 import base64
 import json
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 from bokeh.layouts import row
-from bokeh.models import CustomJS, Div, InlineStyleSheet, Spacer, TextInput, Toggle, Widget
+from bokeh.models import Button, CustomJS, Div, InlineStyleSheet, Spacer, TextInput, Toggle, Widget
 from bokeh.themes import Theme
 
 from specan.report.figure_style import COLOURS as PRINTED
@@ -166,17 +166,31 @@ KEYS = (
 STUDY_KEYS = "Keys: p save PNG, v save SVG, c copy numbers, l copy the command line, d dark or light."
 
 
-def header(title: str, kind: str, buttons: Sequence[Any]) -> Any:
-    """Name of the program and of what is shown on the left, buttons on the right."""
+Press = Callable[[], None]
+
+
+def header(document: Document, title: str, kind: str, presses: Iterable[tuple[str, str, Press]]) -> Any:
+    """Name of the program and of what is shown on the left; on the right a button for each text, name and press."""
+    buttons: list[Any] = []
+    for label, key, press in presses:
+        button = Button(label=label, name=key)
+        button.on_click(press)
+        buttons.append(button)
     text = (
         '<span style="font-weight:700;color:var(--accent);font-size:15px">specan</span>'
         f'<span style="color:var(--soft)"> &nbsp;{escape(kind)}&nbsp; </span><b>{escape(title)}</b>'
     )
     name = Div(text=text, styles={"white-space": "nowrap", "overflow": "hidden", "text-overflow": "ellipsis"})
     return row(
-        name, Spacer(sizing_mode="stretch_width"), *buttons, sizing_mode="stretch_width",
+        name, Spacer(sizing_mode="stretch_width"), *buttons, dark_toggle(document), sizing_mode="stretch_width",
         styles={"align-items": "center", "border-bottom": "2px solid var(--accent)", "margin-bottom": "5px"},
     )  # fmt: skip
+
+
+def asked_for(document: Document) -> Mapping[str, Sequence[bytes]]:
+    """Arguments of the address that a page was opened with."""
+    context = document.session_context
+    return context.request.arguments if context is not None and context.request else {}
 
 
 def sheet(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:

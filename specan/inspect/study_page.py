@@ -18,7 +18,7 @@ from specan.inspect.look import (
     BrowserLink,
     Busy,
     Dress,
-    dark_toggle,
+    asked_for,
     folded,
     header,
     notice,
@@ -87,10 +87,8 @@ class StudyPage:
 
     def _first_view(self) -> tuple[StudyView, str]:
         """What the address asks for, and why it is not available."""
-        context = self.document.session_context
-        arguments = context.request.arguments if context is not None and context.request else {}
         try:
-            return StudyView.from_arguments(arguments), ""
+            return StudyView.from_arguments(asked_for(self.document)), ""
         except RequestError as fault:
             return StudyView(), str(fault)
 
@@ -162,18 +160,14 @@ class StudyPage:
         self.document.title = f"{title} - specan"
 
     def _header(self, title: str) -> Any:
-        buttons = []
-        for text, name, press in (
+        presses = (
             ("PNG", "save-png", lambda: self._save("png")),
             ("SVG", "save-svg", lambda: self._save("svg")),
             ("Copy numbers", "copy-numbers", self._copy_numbers),
             ("Copy command", "copy-command", self._copy_command),
             ("?", "keys", lambda: self.status.end(STUDY_KEYS)),
-        ):
-            button = Button(label=text, name=name)
-            button.on_click(press)
-            buttons.append(button)
-        return header(title, "study", [*buttons, dark_toggle(self.document)])
+        )
+        return header(self.document, title, "study", presses)
 
     def _save(self, kind: str) -> None:
         """The figure that ``specan study compare --plot`` draws, of the model as it is."""

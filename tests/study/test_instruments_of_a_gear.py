@@ -7,7 +7,7 @@ import pytest
 
 from specan.models.chosen_model import ChosenModel, grid, predict
 from specan.models.worm_gear.build import build
-from specan.models.worm_gear.example import EXAMPLE_RIG
+from specan.models.worm_gear.rig import EXAMPLE_RIG
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
