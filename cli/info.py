@@ -13,9 +13,9 @@ from specan_cli.recording_verb import expand, opening_options
 
 if TYPE_CHECKING:
     from specan.data.channel import Channel
-    from specan.data.excitation import Excitation
     from specan.data.levels import Quality
     from specan.data.recording import Recording
+    from specan.data.tone import Excitation
 
 # Properties that the table of channels already shows, or that only say how the file was written.
 _SHOWN = {"unit_string", "Unit_String", "QuantityUnit", "Sensitivity", "SensitivityUnit", "name"}

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 RATE = 51200.0
 LINES_RATE = 12800.0  # of recordings made of order lines: three harmonics of the mesh lie far below
+# Relative distance within which a harmonic meets a natural frequency: as well as stiffness is known.
+_NEAR = 0.15
 _PATIENCE_S = 5.0  # from which on the time that a run takes is told before it starts
 
 
@@ -204,8 +206,28 @@ def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     say(
         f"{len(names)} channels of {options['duration']:g} s made of {orders.size} order lines written to {path}"
     )
+    _say_resonances(model)
     if options["as_json"]:
         emit_json({"effects": [str(u) for u in request.assembly.uses], "channels": names})
+
+
+def _say_resonances(model: Model) -> None:
+    """Natural frequencies of the set, and harmonics of the mesh that meet one."""
+    import numpy as np
+
+    from specan.models.planetary_gear.kinematics import carrier_speed_ratio
+    from specan.models.planetary_gear.modes import torsional_frequencies
+
+    rig = model.settings["parsed_rig"]
+    mesh = rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear) * rig.gear.z_ring
+    natural = np.unique(torsional_frequencies(model).round(1))
+    say(f"natural frequencies of the set: {', '.join(f'{f:.0f}' for f in natural)} Hz; mesh at {mesh:.0f} Hz")
+    for frequency in natural:
+        harmonic = max(round(frequency / mesh), 1)
+        if abs(harmonic * mesh / frequency - 1) < _NEAR and harmonic <= len(model.axes["harmonic"]):
+            say(
+                f"harmonic {harmonic} of the mesh, at {harmonic * mesh:.0f} Hz, meets that at {frequency:.0f} Hz"
+            )
 
 
 def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
@@ -223,6 +245,7 @@ def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     header = ["channel", "order", "amplitude_m_per_s2", "phase_deg"]
     write_csv(path, header, rows)
     say(f"{len(rows)} order lines written to {path}")
+    _say_resonances(model)
     if options["as_json"]:
         emit_json(
             {

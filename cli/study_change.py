@@ -102,4 +102,9 @@ def _rows(key: str, name: str, before: Any, after: Any) -> list[list[Any]]:
         percent = 100 * (new["rms"] / was - 1) if was > 0 else 0.0
         unit = "" if new["unit"] == "1" else new["unit"]
         rows.append([name, new["observable"], f"{was:.4g}", f"{new['rms']:.4g}", unit, f"{percent:+.0f} %"])
+        levels = [e.get("level_dB") for e in (old[new["observable"]], new)]
+        if None not in levels:
+            rows.append(
+                [name, new.get("level_of", "levels"), *(f"{level:.2g}" for level in levels), "dB", ""]
+            )
     return rows

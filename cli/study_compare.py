@@ -84,7 +84,7 @@ def _print(study: Study, found: Comparison) -> None:
     if study.shown is not study.best:
         click.echo(
             f"It fits best, reduced chi-square {study.best.reduced_chi2:.2f}, with instruments far beyond their "
-            "certificates; it is shown with these held."
+            "certificates; it is shown with instruments nearer to these."
         )
     for text in where.sentences():
         click.echo(f"  {text}")
@@ -110,8 +110,6 @@ def _print(study: Study, found: Comparison) -> None:
 
 
 def _print_recordings(study: Study, recorded: Sequence[FrfErrors]) -> None:
-    from specan.study.localisation.frf_errors import summary
-
     receivers = study.model.receivers
     names = receivers.plural if receivers else "channels"
     for one in recorded:
@@ -119,9 +117,26 @@ def _print_recordings(study: Study, recorded: Sequence[FrfErrors]) -> None:
         table(
             f"{one.recording}: model over measured, all {names}",
             ["Hz", "dB, mean", "dB, range", "|deg|, mean", "CSAC", "the clearest, dB (95 %)"],
-            summary([one]),
+            _bands(one),
         )
         frac = ", ".join(f"{c} {f:.4f}" for c, f in zip(one.channels, one.frac, strict=True) if f == f)
         click.echo(f"FRAC: {frac}")
     if recorded:
         click.echo("(FRAC and CSAC see less than chi-square: they are shown, and decide nothing.)")
+
+
+def _bands(one: FrfErrors) -> list[list[str]]:
+    """Third octave, mean and range of the level error, phase error, CSAC, the worst channel."""
+    import numpy as np
+
+    rows = []
+    for b, band in enumerate(one.bands):
+        level, phase = one.level_dB[:, b], one.phase_deg[:, b]
+        used = np.flatnonzero(np.isfinite(level))
+        worst = used[np.argmax(np.abs(level[used]) / one.u_level_dB[used, b])]
+        rows.append([
+            f"{band:g}", f"{level[used].mean():+.2f}", f"{level[used].min():+.2f}..{level[used].max():+.2f}",
+            f"{np.abs(phase[used]).mean():.1f}", f"{one.csac[b]:.4f}",
+            f"{one.channels[worst]}: {level[worst]:+.2f} +-{2 * one.u_level_dB[worst, b]:.2f}",
+        ])  # fmt: skip
+    return rows

@@ -240,14 +240,14 @@ def impulse(recording: Source, reference: str | None = None, **settings: Any) ->
         Channel of the excitation; by default the generator, else the vibrometer.
     **settings
         ``channels``, ``method``, ``length_s``, ``start_s``, ``stop_s``: see
-        `specan.analysis.impulse_response.ImpulseResponse`.
+        `specan.analysis.decay.ImpulseResponse`.
 
     Returns
     -------
     ImpulseResponses
         Responses (channels, samples) over seconds.
     """
-    from specan.analysis.impulse_response import ImpulseResponse
+    from specan.analysis.decay import ImpulseResponse
 
     return _settings(ImpulseResponse, "impulse", reference=reference, **settings)(_opened(recording))
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from specan.data.channel import Channel, Role, channels_matching, channels_meant, plain_properties
-from specan.data.sensor import si_unit
+from specan.data.channel import Channel, Role, channels_matching, channels_meant, plain_properties, si_unit
 from specan.errors import InputError, RequestError, nearest
 from specan.result import Result, counted, data_set, full_names
 from specan.units import MOTION, Quantity

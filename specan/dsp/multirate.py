@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.dsp.overlapped_blocks import BlockGrid
-from specan.dsp.smooth_step import falling_step
+from specan.dsp.windows import falling_step
 
 FACTOR = 8
 PASS, STOP = 0.40, 0.50

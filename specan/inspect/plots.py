@@ -30,8 +30,7 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from specan.inspect.look import COLOURS
-from specan.report.channel_lines import chosen
-from specan.report.figure_style import octave_ticks
+from specan.report.figure_style import chosen, octave_ticks
 
 _DASHES = ("solid", "dashed", "dotted", "dotdash")
 _HARMONICS = 10

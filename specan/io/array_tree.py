@@ -18,8 +18,7 @@ from specan.data.recording import Recording, SampleSource
 from specan.errors import InputError
 from specan.io.channel_table import ChannelTable, channel_of
 from specan.io.roles import identify
-from specan.io.sampling_rate import TIME_UNITS, Rate, is_rate
-from specan.io.time_axis import axis_of, is_time
+from specan.io.sampling_rate import TIME_UNITS, Rate, axis_of, is_rate, is_time
 
 Path = tuple[str, ...]
 LEAST = 16  # samples below which an array is a list of parameters

@@ -17,10 +17,10 @@ from specan.errors import InputError, NoSignalError
 from specan.io import sampling_rate as rates
 from specan.io.channel_table import ChannelTable, Row, channel_of
 from specan.io.roles import identify
+from specan.io.sampling_rate import Axis, axis_of, is_frequency, is_time
 from specan.io.tdms_headers import Headers, TdmsObject, read_headers
 from specan.io.tdms_scaling import scaling_of
 from specan.io.tdms_source import Feed, TdmsSource
-from specan.io.time_axis import Axis, axis_of, is_frequency, is_time
 
 _EMPTY, _CUT_OFF = "it has no samples", "it was cut off"
 _NO_NUMBERS = {
@@ -262,7 +262,7 @@ def recognises(start: bytes) -> bool:
     return start[:4] == b"TDSm"
 
 
-open_recording = open_tdms  # as a format; see `specan.io.content`
+open_recording = open_tdms  # as a format; see `specan.io.open`
 
 
 # Keys that name the range, or the number of bits, without blanks and case.

@@ -15,8 +15,7 @@ from specan.errors import InputError
 from specan.io.array_tree import Signal, recording_of
 from specan.io.channel_table import ChannelTable
 from specan.io.export_file import library
-from specan.io.sampling_rate import Rate
-from specan.io.time_axis import axis_of
+from specan.io.sampling_rate import Rate, axis_of
 
 # Function types of data set 58, record 6, field 1.
 TIME_RESPONSE, TRANSFER_FUNCTION, COHERENCE = 1, 4, 6

@@ -15,14 +15,17 @@ from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import BatchReport
 from specan.analysis.batch.settings import BatchSettings
 from specan.io.results_text import cells, plain
-from specan.report.channel_lines import Styles, draw_thin, grouped, outer_lines
 from specan.report.figure_style import (
+    Styles,
+    draw_thin,
+    grouped,
     heading,
     legend_above,
     level_label,
     level_limits,
     new_figure,
     octave_axis,
+    outer_lines,
     phase_axis,
     styled,
     with_gaps,

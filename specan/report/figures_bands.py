@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 from specan.data.band_levels import BandLevels
 from specan.data.decay import DecayTimes
 from specan.data.levels import SignalLevels
-from specan.report.channel_lines import FEW, Styles, chosen, draw_range, grouped, outer_lines, styles_of
 from specan.report.figure_style import (
     COLOURS,
+    FEW,
+    Styles,
+    chosen,
+    draw_range,
+    grouped,
     heading,
     legend_above,
     legend_below,
@@ -22,7 +26,9 @@ from specan.report.figure_style import (
     micro,
     new_figure,
     octave_axis,
+    outer_lines,
     styled,
+    styles_of,
 )
 
 if TYPE_CHECKING:

@@ -9,9 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.report.channel_lines import draw_range
-from specan.report.figure_style import COLOURS, GREY, heading, legend_above, new_figure, octave_axis, styled
-from specan.report.measured_transfer import measured_transfer
+from specan.report.figure_style import (
+    COLOURS,
+    GREY,
+    draw_range,
+    heading,
+    legend_above,
+    new_figure,
+    octave_axis,
+    styled,
+)
+from specan.report.figures_study_frf import measured_transfer
 from specan.report.residual_map import axis_text, map_axes
 from specan.report.study_words import fall_text, history_sentence, state_of
 from specan.study.history import History, Step

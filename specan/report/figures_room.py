@@ -18,8 +18,7 @@ from specan.report.figure_style import (
     phase_axis,
     styled,
 )
-from specan.report.figures_study_frf import draw_response
-from specan.report.measured_transfer import measured_transfer
+from specan.report.figures_study_frf import draw_response, measured_transfer
 from specan.report.study_words import state_of
 from specan.study.localisation.frf_errors import FrfErrors
 from specan.units import printed_unit

@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.spectrum import Spectrogram, Spectrum
-from specan.report.channel_lines import FEW, Styles, draw_range, draw_thin, grouped, outer_lines
 from specan.report.figure_style import (
+    FEW,
+    Styles,
     band_about,
+    draw_range,
+    draw_thin,
+    grouped,
     heading,
     legend_above,
     legend_below,
@@ -20,6 +24,7 @@ from specan.report.figure_style import (
     micro,
     new_figure,
     octave_axis,
+    outer_lines,
     phase_axis,
     styled,
     with_gaps,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.dsp.extremes import low_and_high
+from specan.dsp.statistics import low_and_high
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import MOST_ROWS, localise
 from specan.study.selection.acceptance import DECISIVE
 from specan.study.selection.alternatives import seen_from, sizes_beyond
-from specan.study.selection.doubtful_data import WHOLE, suspect_rows
+from specan.study.selection.doubtful_data import WHOLE, rows_of_two_kinds, suspect_rows
 from specan.study.selection.law_search import search_laws
 from specan.study.selection.pulls import ODDS, DataAlone, Pull, data_alone, stretched, what_would_tell
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
@@ -83,15 +83,28 @@ def _with_doubts(explained: Explained) -> Conclusion:
         reasons.append(
             f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well"
         )
-    if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
-        reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
+    named = {
+        str(use) for one in sets for use in one.uses
+    }  # an instrument that is named is no other explanation
+    far = [pull for pull in search.too_far(base) if pull.parameter.owner not in named]
+    held = far if base.lack_of_fit >= LACK_OF_FIT else []
+    if held:
+        reasons.append(f"without it the model fits only with {_values(held)}")
     beyond = [
-        f"{_names([one])} fits as well, with {_values(values)}" for one, values in sizes_beyond(search, sets)
+        f"{_names([rival])} fits as well, with {_values(values)}"
+        for rival, values in sizes_beyond(search, sets)
     ]
     reasons += beyond[:MOST_PULLS]
-    if not reasons and len(sets) == 1:
+    suspect = bool(
+        suspect_rows(base)
+        or rows_of_two_kinds(base)
+        or stretched(best)
+        or held
+        or beyond
+        or better_but_too_far(search, sets)
+    )
+    if not (reasons or suspect) and len(sets) == 1:
         reasons.append("no other explanation in the catalogue fits as well, and nothing is left")
-    suspect = bool(suspect_rows(base) or stretched(best) or beyond or better_but_too_far(search, sets))
     return replace(found, reason="; ".join(reasons), doubt=left or bool(second) or bool(one) or suspect)
 
 

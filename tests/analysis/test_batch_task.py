@@ -5,11 +5,10 @@ from pathlib import Path
 import pytest
 
 from specan.analysis.batch import one_file
-from specan.analysis.batch.identity import BLOCK, BLOCKS, identify, program_identity
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.one_file import analyse_file, analyse_unchanged
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.store import Store
+from specan.analysis.batch.store import BLOCK, BLOCKS, Store, identify, program_identity
 from specan.io.tdms_headers import metadata_of
 from truth.rig import box_rig, sine_take
 from truth.rig_files import write_tdms

@@ -234,7 +234,7 @@ def test_changes_are_noticed(campaign: Path, whole: dict[str, bytes], tmp_path: 
 
 
 def test_verify_looks_at_every_byte(campaign: Path, tmp_path: Path) -> None:
-    from specan.analysis.batch.identity import BLOCK, BLOCKS, _starts
+    from specan.analysis.batch.store import BLOCK, BLOCKS, _starts
 
     place, out = tmp_path / "in", tmp_path / "out"
     place.mkdir()

@@ -258,7 +258,7 @@ class Tried:
 def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
     from types import SimpleNamespace
 
-    from specan.inspect.study_views.transfer import TransferAgreement
+    from specan.inspect.study_views.agreement import TransferAgreement
 
     one = measured_room()
     problem = SimpleNamespace(observations=[one])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.data.sensor import gain_of, si_unit
+from specan.data.channel import gain_of, si_unit
 from specan.errors import RequestError
 from specan.io.roles import identify
 from specan.io.tdms import full_scale_of

@@ -406,6 +406,21 @@ def test_a_twin_of_a_size_beyond_what_is_known_is_a_doubt(toy):
     assert "timid fits as well, with timid.c = 5.5 W, known 0 to 1.5 W" in found.reason
 
 
+def test_a_base_that_fits_with_a_value_beyond_what_is_known_is_a_doubt(toy):
+    """A zero error of 2.5 W under a certificate of 0.5 W; another effect of a known size looks much like it."""
+
+    @effect("step", adds_to="heat", neutral={"c": 0.0})
+    def step(z, *, c=Parameter(1.0, "W", min=-5.0, max=5.0)):
+        "Nearly what the zero error does."
+        return c * np.tanh(8 * z)
+
+    problem = toy.problem(lambda x, z: 2.5 * (z > 0), ["step", "zero-error"], seed=3, also=[step])
+    found = diagnose(replace(problem, nuisances=frozenset()))
+    assert found.alternatives == (("step",),)
+    assert found.unknown_possible
+    assert "the model fits only with zero-error.shift = " in found.reason
+
+
 def test_a_size_beyond_what_is_known_is_found_where_nothing_else_is(toy):
     """Without the known range it would be named; to go there costs (3 - 0.4) / 0.1 = 26 sigma, more than it gains."""
     truth = lambda x, z: 3 * x**2  # noqa: E731

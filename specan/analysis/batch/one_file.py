@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.accumulator import Reader, feed
-from specan.analysis.batch.identity import Identity, identify
 from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult, Kind
 from specan.analysis.batch.settings import BatchSettings
+from specan.analysis.batch.store import Identity, identify
 from specan.analysis.batch.table_lines import (
     band_lines,
     noise_lines,
@@ -34,9 +34,9 @@ from specan.analysis.tone import ToneAccumulator
 from specan.analysis.transfer_function import TransferFunctionAccumulator
 from specan.data.calibration import Calibration, apply
 from specan.data.channel import Channel
-from specan.data.excitation import Excitation
 from specan.data.levels import Quality
 from specan.data.recording import Recording
+from specan.data.tone import Excitation
 from specan.dsp.overlapped_blocks import BlockGrid
 from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.open import open_recording

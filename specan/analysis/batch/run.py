@@ -14,18 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
-from specan.analysis.batch.inputs import Input, claim, find_inputs
+from specan.analysis.batch.inputs import Input, check_table, claim, find_inputs, is_of_a_batch
 from specan.analysis.batch.one_file import Outcome, analyse_unchanged, open_headers
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import Kept, Store, context_of, unchanged
-from specan.analysis.batch.tables import is_of_a_batch, write_tables
+from specan.analysis.batch.tables import write_tables
 from specan.data.calibration import Calibration
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import read_channel_table
-from specan.io.output_file import check_output
 from specan.io.results_text import COLUMNS, OPTIONAL, read_table
 from specan.result import Result
 
@@ -233,7 +232,7 @@ def _certain(settings: BatchSettings) -> tuple[str, ...]:
 def _publish(ready: Path, out: Path, written: Sequence[str]) -> None:
     """Put tables that are complete in place, one right after the other; those of an earlier batch alone go."""
     for name in OPTIONAL.intersection(written):
-        check_output(out / name)
+        check_table(out / name)
     for path in [*sorted(ready.glob("*.toml")), *(ready / name for name in written)]:
         try:
             path.replace(out / path.name)

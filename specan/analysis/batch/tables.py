@@ -72,16 +72,6 @@ def write_tables(
     return tuple(written)
 
 
-def is_of_a_batch(path: Path) -> bool:
-    """Whether a file begins as a table of a batch of that name does."""
-    try:
-        with path.open(encoding="utf-8", errors="replace") as file:
-            words = file.readline().split()
-    except OSError:
-        return False
-    return words[:2] == ["#", "specan"] and words[-1] == path.name
-
-
 def _head(name: str, header: Sequence[str]) -> list[str]:
     references = ", ".join(f"{unit} re {ref.text}" for unit, ref in LEVEL_REFERENCES.items())
     return [

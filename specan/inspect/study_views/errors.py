@@ -18,8 +18,7 @@ from bokeh.models import (
 )
 from bokeh.palettes import PuOr11
 
-from specan.inspect.header import notice
-from specan.inspect.look import COLOURS
+from specan.inspect.look import COLOURS, notice
 from specan.inspect.plots import panel, plain
 from specan.inspect.trial import Trial
 from specan.report.residual_map import ResidualMap, axis_text

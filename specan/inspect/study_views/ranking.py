@@ -10,7 +10,7 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, Select
 
-from specan.inspect.header import notice, sheet
+from specan.inspect.look import notice, sheet
 from specan.inspect.plots import plain
 from specan.models import Use
 from specan.models.effect import ParameterName

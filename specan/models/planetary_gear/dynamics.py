@@ -221,7 +221,7 @@ def _set(rig: Rig, gear: Gear, contact: Contact) -> _System:
     sun, ring = set_meshes(gear)
     module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
     rb_s, rb_p, rb_r = (module * z * cos / 2 for z in (gear.z_sun, gear.z_planet, gear.z_ring))
-    made = rotors(gear)
+    made = rotors(gear, rig.rotors)
     carrier, inertia = made.carrier_inertia, made.planet_inertia
     speed = 2 * np.pi * rig.operation.sun_speed_hz
     relative = speed * gear.z_ring / (gear.z_sun + gear.z_ring)  # of the sun against the carrier

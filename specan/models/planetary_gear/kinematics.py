@@ -90,6 +90,10 @@ def kind_of_phasing(gear: Gear) -> str:
     return "sequentially phased"
 
 
+# Part of the uncertainty of the answer to unlike planets that differs between recordings; the whole is common to all.
+OF_A_RECORDING = 0.5
+
+
 def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDArray[np.float64]:
     """Orders about each mesh harmonic at which teeth, runouts and passing planets can show.
 
@@ -157,7 +161,7 @@ def line_statement(rig: Rig, harmonics: int) -> OrderLines:
         stated={"carrier_torque": Stated("Torque", "Torque carrier", rig.operation.carrier_torque_Nm)},
         discrepancy=rig.uncertainty.model_discrepancy_percent / 100,
         path=rig.uncertainty.path_percent / 100,
-        response=rig.uncertainty.response_percent / 100,
+        response=OF_A_RECORDING * rig.uncertainty.response_percent / 100,
     )
 
 

@@ -17,10 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit
-from specan.study.estimation.linear import orthonormal
+from specan.study.estimation.linear import chi2_beside, covariance_root, orthonormal
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.observation.frf import FrfObservation
+from specan.study.observation.order_lines import OrderLinesObservation
+
+ABOVE_NOISE = 10.0  # times its noise that a line's power must be for its level to count
 
 AT_ONCE = 256  # blocks whose directions are computed together
 LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
@@ -37,7 +40,10 @@ class ObservableError:
     relative_rms, relative_max : float
         Root mean square and largest magnitude of the same over the measured value, percent.
     level_dB : float or None
-        Of transfer functions: RMS over channels and third octaves of the error of their levels.
+        RMS of the error of levels: of transfer functions over channels and third octaves, of order lines over sensors,
+        families and harmonics, each line weighing the same.
+    level_of : str
+        What these are levels of.
     """
 
     observable: str
@@ -48,6 +54,7 @@ class ObservableError:
     relative_rms: float
     relative_max: float
     level_dB: float | None = None
+    level_of: str = ""
 
     def as_error(self) -> dict[str, Any]:
         """The form in which a history keeps it."""
@@ -60,7 +67,9 @@ class ObservableError:
             "unit": self.unit, "relative_rms_percent": self.relative_rms,
             "relative_max_percent": self.relative_max,
         }  # fmt: skip
-        return found if self.level_dB is None else found | {"level_dB": self.level_dB}
+        return (
+            found if self.level_dB is None else found | {"level_dB": self.level_dB, "level_of": self.level_of}
+        )
 
 
 def observable_errors(
@@ -74,31 +83,33 @@ def observable_errors(
         np.concatenate(list(predictions)),
         np.concatenate([o.measured for o in observations]),
     )
-    of_curves = [
-        (o, p) for o, p in zip(observations, predictions, strict=True) if isinstance(o, FrfObservation)
-    ]
-    if not of_curves or len(found) > 1:
+    levels = [_levels_dB(o, p) for o, p in zip(observations, predictions, strict=True) if type(o) in _CELLS]
+    if not levels or len(found) > 1:
         return found
-    levels = np.concatenate([_levels_dB(o, p) for o, p in of_curves])
-    return [replace(found[0], level_dB=float(np.sqrt(np.mean(levels**2))))]
+    what = _CELLS[type(observations[0])][0]
+    return [replace(found[0], level_dB=float(np.sqrt(np.mean(np.concatenate(levels) ** 2))), level_of=what)]
 
 
-def _levels_dB(observation: FrfObservation, predicted: Array) -> Array:
-    """Level of the prediction over what was measured, of every channel and third octave."""
-    _, cell = np.unique(
-        np.stack(
-            [
-                observation.labels["third_octave_hz"],
-                np.unique(observation.labels["channel"], return_inverse=True)[1],
-            ]
-        ),
-        axis=1,
-        return_inverse=True,
-    )
+# What the levels of complex values are of, and the labels of the rows whose powers are added up.
+_CELLS: dict[type, tuple[str, tuple[str, ...]]] = {
+    FrfObservation: ("third-octave levels", ("third_octave_hz", "channel")),
+    OrderLinesObservation: ("levels of lines", ("orders", "harmonic", "channel")),
+}
+
+
+def _levels_dB(observation: Any, predicted: Array) -> Array:
+    """Level of the prediction over what was measured, of every cell; of order lines above their noise, beside that."""
+    own = [
+        np.unique(observation.labels[name], return_inverse=True)[1] for name in _CELLS[type(observation)][1]
+    ]
+    _, cell = np.unique(np.stack(own), axis=1, return_inverse=True)
+    lines = isinstance(observation, OrderLinesObservation)
+    floor = np.bincount(cell.ravel(), weights=observation.sigma**2) if lines else 0.0
     power = [np.bincount(cell.ravel(), weights=values**2) for values in (predicted, observation.measured)]
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = 10 * np.log10(power[0] / power[1])
-    return np.asarray(found[np.isfinite(found)])
+        found = 10 * np.log10((power[0] + floor) / (power[1] + floor))
+    seen = np.isfinite(found) & (power[1] > ABOVE_NOISE * floor)
+    return np.asarray(found[seen])
 
 
 def errors_of(
@@ -165,22 +176,14 @@ def held_out_error(problem: Problem, best: Fit, observations: Sequence[Observati
     slopes = joint.sensitivities(theta)[seen:]
     white = np.concatenate([o.whiten(s) for o, s in zip(observations, slopes, strict=True)])
     gap = np.concatenate([o.whiten(p - o.measured) for o, p in zip(observations, predictions, strict=True)])
-    # (I + A C A')^-1 by Woodbury: theta has few elements, the data may have many.
-    root = white @ _root(covariance)
-    inner = root.T @ gap
-    chi2 = float(gap @ gap - inner @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ root, inner))
+    chi2 = chi2_beside(gap, white @ covariance_root(covariance))
     sigma = [
         np.sqrt(o.sigma**2 + np.einsum("ij,jk,ik->i", s, covariance, s))
         for o, s in zip(observations, slopes, strict=True)
     ]
-    shown = joint.plain(theta)[seen:]
+    shown = joint.plain(theta, problem.observations)[seen:]
     errors = observable_errors(problem, observations, shown)
     return HeldOut(tuple(errors), chi2, int(gap.size), tuple(shown), tuple(sigma))
-
-
-def _root(covariance: Array) -> Array:
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _carried_over(problem: Problem, best: Fit, joint: Problem) -> tuple[Array, Array]:

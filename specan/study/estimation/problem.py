@@ -335,11 +335,19 @@ class Problem:
         values = self.values_at(theta)
         return [o.predict(self.assembly, self.seen_by(o, values)) for o in self.observations]
 
-    def plain(self, theta: Array) -> list[Array]:
-        """Predictions as they are shown: where `predict` allows for errors of the model itself, without them."""
+    def plain(self, theta: Array, fitted: Sequence[Observation] | None = None) -> list[Array]:
+        """Predictions as they are shown: where `predict` allows for errors of the model itself, without them.
+
+        What `fitted` observations (by default all) tell of these errors is taken into account.
+        """
         values = self.values_at(theta)
-        seen = [(o, self.seen_by(o, values)) for o in self.observations]
-        return [getattr(o, "plain", o.predict)(self.assembly, own) for o, own in seen]
+        told = [(o, self.seen_by(o, values)) for o in (self.observations if fitted is None else fitted)]
+        return [
+            o.plain(self.assembly, self.seen_by(o, values), told)
+            if hasattr(o, "plain")
+            else o.predict(self.assembly, self.seen_by(o, values))
+            for o in self.observations
+        ]
 
     def whiten(self, array: Array) -> Array:
         """V^(-1/2) of all observations on an array over the `n_data` measured rows (no priors)."""

@@ -28,6 +28,7 @@ from specan.study.localisation.localise import (
     Localisation,
     Trend,
     level_and_phase,
+    tested,
 )
 from specan.study.observation import Array, Variable
 from specan.study.observation.frf import FrfObservation
@@ -252,11 +253,10 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     }
     places = list(_places(cells, near, grouping.label))
     blocks = [_block(cells, words, problem, where, m, b, variables) for where, m, b in places]
-    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = []
-    for block, ok, (_, m, b) in zip(blocks, passed, places, strict=True):
-        between, most_at = words.details(m, b) if ok else ("", "")
-        marked.append(replace(block, significant=bool(ok), between=between, most_at=most_at))
+    for block, (_, m, b) in zip(tested(blocks), places, strict=True):
+        between, most_at = words.details(m, b) if block.significant else ("", "")
+        marked.append(replace(block, between=between, most_at=most_at))
     fails = any(b.significant for b in marked)
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: (b.p_value, -b.statistic))),

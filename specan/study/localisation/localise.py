@@ -183,7 +183,7 @@ def level_and_phase(
     if abs(z) >= CLEAR and level_dB is not None:
         parts.append(f"{abs(level_dB):.2g} dB {'high' if level_dB > 0 else 'low'}")
     if z_phase is not None and abs(z_phase) >= CLEAR and phase_deg is not None:
-        parts.append(f"{abs(phase_deg):.2g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
+        parts.append(f"{float(f'{abs(phase_deg):.2g}'):g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
     return "model " + (" and ".join(parts) or between or "off by as much up as down")
 
 
@@ -258,12 +258,17 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
     blocks = [
         _block(algebra, *place, along, variables) for place, along in zip(places, directions, strict=True)
     ]
-    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
-    marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
+    marked = tested(blocks)
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: b.p_value)),
         trends=tuple(sorted(_trends(algebra, labels, marked, variables), key=lambda t: t.p_value)),
     )
+
+
+def tested(blocks: Sequence[Block]) -> list[Block]:
+    """The blocks, told which of them are significant among all."""
+    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
+    return [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
 
 
 def _labels(problem: Problem) -> dict[str, NDArray[Any]]:

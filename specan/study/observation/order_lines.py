@@ -165,16 +165,54 @@ class OrderLinesObservation(Fixed, KeptLines):
         """What the model expects in place of `measured`, as far as it is declared to know it."""
         return self.predict_many(assembly, [values])[:, 0]
 
-    def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """What the model expects in place of `measured`, with the gains that leave the least error."""
-        own = {n: v[0] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
-        lines = np.asarray(assembly.evaluate(self._conditions, own, wanted=[self.quantity])[self.quantity])
+    def plain(
+        self,
+        assembly: Assembly,
+        values: Mapping[str, Any],
+        told: Sequence[tuple[OrderLinesObservation, Mapping[str, Any]]] = (),
+    ) -> Array:
+        """What the model expects in place of `measured`, with the gains that leave the least error.
+
+        Parameters
+        ----------
+        told : sequence of (observation, values)
+            Fitted recordings. What they say of the relative errors of path and model, which are the machine's and not
+            the recording's, is taken into account: by its mean, given their lines and the declared covariance.
+        """
+        lines = self._lines(assembly, values)
+        lines = lines * np.exp(self._learned_errors([(o, o._lines(assembly, v)) for o, v in told]))
         predicted = np.zeros(self.kept.shape, dtype=complex)
         for group in self.of_one_gain:
             size = np.vdot(lines[group], lines[group]).real
             if size > 0:
                 predicted[group] = lines[group] * np.vdot(lines[group], self.amplitude[group]) / size
         return self.stack(predicted)
+
+    def _lines(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
+        own = {n: v[0] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
+        return np.asarray(assembly.evaluate(self._conditions, own, wanted=[self.quantity])[self.quantity])
+
+    def _learned_errors(self, told: Sequence[tuple[OrderLinesObservation, Complex]]) -> Complex:
+        """Mean of log(line / predicted line), (sensors, lines), given the lines of other recordings.
+
+        Errors e are normal with the declared covariance K, log(y / p) = e + noise / m with the mean m of y and p:
+        K* (K + noise^2 / m^2)^-1 log(y / p). Lines that are not predicted tell nothing.
+        """
+        places, seen, noise = [], [], []
+        for o, lines in told:
+            predicted, _ = o._with_gains(lines[o.kept])
+            mean = _between(predicted, o.amplitude[o.kept])
+            known = mean > 0
+            places.append(np.flatnonzero(o.kept)[known])
+            seen.append(np.log(o.amplitude[o.kept][known] / predicted[known]))
+            noise.append((o.noise[o.kept][known] / mean[known]) ** 2)
+        if not sum(map(len, seen)):
+            return np.zeros(self.kept.shape, dtype=complex)
+        whole = replace(self, kept=np.ones(self.kept.shape, dtype=bool))._relative_covariance
+        place = np.concatenate(places)
+        inner = whole[np.ix_(place, place)] + np.diag(np.concatenate(noise))
+        found = whole[:, place] @ np.linalg.solve(inner, np.concatenate(seen))
+        return np.asarray(found.reshape(self.kept.shape))
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values; what does not depend on what changed is kept."""
