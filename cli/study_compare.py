@@ -84,7 +84,7 @@ def _print(study: Study, found: Comparison) -> None:
     if study.shown is not study.best:
         click.echo(
             f"It fits best, reduced chi-square {study.best.reduced_chi2:.2f}, with instruments far beyond their "
-            "certificates; it is shown with these held."
+            "certificates; it is shown with instruments nearer to these."
         )
     for text in where.sentences():
         click.echo(f"  {text}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import Verb, draw, emit_json, plot_option, table
+from specan_cli.output import Verb, draw, emit_json, plot_option, say, table
 from specan_cli.study import open_study, probability, study_options, told
 
 if TYPE_CHECKING:
@@ -33,12 +33,35 @@ def command(
     specan study diagnose my_study --plot ranking.png
     """
     study = open_study(directory, effects)
-    found = study.diagnose(bootstrap=bootstrap, progress=told())
+    try:
+        found = study.diagnose(bootstrap=bootstrap, progress=told())
+    except KeyboardInterrupt as stopped:
+        _say_stopped(stopped, directory)
+        raise
     if as_json:
         emit_json(found.to_json())
     else:
         _print(found, directory)
     draw(found, plot)
+
+
+def _say_stopped(stopped: KeyboardInterrupt, directory: Path) -> None:
+    """What had been found; the exit code of an interrupted command follows."""
+    from specan.study.diagnose import Stopped
+    from specan.study.study import STOPPED
+
+    if not isinstance(stopped, Stopped):
+        return
+    rows = stopped.content["refitted"]
+    say(
+        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted, the likeliest first:"
+    )
+    for row in rows[:SHOWN]:
+        say(
+            f"  {' + '.join(row['effects'])}: error {row['error_after']:.3g} {row['unit']}, "
+            f"reduced chi-square {row['reduced_chi2']:.3g}"
+        )
+    say(f"Kept in {directory / STOPPED}; the next diagnose begins anew.")
 
 
 def _print(found: Diagnosis, directory: Path) -> None:

@@ -87,6 +87,7 @@ def join_insertions(
         made_from=tuple(insertion.label for insertion in insertions),
         calibrator_frequency_hz=_plain(float(np.mean(tones[0]))) if len(tones) == 1 else None,
         calibrator_level_dB=_only({insertion.level_dB for insertion in insertions}),
+        u_calibrator_percent=_plain(common.u_level_percent),
         calibrator_decided=_decided(insertions),
         notes=tuple(notes),
         source="calibrator recordings",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from specan.study.edit import Change
     from specan.study.history import History
     from specan.study.propose import ProposedLaws
+    from specan.study.selection.search import Progress
     from specan.study.verdict import Diagnosis, NextMeasurements
 
 
@@ -141,9 +142,7 @@ class Study:
         """
         return self._opened.compare()
 
-    def diagnose(
-        self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
-    ) -> Diagnosis:
+    def diagnose(self, *, bootstrap: bool = False, progress: Progress | None = None) -> Diagnosis:
         """Find out which effect is missing; see `specan.diagnose`.
 
         Parameters
@@ -151,7 +150,7 @@ class Study:
         bootstrap : bool
             Family-wise probabilities by simulation (slower).
         progress : callable, optional
-            Told in a few words what is being done.
+            Called with a few words on what is being done, and the share of the whole that is over.
 
         Returns
         -------

@@ -178,7 +178,7 @@ class ReceiverErrors:
 
     position_m: float | Array
     calibration_dB: float | Array
-    calibration_phase_deg: float
+    calibration_phase_deg: float | Array
     discrepancy: float
     detuning: float
     frame_m: float = 0.0
@@ -325,6 +325,8 @@ class Receivers:
         Length of the blocks of the analysis; its inverse is the distance of lines.
     left_out_hz : tuple of pairs of float
         Bands whose lines are not looked at.
+    background : str, optional
+        Path of a recording of the receivers while the source is silent.
     """
 
     axis: str
@@ -348,3 +350,4 @@ class Receivers:
     modes: NamedModes | None = None
     block_s: float = 1.0
     left_out_hz: tuple[tuple[float, float], ...] = ()
+    background: str | None = None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from specan import __version__
 from specan.errors import RequestError
+from specan.io.output_file import text_file
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
@@ -62,7 +65,9 @@ from specan.study.verdict import Diagnosis
 
 if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors
+    from specan.study.selection.search import Progress, Search
 
+STOPPED = "stopped_diagnosis.json"  # in a study: what a diagnosis had found when it was interrupted
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 
@@ -302,9 +307,7 @@ class Study:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
         return curve_errors(self.problem, self.shown)
 
-    def diagnose(
-        self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
-    ) -> Diagnosis:
+    def diagnose(self, *, bootstrap: bool = False, progress: Progress | None = None) -> Diagnosis:
         """Find out which effect the model is missing; computed once for each state of the study, and kept with it.
 
         Raises
@@ -316,15 +319,30 @@ class Study:
         name = "bootstrap" if bootstrap else "diagnosis"
         found = self.kept.find(name, Diagnosis)
         if found is None:
-            from specan.study.diagnose import diagnose
+            from specan.study.diagnose import Stopped, diagnose
 
-            found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
+            begun: list[Search] = []
+            try:
+                found = diagnose(
+                    self.problem, base=self.best, bootstrap=bootstrap, progress=progress, begun=begun
+                )
+            except KeyboardInterrupt:
+                stopped = Stopped(tuple(begun))
+                self._keep_stopped(stopped.content)
+                raise stopped from None
+            with contextlib.suppress(OSError):
+                (self.directory / STOPPED).unlink(missing_ok=True)
             found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
             if self.problem.strategy.linearised_covariance:
                 found = self._as_shown(found)
             self.kept.keep(name, found)
         keep_diagnosis(self.directory, self.hashes, found)
         return found
+
+    def _keep_stopped(self, content: Mapping[str, Any]) -> None:
+        """Write what a stopped diagnosis had found into the study, where its directory can be written to."""
+        with contextlib.suppress(OSError), text_file(self.directory / STOPPED) as file:
+            json.dump({**content, "hashes": self.hashes}, file, indent=1)
 
     def _as_shown(self, found: Diagnosis) -> Diagnosis:
         """A diagnosis that says of the base what every verb says: a search has covariances about the field it found."""

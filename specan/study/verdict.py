@@ -260,7 +260,7 @@ def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
     others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
     rows = []
     for refit in [*sets, *others]:
-        decision, error = search.decision(refit), _main_error(refit)
+        decision, error = search.decision(refit), main_error(refit)
         rows.append(
             Ranked(
                 effects=tuple(sorted(u.name for u in refit.uses)),
@@ -310,13 +310,13 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
 
 def error_fall(base: Refit, best: Refit) -> ErrorFall:
     """Errors of a model as it is and with what was found; on left-out conditions where refits are cheap."""
-    before, after = _main_error(base), _main_error(best)
+    before, after = main_error(base), main_error(best)
     if not base.problem.strategy.secondary_refits:
         return ErrorFall(before, after)
     return ErrorFall(before, after, left_out_error(base), left_out_error(best))
 
 
-def _main_error(refit: Refit) -> ObservableError:
+def main_error(refit: Refit) -> ObservableError:
     """Error of the observable with most values, in its unit."""
     problem = refit.problem
     predicted = problem.plain(refit.fit.theta)

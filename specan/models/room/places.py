@@ -63,6 +63,7 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
         ),
         block_s=rig.band.block_s,
         left_out_hz=left_out(rig.band),
+        background=rig.background.recording,
         # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
         wave_number=WaveNumberStep("temperature", "offset", STEP_K, -2 * nominal_K, -2.0),
         groups=lambda channels: {} if dims is None else near_walls(dims, positions, names, channels),

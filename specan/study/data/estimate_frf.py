@@ -16,6 +16,7 @@ from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.models import Model, Receivers
+from specan.study.data.background_noise import Background, background_noise
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import fold
@@ -40,6 +41,8 @@ def observe_recording(
     estimator: str = "H1",
     f_min_hz: float,
     f_max_hz: float,
+    background: Recording | None = None,
+    u_calibrator_percent: float = 0.0,
 ) -> FrfObservation:
     """Transfer functions of the receivers against the reference channel, ready for a study.
 
@@ -52,6 +55,14 @@ def observe_recording(
     estimator : {"H1", "H3c"}
     f_min_hz, f_max_hz : float
         Band.
+    background : Recording, optional
+        The receivers while the source is silent.
+    u_calibrator_percent : float
+        Part of the uncertainty of the sensitivities that all receivers have in common.
+
+    Returns
+    -------
+    FrfObservation
 
     Raises
     ------
@@ -90,7 +101,14 @@ def observe_recording(
         "frequency": folding.nodes,
         "velocity_psd": _density_at(signals[0], rate, block, reference, folding.nodes),
     }
-    noise = noise_of_lines(recording, reference, channels_of_all, signals, found.frequency_hz, block, start)
+    quiet = (
+        background_noise(background, recording, channels_of_all, block / rate, found.frequency_hz)
+        if background
+        else None
+    )
+    noise = noise_of_lines(
+        recording, reference, channels_of_all, signals, found.frequency_hz, block, start, quiet
+    )
     plain = FrfObservation(
         name=recording.label,
         recording=recording.label,
@@ -105,8 +123,10 @@ def observe_recording(
         conditions_at_nodes=conditions,
         shared=np.empty((*found.response.shape, 0), dtype=complex),
         kept=np.tile(_looked_at(receivers, found.frequency_hz), (len(channels_of_all), 1)),
+        notes=(quiet.text,) if quiet else (),
     )
-    return replace(plain, **_before_a_fit(_as_calibrated(receivers, channels_of_all), plain))
+    calibrated = _as_calibrated(receivers, channels_of_all, u_calibrator_percent)
+    return replace(plain, **_before_a_fit(calibrated, plain))
 
 
 def settling_s(duration_s: float, block_s: float = 1.0) -> float:
@@ -132,14 +152,30 @@ def _looked_at(receivers: Receivers, frequency_hz: Any) -> Any:
     return found
 
 
-def _as_calibrated(receivers: Receivers, channels: Sequence[Channel]) -> Receivers:
-    """Receivers with the uncertainties that their calibration states, where it states any."""
-    stated = np.array([20 * np.log10(1 + c.u_gain_percent / 100) for c in channels])
+def _as_calibrated(receivers: Receivers, channels: Sequence[Channel], common_percent: float) -> Receivers:
+    """Receivers with the uncertainties that their calibration states, where it states any.
+
+    The level of the calibrator is common to them and is taken off what each has for itself. A phase that is known at
+    the calibrator's tone only counts with the mean square of its uncertainty over the band, or as the rig file has it
+    where that is more: phases are relative to one receiver, not to the reference channel.
+    """
+    given, band = receivers.errors, np.linspace(*receivers.band_hz)
+    stated = np.array([c.u_gain_percent for c in channels])[:, None]
+    phase = np.array([np.sqrt(np.mean(c.u_phase_deg(band) ** 2)) for c in channels])[:, None]
     if not stated.any():
         return receivers
-    given = np.broadcast_to(receivers.errors.calibration_dB, stated.shape)
-    level = np.where(stated > 0, stated, given)[:, None]
-    return replace(receivers, errors=replace(receivers.errors, calibration_dB=level))
+    own = np.sqrt(np.clip(stated**2 - common_percent**2, 0.0, None))
+    changed = replace(
+        given,
+        calibration_dB=np.where(stated > 0, _in_dB(own), given.calibration_dB),
+        calibration_phase_deg=np.maximum(given.calibration_phase_deg, phase),
+        common_dB=_in_dB(common_percent) if common_percent else given.common_dB,
+    )
+    return replace(receivers, errors=changed)
+
+
+def _in_dB(percent: Any) -> Any:
+    return percent / 100 * 20 / np.log(10)
 
 
 def _before_a_fit(receivers: Receivers, plain: FrfObservation) -> dict[str, Any]:
@@ -159,6 +195,7 @@ def noise_of_lines(
     frequency: Any,
     block: int,
     start: int,
+    background: Background | None = None,
 ) -> Any:
     """Random uncertainty of the real part of every line, from the noise that no leakage enlarges.
 
@@ -171,6 +208,8 @@ def noise_of_lines(
     rate = reference.sampling_rate
     responses = (recording.read([channel])[0] for channel in channels)
     density_of_noise = noise_density(signals[0], responses, rate, frequency)
+    if background is not None:
+        density_of_noise = background.beside(density_of_noise)
     f, density = welch(signals[0][start:], rate, "hann", block)
     blocks = (reference.n_samples - start - block) // (block // 2) + 1
     averages = effective_averages(blocks, "hann", 0.5)

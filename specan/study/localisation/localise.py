@@ -13,7 +13,6 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from itertools import combinations
 from typing import Any
 
@@ -184,7 +183,7 @@ def level_and_phase(
     if abs(z) >= CLEAR and level_dB is not None:
         parts.append(f"{abs(level_dB):.2g} dB {'high' if level_dB > 0 else 'low'}")
     if z_phase is not None and abs(z_phase) >= CLEAR and phase_deg is not None:
-        parts.append(f"{abs(phase_deg):.2g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
+        parts.append(f"{float(f'{abs(phase_deg):.2g}'):g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
     return "model " + (" and ".join(parts) or between or "off by as much up as down")
 
 
@@ -195,7 +194,6 @@ WAYS = {
 }
 
 
-@lru_cache(maxsize=2)  # a conclusion asks, and what is printed beside it
 def localise(problem: Problem, best: Fit) -> Localisation:
     """Find where a fitted model fails.
 

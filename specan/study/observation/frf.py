@@ -76,6 +76,8 @@ class FrfObservation(KeptLines):
         Correlation of the random errors of lines 0, 1, 2 ... apart; (1,) where lines are independent.
     rough : bool
         Down-weighted: nothing is concluded from its exact minimum.
+    notes : tuple of str
+        What was found about the recording, for a person.
     """
 
     name: str
@@ -99,6 +101,7 @@ class FrfObservation(KeptLines):
     observables: tuple[str, ...] = ("frf",)
     line_correlation: tuple[float, ...] = LINE_CORRELATION
     rough: bool = False
+    notes: tuple[str, ...] = ()
     kind: ClassVar[str] = "frf"
 
     @property
