@@ -7,8 +7,7 @@ import pytest
 
 from specan.errors import InputError
 from specan.io.open import open_recording
-from specan.models.catalogue import load_model
-from specan.models.rig import rig_files
+from specan.models.catalogue import load_model, rig_files
 from specan.study.data.estimate_frf import observe_recording
 from specan.study.data.open_recordings import open_data
 from specan.study.observation.__init__ import DataFile, MeasuredFiles

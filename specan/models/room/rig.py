@@ -38,6 +38,7 @@ class Air(Settings):
     nominal_temperature_C: Annotated[float, Field(gt=-50, lt=80)] = 20.0
     nominal_pressure_Pa: Annotated[float, Field(gt=5e4, lt=2e5)] = 101325.0
     relative_humidity_percent: Annotated[float, Field(ge=0, le=100)] = 50.0
+    temperature_log: str | None = None
 
 
 class Band(Settings):
@@ -180,7 +181,14 @@ def _check_apart(points: np.ndarray) -> None:
 
 
 def _check_box(rig: Rig, dims: np.ndarray) -> None:
-    for number, point in enumerate(np.array(rig.mics.position_m), 1):
+    places = np.array(rig.mics.position_m)
+    if np.any(places > dims) and np.all((places >= 0) & (places / 1000 <= dims)):
+        raise RequestError(
+            f"[mics] position_m goes up to {places.max():g}, in a room of {dims.tolist()} m",
+            expected="metres",
+            remedy="divide the positions by 1000: they look like millimetres",
+        )
+    for number, point in enumerate(places, 1):
         if np.any(point < 0) or np.any(point > dims):
             raise microphone_outside(number, point, f"coordinates between 0 and {dims.tolist()} m")
     if rig.piston.wall not in WALLS:

@@ -152,9 +152,11 @@ def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit
         scored = best_of_each(
             score(best.linear, signatures(best.problem, best.fit, found, points, known), best.weights)
         )
-        better = _best_of_few(
-            refits, best, scored, lambda use, k=k: trying(f": with {use}", (k + 0.5) / MOST)
-        )
+
+        def say(use: Use, part: float = (k + 0.5) / MOST) -> None:
+            trying(f": with {use}", part)
+
+        better = _best_of_few(refits, best, scored, say)
         if better is best or better.reduced < 1:  # within the few per cent of the view
             break
         best = better
