@@ -368,4 +368,5 @@ def power_density(signal: Real, rate: float, block: int) -> tuple[Real, Real]:
         power += np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2
         count += 1
     power[1 : (block + 1) // 2] *= 2.0
-    return np.fft.rfftfreq(block, 1 / rate), power / (count * rate * np.sum(window**2))
+    frequency = np.asarray(np.fft.rfftfreq(block, 1 / rate), dtype=float)
+    return frequency, power / (count * rate * np.sum(window**2))
