@@ -72,7 +72,7 @@ def left_out(band: Band) -> tuple[tuple[float, float], ...]:
 class Mics(Settings):
     """Microphones in the order of their channels."""
 
-    position_m: tuple[Point, ...]
+    position_m: Annotated[tuple[Point, ...], Field(min_length=1)]
     nominal_sensitivity_mV_per_Pa: Positive = 50.0
     cards: tuple[tuple[int, int], ...] = ()
 
@@ -182,12 +182,13 @@ def _check_apart(points: np.ndarray) -> None:
 
 def _check_box(rig: Rig, dims: np.ndarray) -> None:
     places = np.array(rig.mics.position_m)
-    if np.any(places > dims) and np.all((places >= 0) & (places / 1000 <= dims)):
-        raise RequestError(
-            f"[mics] position_m goes up to {places.max():g}, in a room of {dims.tolist()} m",
-            expected="metres",
-            remedy="divide the positions by 1000: they look like millimetres",
-        )
+    for size, unit in ((100, "centimetres"), (1000, "millimetres")):
+        if np.any(places > dims) and np.all((places >= 0) & (places / size <= dims)):
+            raise RequestError(
+                f"[mics] position_m goes up to {places.max():g}, in a room of {dims.tolist()} m",
+                expected="metres",
+                remedy=f"divide the positions by {size}: they look like {unit}",
+            )
     for number, point in enumerate(places, 1):
         if np.any(point < 0) or np.any(point > dims):
             raise microphone_outside(number, point, f"coordinates between 0 and {dims.tolist()} m")
