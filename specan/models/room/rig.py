@@ -46,7 +46,7 @@ class Band(Settings):
 
     f_max_hz: Positive
     f_min_hz: NotNegative = 20.0
-    block_s: Annotated[float, Field(ge=0.5, le=20)] = 1.0
+    block_s: Annotated[float, Field(ge=0.5, le=20)] | None = None
     hum_hz: Positive | None = None
     left_out_hz: tuple[tuple[NotNegative, Positive], ...] = ()
 
@@ -64,7 +64,7 @@ def left_out(band: Band) -> tuple[tuple[float, float], ...]:
     """
     if band.hum_hz is None:
         return band.left_out_hz
-    reach = HUM_LINES / band.block_s
+    reach = HUM_LINES / (band.block_s or 1.0)
     harmonics = np.arange(1, int(band.f_max_hz / band.hum_hz) + 1) * band.hum_hz
     return (*band.left_out_hz, *((float(f - reach), float(f + reach)) for f in harmonics))
 
