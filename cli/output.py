@@ -123,6 +123,8 @@ def say(text: str) -> None:
     click.echo(text, err=True)
 
 
+# --- how much a verb says on standard error -------------------------------------------------------------
+
 _QUIET, _VERBOSE = "specan_cli.quiet", "specan_cli.verbose"
 
 
@@ -165,6 +167,8 @@ def _keep(context: click.Context, option: click.Parameter, value: bool) -> None:
 
         context.call_on_close(took)
 
+
+# --- files and figures --------------------------------------------------------------------------------
 
 _STANDARD_OUTPUT = Path("-")
 _FORCE = "specan_cli.force"

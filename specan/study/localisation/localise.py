@@ -13,7 +13,6 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from itertools import combinations
 from typing import Any
 
@@ -195,7 +194,6 @@ WAYS = {
 }
 
 
-@lru_cache(maxsize=2)  # a conclusion asks, and what is printed beside it
 def localise(problem: Problem, best: Fit) -> Localisation:
     """Find where a fitted model fails.
 

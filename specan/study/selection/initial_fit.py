@@ -153,7 +153,11 @@ def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit
         scored = best_of_each(
             score(best.linear, signatures(best.problem, best.fit, found, points, known), best.weights)
         )
-        better = _best_of_few(refits, best, scored, lambda use: trying(f": with {use}", REFITS))
+
+        def say(use: Use) -> None:
+            trying(f": with {use}", REFITS)
+
+        better = _best_of_few(refits, best, scored, say)
         if better is best or better.reduced < 1:  # within the few per cent of the view
             break
         best = better
