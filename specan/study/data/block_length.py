@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
 
-USUAL_S = 1.0
+USUAL_S = 1.0  # lines of 1 Hz, as long as the modes are no narrower
 LONG_S = 2.0  # reverberation time above which blocks are as long as it: their lines are then as narrow as the modes
-MOST_S = 20.0
+MOST_S = 20.0  # as a rig file may say
 # Of the decay that is looked at: its beginning, above what the ends of a record of five reverberation times leave.
 RANGE_DB = (-2.0, -15.0)
 SURE = 10.0  # standard deviations of the noise that the energy of a response must exceed
