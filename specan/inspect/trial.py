@@ -190,7 +190,7 @@ class KeptStudy:
             The uncertainty of the measurement is unknown.
         """
 
-        def progress(text: str) -> None:
+        def progress(text: str, share: float | None = None) -> None:
             if not tell(0.0):
                 raise Superseded
             say(text)
