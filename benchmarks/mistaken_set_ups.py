@@ -32,6 +32,7 @@ from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.initial_fit import initial_fit
 from specan.study.selection.refits import Refit
+from specan.study.selection.search import unheard
 from truth.room import RoomCase, simulate, write
 from truth.room.box import WALLS
 
@@ -53,7 +54,7 @@ def looked_for(problem: Problem) -> MistakenSetUp:
     if found.text:
         return found
     start = Refit(frozenset(), problem, fit(problem))
-    return mistake_beside(initial_fit(start, lambda text: None), problem) if start.poor_fit else found
+    return mistake_beside(initial_fit(start, unheard), problem) if start.poor_fit else found
 
 
 def mistakes(rig: dict[str, Any], seed: int) -> Iterator[tuple[str, str, dict[str, Any]]]:

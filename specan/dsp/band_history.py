@@ -98,6 +98,7 @@ class BandHistoryAccumulator:
     ) -> None:
         self._offset = None if offset is None or not offset.any() else offset[:, None]
         self._derivatives = np.zeros(rows, dtype=int) if derivatives is None else np.asarray(derivatives)
+        self._times = len(times)
         end = (n_samples - 0.5) / sampling_rate
         self._settled = np.array([5.0 * time_constant + one.settling for one in filters])
         if (
@@ -183,8 +184,13 @@ class BandHistoryAccumulator:
         for number, section in enumerate(self._sections):
             for fresh in section.rest():
                 self._take(number, fresh)
-        levels = [self._levels[k].result() for k in range(len(self._levels))]
-        readings, highest, lowest = (np.stack(each, axis=1) for each in zip(*levels, strict=True))
+        self._sections.clear()
+        self._working.clear()
+        count = len(self._levels)
+        readings = np.empty((self._derivatives.size, count, self._times))
+        highest, lowest = np.empty(readings.shape[:2]), np.empty(readings.shape[:2])
+        for k in range(count):  # what has been copied is let go of
+            readings[:, k], highest[:, k], lowest[:, k] = self._levels.pop(k).result()
         return Histories(readings, highest, lowest, self._settled)
 
 

@@ -321,8 +321,9 @@ class Receivers:
         Where the source may be, if the model can move it.
     modes : NamedModes, optional
         Names of the field's modes, if the model knows any.
-    block_s : float
-        Length of the blocks of the analysis; its inverse is the distance of lines.
+    block_s : float, optional
+        Length of the blocks of the analysis; its inverse is the distance of lines. Of each recording its own, by how
+        long the field rings, where none is given.
     left_out_hz : tuple of pairs of float
         Bands whose lines are not looked at.
     background : str, optional
@@ -348,6 +349,6 @@ class Receivers:
     placed: PlacedEffects | None = None
     source: SourcePlaces | None = None
     modes: NamedModes | None = None
-    block_s: float = 1.0
+    block_s: float | None = None
     left_out_hz: tuple[tuple[float, float], ...] = ()
     background: str | None = None

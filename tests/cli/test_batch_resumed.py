@@ -156,9 +156,10 @@ def test_interrupted_by_the_user(campaign: Path, whole: dict[str, bytes], tmp_pa
     assert "the same command goes on from here" in messages
     assert "Traceback" not in messages
     assert tables(out) == {}
-    assert len(kept(out)) == 2
+    there = len(kept(out))  # the other process keeps what it finds meanwhile
+    assert there == 2 or (jobs == 2 and there > 2)
     done = run(campaign, out)
-    assert resumed(done) == 2
+    assert resumed(done) == there
     assert tables(out) == whole
 
 

@@ -165,10 +165,14 @@ class Store:
     ----------
     place : Path
         Made if it does not exist; what an interrupted write has left there is removed.
+    joined : bool
+        Whether another process has made it, and others may be writing.
     """
 
-    def __init__(self, place: Path) -> None:
+    def __init__(self, place: Path, *, joined: bool = False) -> None:
         self.place = place
+        if joined:
+            return
         try:
             place.mkdir(exist_ok=True)
             remove_parts(place)
@@ -306,13 +310,17 @@ def unchanged(entry: Input, store: Store, *, verify: bool) -> Kept | None:
     return kept
 
 
-def context_of(settings: BatchSettings) -> Context:
+def common_context(settings: BatchSettings) -> str:
+    """Of what the results of all files are made: the program and the settings."""
+    return f"{program_identity()}\n{settings.as_json()}"
+
+
+def context_of(common: str) -> Context:
     """A function that says of what else than the recording the result of a file is made.
 
-    That is the program, the settings, the calibration, the channel table, and the index file that may
-    be told to belong to another recording.
+    That is what is common to all, the calibration, the channel table, and the index file that may be told to belong to
+    another recording.
     """
-    common = f"{program_identity()}\n{settings.as_json()}"
     read: dict[str, str] = {}
 
     def digest_of(path: str) -> str:

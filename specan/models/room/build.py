@@ -27,6 +27,7 @@ WORDS = Words(
     what_else="Positions that would tell more of the walls: specan study impedance {study}",
 )
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
+LARGEST_M = 100.0  # no room is so large along its shortest edge
 MOST_MODES = 60_000  # about 60 MB a block of lines
 
 
@@ -129,6 +130,12 @@ def _check_size(rig: Rig, dims: tuple[float, ...]) -> None:
     k_max = 2 * np.pi * rig.band.f_max_hz / field.COLD
     counts = field.mode_counts(dims, k_max, MODE_MARGIN)
     modes = int(np.prod(counts))
+    if modes > MOST_MODES and min(dims) > LARGEST_M:
+        raise RequestError(
+            f"[room] dims_m says {list(dims)}",
+            expected="edges in metres",
+            remedy="divide them by 1000 if they are millimetres",
+        )
     if modes > MOST_MODES:
         # 16 bytes a mode and line, 64 lines at once
         raise RequestError(

@@ -46,7 +46,7 @@ class Band(Settings):
 
     f_max_hz: Positive
     f_min_hz: NotNegative = 20.0
-    block_s: Annotated[float, Field(ge=0.5, le=20)] = 1.0
+    block_s: Annotated[float, Field(ge=0.5, le=20)] | None = None
     hum_hz: Positive | None = None
     left_out_hz: tuple[tuple[NotNegative, Positive], ...] = ()
 
@@ -64,7 +64,7 @@ def left_out(band: Band) -> tuple[tuple[float, float], ...]:
     """
     if band.hum_hz is None:
         return band.left_out_hz
-    reach = HUM_LINES / band.block_s
+    reach = HUM_LINES / (band.block_s or 1.0)
     harmonics = np.arange(1, int(band.f_max_hz / band.hum_hz) + 1) * band.hum_hz
     return (*band.left_out_hz, *((float(f - reach), float(f + reach)) for f in harmonics))
 
@@ -72,7 +72,7 @@ def left_out(band: Band) -> tuple[tuple[float, float], ...]:
 class Mics(Settings):
     """Microphones in the order of their channels."""
 
-    position_m: tuple[Point, ...]
+    position_m: Annotated[tuple[Point, ...], Field(min_length=1)]
     nominal_sensitivity_mV_per_Pa: Positive = 50.0
     cards: tuple[tuple[int, int], ...] = ()
 
@@ -182,12 +182,13 @@ def _check_apart(points: np.ndarray) -> None:
 
 def _check_box(rig: Rig, dims: np.ndarray) -> None:
     places = np.array(rig.mics.position_m)
-    if np.any(places > dims) and np.all((places >= 0) & (places / 1000 <= dims)):
-        raise RequestError(
-            f"[mics] position_m goes up to {places.max():g}, in a room of {dims.tolist()} m",
-            expected="metres",
-            remedy="divide the positions by 1000: they look like millimetres",
-        )
+    for size, unit in ((100, "centimetres"), (1000, "millimetres")):
+        if np.any(places > dims) and np.all((places >= 0) & (places / size <= dims)):
+            raise RequestError(
+                f"[mics] position_m goes up to {places.max():g}, in a room of {dims.tolist()} m",
+                expected="metres",
+                remedy=f"divide the positions by {size}: they look like {unit}",
+            )
     for number, point in enumerate(places, 1):
         if np.any(point < 0) or np.any(point > dims):
             raise microphone_outside(number, point, f"coordinates between 0 and {dims.tolist()} m")

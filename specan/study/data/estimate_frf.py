@@ -17,12 +17,14 @@ from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.models import Model, Receivers
 from specan.study.data.background_noise import Background, background_noise
+from specan.study.data.block_length import block_length
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import fold
 
 SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
+LISTENING = 4  # receivers that the decay is taken from
 LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
 
 Complex = Any
@@ -73,12 +75,17 @@ def observe_recording(
 
     receivers = _receivers_of(model)
     reference, channels_of_all = _channels_of(recording, model, receivers)
-    rate, settle = reference.sampling_rate, settling_s(reference.duration_s, receivers.block_s)
+    rate, block_s = reference.sampling_rate, receivers.block_s
+    if block_s is None:
+        looked_at = channels_of_all[:: max(1, len(channels_of_all) // LISTENING)]
+        heard = (recording.read([channel])[0] for channel in looked_at)
+        block_s = block_length(recording.read([reference])[0], heard, rate, (f_min_hz, f_max_hz))
+    settle = settling_s(reference.duration_s, block_s)
     settings = TransferFunction(
         reference=reference.name,
         channels=tuple(m.name for m in channels_of_all),
         estimator=estimator,  # type: ignore[arg-type]
-        lines=round(rate * receivers.block_s / 2.56),
+        lines=round(rate * block_s / 2.56),
         window="hann",
         overlap=0.5,
         align=False,
@@ -201,16 +208,14 @@ def noise_of_lines(
 
     ``sigma^2 = G_nn sum w^2 rate / (2 n_eff mean |V_b|^2) / 2`` for each real component.
     """
-    from scipy.signal import welch
-
-    from specan.dsp.welch import effective_averages
+    from specan.dsp.welch import effective_averages, power_density
 
     rate = reference.sampling_rate
     responses = (recording.read([channel])[0] for channel in channels)
     density_of_noise = noise_density(signals[0], responses, rate, frequency)
     if background is not None:
         density_of_noise = background.beside(density_of_noise)
-    f, density = welch(signals[0][start:], rate, "hann", block)
+    f, density = power_density(signals[0][start:], rate, block)
     blocks = (reference.n_samples - start - block) // (block // 2) + 1
     averages = effective_averages(blocks, "hann", 0.5)
     drive = np.interp(frequency, f, density)
@@ -261,9 +266,9 @@ def _check_coherence(
 
 
 def _density_at(signal: Any, rate: float, block: int, reference: Channel, nodes: Any) -> Any:
-    from scipy.signal import welch
+    from specan.dsp.welch import power_density
 
-    f, density = welch(signal, rate, "hann", block)
+    f, density = power_density(signal, rate, block)
     per_velocity = np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
     return np.interp(nodes, f, density * per_velocity)
 

@@ -105,10 +105,11 @@ def _observe(
         if wanted.calibration
         else 0.0,
     )
-    settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s, receivers.block_s)
+    block_s = receivers.block_s or 1 / found.line_hz
+    settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s, block_s)
     return found, [
         f"{file.name}: {len(found.channels)} {receivers.plural}, {found.frequency_hz.size} lines of "
-        f"{1 / receivers.block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {receivers.block_s:.3g} s "
+        f"{1 / block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {block_s:.3g} s "
         f"after {settle:.3g} s; "
         "the model filters the recorded velocity and goes through the same blocks",
         *_sensitivities(recording, receivers),

@@ -43,8 +43,9 @@ CLEAR = 0.7  # share of the base's chi-square on the down-weighted view that may
 MOST_REFITTED = 7  # with those that are easily taken for the best so far
 SURE = 0.05  # reduced chi-square on the down-weighted view below which nothing else is tried
 MOST = 2  # effects
-# Shares of a diagnosis that are over when this begins and ends: of its CPU time for a field with a damped boundary
-BEGINS, NEAR = 0.1, 0.65
+# Shares of a diagnosis that are over when this begins, when it refits and when it ends: of its time for two fields
+# with a damped boundary, of six and of twelve receivers
+BEGINS, REFITS, NEAR = 0.08, 0.6, 0.7
 LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
 SUBSAMPLE_JACOBIANS = 5  # Jacobians of a subsample
 JACOBIANS = 3  # of all lines, from where a subsample leads
@@ -80,10 +81,10 @@ def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> Initial
     if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
         return InitialFit(start)
 
-    def trying(text: str, over: float) -> None:
-        progress(f"looking for a field that is near the measured one{text}", BEGINS + over * (NEAR - BEGINS))
+    def trying(text: str, share: float) -> None:
+        progress(f"looking for a field that is near the measured one{text}", share)
 
-    trying("", 0.0)
+    trying("", BEGINS)
     tried = _tried(start.problem, trying)
     bare = next(r for r in tried if not r.uses)
     near = min(tried, key=lambda r: r.bic(1.0))
@@ -145,7 +146,7 @@ def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit
     view = down_weighted(problem, values=values)
     best = Refit(frozenset(), view, fit(view, start=values))
     refits = Refits(best, rough=True)
-    for k in range(MOST):
+    for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}
         points = planned_points(best, found, known)
@@ -153,8 +154,8 @@ def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit
             score(best.linear, signatures(best.problem, best.fit, found, points, known), best.weights)
         )
 
-        def say(use: Use, part: float = (k + 0.5) / MOST) -> None:
-            trying(f": with {use}", part)
+        def say(use: Use) -> None:
+            trying(f": with {use}", REFITS)
 
         better = _best_of_few(refits, best, scored, say)
         if better is best or better.reduced < 1:  # within the few per cent of the view

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.errors import InputError, RequestError
+from specan.errors import InputError
 from specan.models.catalogue import load_model, read_rig_file
 from specan.models.room import EXAMPLE_RIG
 
@@ -47,9 +47,3 @@ def test_a_log_that_is_not_there_is_refused(tmp_path):
     rig = {**EXAMPLE_RIG, "air": {"temperature_log": str(tmp_path / "none.csv")}}
     with pytest.raises(InputError, match=r"none\.csv cannot be read"):
         load_model("room", rig)
-
-
-def test_positions_in_millimetres_are_recognised():
-    places = (1000 * np.array(EXAMPLE_RIG["mics"]["position_m"])).tolist()
-    with pytest.raises(RequestError, match="they look like millimetres"):
-        load_model("room", {**EXAMPLE_RIG, "mics": {**EXAMPLE_RIG["mics"], "position_m": places}})
