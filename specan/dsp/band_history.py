@@ -219,7 +219,7 @@ def _uneven(square: NDArray[np.float32]) -> NDArray[np.bool_]:
     if not whole:
         return np.zeros(square.shape[0], dtype=np.bool_)
     pieces = square[:, : whole * _MOMENT].reshape(square.shape[0], whole, _MOMENT)
-    moments = np.einsum("ijk->ij", pieces)
+    moments = np.matmul(pieces, np.ones(_MOMENT, dtype=square.dtype))
     return np.asarray(moments.min(axis=1) < _QUIET * moments.mean(axis=1))
 
 
