@@ -14,7 +14,7 @@ from types import ModuleType
 import numpy as np
 
 from specan.dsp import bands
-from specan.dsp.band_limits import BREAKPOINTS, breakpoint_ratio
+from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio
 
 TEST = Path(__file__).parents[1] / "tests" / "reference" / "test_iec_61260_1.py"
 

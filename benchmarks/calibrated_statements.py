@@ -16,6 +16,7 @@ import argparse
 import json
 import sys
 import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,9 +48,13 @@ def opened(case: TruthCase) -> Problem:
 
 
 def drawn(
-    problem: Problem, seed: int, noise: float, candidate: Candidate | None
+    problem: Problem,
+    seed: int,
+    noise: float,
+    candidate: Candidate | None,
+    sizes: Mapping[str, float] | None = None,
 ) -> tuple[Any, dict[str, float]]:
-    """Readings of the model with everything drawn as declared, and the true values by full name."""
+    """Readings of the model with everything drawn as declared, and the true values by full name; `sizes` as given."""
     rng = np.random.default_rng([seed, 77])
     (observation,) = problem.observations
     true = dict(problem.values_at(fit(problem, starts=2).theta))
@@ -58,7 +63,7 @@ def drawn(
     assembly = problem.assembly
     if candidate is not None:
         assembly = candidate.extended.assembly
-        true |= {name: default_value(candidate, name) for name in candidate.own}
+        true |= {name: default_value(candidate, name) for name in candidate.own} | dict(sizes or {})
     exact = observation.predict(assembly, true)
     sizes = observation.parts["discrepancy"]
     shared = observation.covariance - np.diag(np.diag(observation.covariance) - sizes**2)

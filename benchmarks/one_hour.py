@@ -76,8 +76,8 @@ def silence(path: Path, seconds: float, channels: int = 4) -> None:
 
 def page(seconds: float) -> None:
     """Print CPU seconds until the waveforms are drawn: from a first look, from all samples, and from what is kept."""
-    from specan.inspect.envelope import Waveform, read_overviews
     from specan.inspect.opened import watched
+    from specan.inspect.waveform_view import Waveform, read_overviews
     from specan.io.open import open_recording
 
     with tempfile.TemporaryDirectory() as place:

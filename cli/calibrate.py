@@ -19,7 +19,7 @@ from specan_cli.output import (
     table,
     to_standard_output,
 )
-from specan_cli.recording_input import given
+from specan_cli.recording_verb import given
 
 if TYPE_CHECKING:
     from specan.data.calibration import Calibration, ChannelCalibration

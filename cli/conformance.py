@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from specan_cli.limit import EXCEEDED
+from specan_cli.options import EXCEEDED
 from specan_cli.output import (
     OutputFile,
     Verb,
@@ -74,18 +74,16 @@ def write_text(found: list[Check], path: Path, rate: float) -> None:
     from specan import __version__
     from specan.io import results_text as text
 
-    columns = ("standard", "clause", "requirement", "expected", "found", "lower", "upper", "unit", "met")
-    block = text.rows(
-        [
-            [c.standard for c in found],
-            [c.clause for c in found],
-            [c.what for c in found],
-            *(text.significant([getattr(c, name) for c in found]) for name in columns[3:7]),
-            [c.unit for c in found],
-            ["yes" if c.passed else "no" for c in found],
-        ]
-    )
-    text.write_table(path, [f"specan {__version__} conformance", f"at {rate:g} Hz"], columns, [block])
+    columns = {
+        "standard": [c.standard for c in found],
+        "clause": [c.clause for c in found],
+        "requirement": [c.what for c in found],
+        **{name: [getattr(c, name) for c in found] for name in ("expected", "found", "lower", "upper")},
+        "unit": [c.unit for c in found],
+        "met": ["yes" if c.passed else "no" for c in found],
+    }
+    header = [f"specan {__version__} conformance", f"at {rate:g} Hz"]
+    text.write_table(path, header, list(columns), [text.table_lines(columns)])
 
 
 def _numbers(check: Check) -> tuple[str, str, str]:

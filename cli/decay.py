@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import deliver, plot_option, table
-from specan_cli.recording_input import given, opened, result_options, say_notes, section_options
-from specan_cli.several_files import RecordingVerb, recording_argument
+from specan_cli.output import plot_option, table
+from specan_cli.recording_verb import Delivery, Source, given, recording_verb, section_options
 
 if TYPE_CHECKING:
     from specan.data.decay import DecayTimes
 
 
-@click.command("decay", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("decay")
 @click.option(
     "--reference",
     metavar="CH",
@@ -28,13 +26,9 @@ if TYPE_CHECKING:
 @click.option("--fmax", type=float, metavar="HZ", help="To this band.  [default: 4000; 5000 for thirds]")
 @section_options
 @plot_option()
-@result_options()
 def command(
-    file: Path,
-    plot: Path | None,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
+    source: Source,
+    deliver: Delivery,
     **options: Any,
 ) -> int:
     """Find reverberation times, clarity, definition and centre time (ISO 3382-1).
@@ -47,10 +41,8 @@ def command(
     """
     from specan.api.recordings import decay
 
-    found = decay(opened(file, opening), **given(**options))
-    deliver(found, plot, output, as_json, write=write_text, show=lambda: show(found))
-    say_notes(found.notes, {})
-    return 0
+    found = decay(source.open(), **given(**options))
+    return deliver(found, write_text, lambda: show(found))
 
 
 def show(found: DecayTimes) -> None:
@@ -77,17 +69,21 @@ def write_text(found: DecayTimes, path: Path) -> None:
     from specan.data.decay import VALUES
     from specan.io import results_text as text
 
-    def columns(row: int) -> list[list[str]]:
-        bands = range(found.nominal_hz.size)
-        values = [text.significant(getattr(found, name)[row], 4) for name in VALUES]
-        return [[f"{f:g}" for f in found.nominal_hz], *values, [" ".join(found.flags(row, b)) for b in bands]]
-
     about = [
         f"decay times of {found.label}, 1/{found.fraction} octave bands (ISO 3382-1:2009)",
         "u: standard deviation over positions in a diffuse field (ISO 3382-2:2008, 7.1)",
     ]
-    names = ("channel", "band_hz", *VALUES, "flags")
-    text.write_result(path, "decay", found, about, names, text.rows_of_channels(found.channels, columns))
+    bands = range(found.nominal_hz.size)
+    tables = (
+        {
+            "channel": name,
+            "band_hz": [f"{f:g}" for f in found.nominal_hz],
+            **{key: text.significant(getattr(found, key)[row], 4) for key in VALUES},
+            "flags": [found.flags(row, band) for band in bands],
+        }
+        for row, name in enumerate(found.channels)
+    )
+    text.write_result(path, "decay", found, about, tables)
 
 
 def _number(value: float, form: str) -> str:

@@ -17,7 +17,7 @@ from specan_cli.output import (
     say_written,
     to_standard_output,
 )
-from specan_cli.recording_input import opened, opening_options, say_notes, section_options
+from specan_cli.recording_verb import Source, opening_options, say_notes, section_options
 
 if TYPE_CHECKING:
     from specan.data.recording import Recording
@@ -80,7 +80,7 @@ def command(
         )
     target = output or Path(file.stem + SUFFIXES[form])
     refuse_unsafe(target)
-    recording = opened(file, opening)
+    recording = Source(file, opening).open()
     if reference is not None:
         return _transfer(recording, reference, channels, (start_s, stop_s), target, plot, as_json)
     chosen, notes = of_one_rate(recording, channels)
@@ -125,7 +125,7 @@ def _transfer(
 ) -> int:
     """Write transfer functions as a universal file."""
     from specan.api.recordings import frf
-    from specan.io.export_uff import write_uff_transfer
+    from specan.io.export_file import write_uff_transfer
 
     found = frf(recording, reference, channels=channels, start_s=section[0], stop_s=section[1])
     write_uff_transfer(found, target)

@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan import __version__
-from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
-from specan_cli.options import weighting_option
-from specan_cli.output import deliver, plot_option, say_written, table, to_standard_output
-from specan_cli.recording_input import (
+from specan_cli.options import limit_option, weighting_option
+from specan_cli.output import plot_option, say_written, table, to_standard_output
+from specan_cli.recording_verb import (
+    Delivery,
+    Source,
     given,
-    opened,
     quantity_option,
-    result_options,
+    recording_verb,
     say_notes,
     section_options,
 )
-from specan_cli.several_files import RecordingVerb, recording_argument
 
 PIECE = 1 << 15  # lines of a table at once
 
@@ -33,8 +32,7 @@ if TYPE_CHECKING:
     from specan.units import Quantity
 
 
-@click.command("fft", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("fft", "all lines")
 @section_options
 @quantity_option
 @click.option(
@@ -70,17 +68,13 @@ if TYPE_CHECKING:
 @click.option("--columns", type=int, help="Maximum number of columns of a spectrogram.  [default: 1000]")
 @limit_option()
 @plot_option()
-@result_options("all lines")
 def command(
-    file: Path,
+    source: Source,
+    deliver: Delivery,
     peaks: int,
     spectrogram: bool,
     columns: int | None,
     limit: Path | None,
-    plot: Path | None,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
     quantity: Quantity | None,
     **options: Any,
 ) -> int:
@@ -96,25 +90,16 @@ def command(
     from specan.api.recordings import fft
     from specan.errors import RequestError
 
-    recording = opened(file, opening, quantity)
+    recording = source.open(quantity)
     single = options["whole"] or options["averaging"] == "none"
     if limit is not None and spectrogram:
         raise RequestError("a spectrogram has no limits", remedy="leave out --limit or --spectrogram")
-    if single and not (spectrogram or as_json or plot is not None or limit is not None):
-        return _single(recording, options, peaks, output)
+    if single and not (spectrogram or deliver.as_json or deliver.plot is not None or limit is not None):
+        return _single(recording, options, peaks, deliver.output)
     found = _spectrogram(recording, columns, options) if spectrogram else fft(recording, **given(**options))
     kept = [] if limit is None else _held(found, limit)
-
-    def shown() -> None:
-        show(found, peaks)
-        show_limit(limit, kept)
-
-    deliver(
-        found, plot, output, as_json, write=write_text, show=shown,
-        content=lambda: {**found.to_json(), **limit_content(kept)},
-    )  # fmt: skip
-    say_notes(found.notes, dict(zip(found.channels, getattr(found, "flags", ()))))
-    return limit_code(kept)
+    flags = getattr(found, "flags", ())
+    return deliver(found, write_text, lambda: show(found, peaks), flags=flags, limit=limit, kept=kept)
 
 
 def _held(found: Spectrum | Spectrogram, limit: Path) -> list[Kept]:
@@ -298,21 +283,28 @@ def _text(found: Spectrum | Spectrogram) -> Iterator[str]:
     scale, count = found.scale, len(found.frequency_hz)
     for row, name in enumerate(found.channels):
         if isinstance(found, Spectrogram):
-            frequencies, named = text.frequencies(found.frequency_hz), [text.word(name)] * count
+            frequencies = text.frequencies(found.frequency_hz)
             for column, time in enumerate(text.fixed(found.time_s, 4)):
                 density = found.density[row, column]
-                values = scale.values(density, found.has_mirror)
-                parts = [text.significant(values), text.levels(scale.level_dB(density, found.units[row]))]
-                yield text.rows([named, [time] * count, frequencies, *parts])
+                yield text.table_lines(
+                    {
+                        "channel": name,
+                        "time_s": time,
+                        "frequency_hz": frequencies,
+                        scale.scaling: scale.values(density, found.has_mirror),
+                        "level_dB": scale.level_dB(density, found.units[row]),
+                    }
+                )
             continue
         for first in range(0, count, PIECE):
             piece = slice(first, first + PIECE)
             density = found.density[row, piece]
-            shown = text.frequencies(found.frequency_hz[piece])
-            phase = [""] * len(shown) if found.phase_deg is None else text.phases(found.phase_deg[row, piece])
-            parts = [
-                text.significant(scale.values(density, found.has_mirror[piece])),
-                text.levels(scale.level_dB(density, found.units[row])),
-                phase,
-            ]
-            yield text.rows([[text.word(name)] * len(shown), shown, *parts])
+            yield text.table_lines(
+                {
+                    "channel": name,
+                    "frequency_hz": found.frequency_hz[piece],
+                    scale.scaling: scale.values(density, found.has_mirror[piece]),
+                    "level_dB": scale.level_dB(density, found.units[row]),
+                    "phase_deg": "" if found.phase_deg is None else found.phase_deg[row, piece],
+                }
+            )

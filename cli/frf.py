@@ -7,24 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import deliver, plot_option, table
-from specan_cli.recording_input import (
+from specan_cli.output import plot_option, table
+from specan_cli.recording_verb import (
+    Delivery,
+    Source,
     given,
-    opened,
     quantity_option,
-    result_options,
-    say_notes,
+    recording_verb,
     section_options,
 )
-from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.frequency_response import FrequencyResponse
     from specan.units import Quantity
 
 
-@click.command("frf", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("frf", "all lines")
 @click.option("--reference", metavar="CH", help="Channel of reference [default: the vibrometer].")
 @click.option(
     "--estimator",
@@ -48,18 +46,14 @@ if TYPE_CHECKING:
 @click.option("--at", "at_hz", type=float, multiple=True, metavar="HZ", help="Print this line; repeatable.")
 @plot_option()
 @click.option("--unwrap", is_flag=True, help="Draw the phase without jumps.")
-@result_options("all lines")
 def command(
-    file: Path,
+    source: Source,
+    deliver: Delivery,
     no_align: bool,
     fmin: float,
     fmax: float | None,
     at_hz: tuple[float, ...],
-    plot: Path | None,
     unwrap: bool,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
     quantity: Quantity | None,
     **options: Any,
 ) -> int:
@@ -72,11 +66,9 @@ def command(
     """
     from specan.api.recordings import frf
 
-    found = frf(opened(file, opening, quantity), align=not no_align, **given(**options))
+    found = frf(source.open(quantity), align=not no_align, **given(**options))
     found = found.between(fmin, float("inf") if fmax is None else fmax)
-    deliver(found, plot, output, as_json, write=write_text, show=lambda: show(found, at_hz), unwrapped=unwrap)
-    say_notes(found.notes, dict(zip(found.channels, found.flags)))
-    return 0
+    return deliver(found, write_text, lambda: show(found, at_hz), flags=found.flags, unwrapped=unwrap)
 
 
 def show(found: FrequencyResponse, at_hz: tuple[float, ...]) -> None:
@@ -125,7 +117,9 @@ def show(found: FrequencyResponse, at_hz: tuple[float, ...]) -> None:
 
 def write_text(found: FrequencyResponse, path: Path) -> None:
     """All lines, tab-separated, the channels one after the other."""
+    from specan.data.frequency_response import COMMON, LINES
     from specan.io import results_text as text
+    from specan.result import picked
 
     doubts = found.line_flags
 
@@ -133,19 +127,6 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
         own = found.flags[row]
         return " ".join([*own, *(w for w, mask in doubts.items() if mask[row, line] and w not in own)])
 
-    def columns(row: int) -> list[list[str]]:
-        return [
-            text.frequencies(found.frequency_hz),
-            text.significant(found.magnitude[row]),
-            text.phases(found.phase_deg[row]),
-            text.fixed(found.coherence[row], 4),
-            *(text.significant(getattr(found, name)[row], 3) for name in uncertainties),
-            [flags(row, line) for line in range(found.frequency_hz.size)],
-        ]
-
-    uncertainties = (
-        "u_magnitude_percent", "u_phase_deg", "u_leakage_percent", "u_common_percent", "u_common_phase_deg",
-    )  # fmt: skip
     about = [
         f"transfer functions of {found.label}: {found.estimator} over {found.reference} ({found.reference_unit})",
         "magnitude in " + ", ".join(f"{u} ({n})" for n, u in zip(found.channels, found.units)),
@@ -153,5 +134,14 @@ def write_text(found: FrequencyResponse, path: Path) -> None:
         "u: standard uncertainty of noise and leakage, u_leakage: its part of leakage; u_common: that of calibration "
         "and delay",
     ]
-    names = ("channel", "frequency_hz", "magnitude", "phase_deg", "coherence", *uncertainties, "flags")
-    text.write_result(path, "frf", found, about, names, text.rows_of_channels(found.channels, columns))
+    lines = picked(found, f"magnitude phase_deg {LINES} {COMMON}")
+    tables = (
+        {
+            "channel": name,
+            "frequency_hz": found.frequency_hz,
+            **{key: values[row] for key, values in lines.items()},
+            "flags": [flags(row, line) for line in range(found.frequency_hz.size)],
+        }
+        for row, name in enumerate(found.channels)
+    )
+    text.write_result(path, "frf", found, about, tables)

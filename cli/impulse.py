@@ -18,7 +18,7 @@ from specan_cli.output import (
     say_written,
     to_standard_output,
 )
-from specan_cli.recording_input import given, opened, opening_options, say_notes, section_options
+from specan_cli.recording_verb import Source, given, opening_options, say_notes, section_options
 
 
 @click.command("impulse", cls=Verb)
@@ -65,7 +65,7 @@ def command(
 
     target = output or Path(f"{file.stem}_impulse{SUFFIXES[form]}")
     refuse_unsafe(target)
-    found = impulse(opened(file, opening), **given(**options))
+    found = impulse(Source(file, opening).open(), **given(**options))
     responses = found.recording()
     write_excerpt(Excerpt(responses, responses.channels, 0, found.samples.shape[1]), form, target)
     draw(found, plot)

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.output import Verb, draw, emit_json, plot_option, say, table
-from specan_cli.recording_input import opening_options
-from specan_cli.several_files import expand
+from specan_cli.recording_verb import expand, opening_options
 
 if TYPE_CHECKING:
     from specan.data.channel import Channel
-    from specan.data.excitation import Excitation
     from specan.data.levels import Quality
     from specan.data.recording import Recording
+    from specan.data.tone import Excitation
 
 # Properties that the table of channels already shows, or that only say how the file was written.
 _SHOWN = {"unit_string", "Unit_String", "QuantityUnit", "Sensitivity", "SensitivityUnit", "name"}

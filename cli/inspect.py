@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.output import say
-from specan_cli.recording_input import opening_options
+from specan_cli.recording_verb import opening_options
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -104,8 +104,8 @@ def _study(place: Path, effects: tuple[Path, ...]) -> Callable[[Document], None]
 
     study = open_study(place, effects)
     _require_bokeh()
-    from specan.inspect.kept_study import KeptStudy
     from specan.inspect.study_page import StudyPage
+    from specan.inspect.trial import KeptStudy
 
     kept = KeptStudy(study)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 import os
+import shlex
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,11 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from specan import __file__ as _PACKAGE
+from specan import __version__
 from specan.errors import SpecanError, unforeseen
 
-# verb -> (module in this package, one line of help). The module holds a click command of the verb's name.
+# verb -> (module in this package, one line of help). The module holds the click command `command`, or the one named.
 VERBS: dict[str, tuple[str, str]] = {
     "info": ("info", "Contents of a recording: channels, roles, rates, units, excitation, notes."),
     "octave": ("octave", "Levels in octave bands, and overall levels; against time."),
@@ -53,11 +56,12 @@ class LazyGroup(click.Group):
         """Import the module of one verb."""
         if cmd_name not in self.verbs:
             return None
-        module = importlib.import_module(f"specan_cli.{self.verbs[cmd_name][0]}")
+        module, _, name = self.verbs[cmd_name][0].partition(":")
+        command: click.Command = getattr(importlib.import_module(f"specan_cli.{module}"), name or "command")
         from specan_cli.output import add_options
 
-        add_options(module.command)
-        return module.command
+        add_options(command)
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the verbs without importing them."""
@@ -110,16 +114,12 @@ def main(ctx: click.Context, debug: bool) -> None:
     """Spectral analysis of TDMS recordings, and models compared with them."""
     ctx.obj = {"debug": debug}
     if ctx.invoked_subcommand is None:
-        from specan_cli.first_steps import first_steps
-
         click.echo(ctx.get_help())
         click.echo(first_steps(Path.cwd()))
 
 
 def _show_version(ctx: click.Context, wanted: bool) -> None:
     if wanted:
-        from specan_cli.version import version_text
-
         click.echo(version_text())
         ctx.exit()
 
@@ -131,7 +131,7 @@ def run() -> None:
         if isinstance(stream, io.TextIOWrapper):  # a name may hold what the terminal cannot show
             stream.reconfigure(errors="backslashreplace")
     if os.environ.get(COMPLETE, "").startswith("powershell"):
-        importlib.import_module("specan_cli.completion_powershell")
+        importlib.import_module("specan_cli.completion")
     try:
         sys.exit(main(prog_name="specan", standalone_mode=False) or 0)
     except click.exceptions.Exit as done:
@@ -155,3 +155,103 @@ def run() -> None:
             err=True,
         )
         sys.exit(4)
+
+
+COMMIT_FILE = "commit.txt"  # setup.py writes it into what it builds
+
+
+def version_text() -> str:
+    """Version and commit, such as ``specan 0.2.0 (commit 1a2b3c4d5e)``; without a commit the version alone."""
+    commit = _commit(Path(_PACKAGE).parent)
+    return f"specan {__version__}" + (f" (commit {commit[:10]})" if commit else "")
+
+
+def _commit(package: Path) -> str | None:
+    """What the build left in the package, or where the repository around the package stands."""
+    built = package / COMMIT_FILE
+    if built.is_file():
+        return built.read_text(encoding="ascii").strip() or None
+    return _checked_out(package.parent / ".git")
+
+
+def _checked_out(repository: Path) -> str | None:
+    """Commit of HEAD, read from the files of a repository so that git need not be installed."""
+    try:
+        if repository.is_file():  # a work tree of its own: "gitdir: PATH"
+            repository = Path(repository.read_text(encoding="utf-8").split(": ", 1)[1].strip())
+        head = (repository / "HEAD").read_text(encoding="utf-8").strip()
+        if not head.startswith("ref: "):
+            return head
+        name = head.removeprefix("ref: ")
+        shared = repository / "commondir"
+        common = repository / shared.read_text(encoding="utf-8").strip() if shared.is_file() else repository
+        for place in (repository / name, common / name):
+            if place.is_file():
+                return place.read_text(encoding="utf-8").strip()
+        packed = (common / "packed-refs").read_text(encoding="utf-8").splitlines()
+        return next((line.split()[0] for line in packed if line.endswith(f" {name}")), None)
+    except (OSError, IndexError, UnicodeDecodeError):
+        return None
+
+
+SUFFIXES = (".tdms", ".wav")
+_MOST = 2000  # entries of a directory that are looked at
+
+
+def first_steps(here: Path) -> str:
+    """Commands to begin with in a directory.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> print(first_steps(Path(mkdtemp())))
+    <BLANKLINE>
+    First steps:
+      specan info RECORDING.tdms           what is in a recording
+      specan inspect RECORDING.tdms        look at it in the browser
+      specan batch DIRECTORY -o results    everything in a directory, as text tables
+      specan model list                    models to hold against a measurement
+    Each verb shows an example with --help.
+    """
+    recordings, studies = _found(here)
+    steps = []
+    if studies:
+        steps.append((f"specan study compare {studies[0]}", "where the model of this study fails"))
+        steps.append((f"specan inspect {studies[0]}", "look at the study in the browser"))
+    one = recordings[0] if recordings else "RECORDING.tdms"
+    if recordings or not studies:
+        place = "." if recordings else "DIRECTORY"
+        steps += [
+            (f"specan info {one}", "what is in a recording"),
+            (f"specan inspect {one}", "look at it in the browser"),
+            (f"specan batch {place} -o results", "everything in a directory, as text tables"),
+        ]
+    if not studies:
+        steps.append(("specan model list", "models to hold against a measurement"))
+    width = max(len(command) for command, _ in steps)
+    here_are = f" ({len(recordings)} recordings lie here)" if len(recordings) > 1 else ""
+    lines = [f"  {command:<{width}}    {text}" for command, text in steps]
+    return "\n".join([f"\nFirst steps{here_are}:", *lines, "Each verb shows an example with --help."])
+
+
+def _typed(name: str) -> str:
+    """A name as the shell of this system wants it."""
+    if os.name == "nt":
+        return f'"{name}"' if " " in name else name
+    return shlex.quote(name)
+
+
+def _found(here: Path) -> tuple[list[str], list[str]]:
+    """Recordings and studies of a directory, as they are typed; none where it cannot be read."""
+    recordings, studies = [], []
+    try:
+        for number, path in enumerate(sorted(here.iterdir())):
+            if number == _MOST:
+                break
+            if path.suffix.lower() in SUFFIXES and path.is_file():
+                recordings.append(_typed(path.name))
+            elif (path / "study.toml").is_file():
+                studies.append(_typed(path.name))
+    except OSError:  # the hints do without
+        return [], []
+    return recordings, ["."] if (here / "study.toml").is_file() else studies

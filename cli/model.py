@@ -207,30 +207,16 @@ def _print_model(model: Mapping[str, Any]) -> None:
     click.echo(f"{model['name']}: {model['title']}")
     for note in model["notes"]:
         click.echo(f"  {note}")
-    click.echo()
-    table(
-        "Conditions",
-        ["column", "default", "what it is"],
-        [[c["column"] or n, _default(c), c["doc"]] for n, c in model["conditions"].items()],
-    )
-    click.echo()
-    table(
-        "Observables",
-        ["name", "unit", "what it is"],
-        [[n, o["unit"], o["doc"]] for n, o in model["observables"].items()],
-    )
-    click.echo()
-    table(
-        "Effects",
-        ["name", "", "what it is"],
-        [[name, _kind(e), _first_sentence(e["explanation"])] for name, e in model["effects"].items()],
-    )
-    click.echo()
-    table(
-        "Quantities",
-        ["name", "unit", "what it is"],
-        [[n, q["unit"], q["doc"]] for n, q in model["quantities"].items()],
-    )
+    rows = {
+        "Conditions": [[c["column"] or n, _default(c), c["doc"]] for n, c in model["conditions"].items()],
+        "Observables": [[n, o["unit"], o["doc"]] for n, o in model["observables"].items()],
+        "Effects": [[n, _kind(e), _first_sentence(e["explanation"])] for n, e in model["effects"].items()],
+        "Quantities": [[n, q["unit"], q["doc"]] for n, q in model["quantities"].items()],
+    }
+    headers = {"Conditions": ["column", "default"], "Effects": ["name", ""]}
+    for title, cells in rows.items():
+        click.echo()
+        table(title, [*headers.get(title, ["name", "unit"]), "what it is"], cells)
     for name, reason in model["unsuited"].items():
         click.echo(f"\nNot for this rig: {name}: {reason}")
     click.echo(f"\nMore about one of them: specan model show {model['name']} NAME")

@@ -73,8 +73,7 @@ NOISE, REPEATS, SEED = 0.1, 2, 7
 
 def table_to_try(model: Model) -> str:
     """A table for the model of `TEMPLATE`, as text, with an effect in it that the model lacks."""
-    from specan.models.chosen_model import ChosenModel
-    from specan.models.prediction import grid, simulated_table
+    from specan.models.chosen_model import ChosenModel, grid, simulated_table
 
     assembly = model.assemble(["cavitation"])
     rows = simulated_table(

@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.limit import limit_code, limit_content, limit_option, show_limit
-from specan_cli.options import FRACTIONS, level_options, weighting_option
-from specan_cli.output import deliver, plot_option, table
-from specan_cli.recording_input import (
+from specan_cli.options import FRACTIONS, level_options, limit_option, weighting_option
+from specan_cli.output import plot_option, table
+from specan_cli.recording_verb import (
+    Delivery,
+    Source,
     given,
-    opened,
     quantity_option,
-    result_options,
-    say_notes,
+    recording_verb,
     section_options,
 )
-from specan_cli.several_files import RecordingVerb, recording_argument
 
 if TYPE_CHECKING:
     from specan.data.band_levels import BandLevels
@@ -43,8 +41,7 @@ class _Averaging(click.ParamType):
             )
 
 
-@click.command("octave", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("octave", "all levels")
 @click.option("--fraction", type=click.Choice(FRACTIONS), help="1/N octave.  [default: 3]")
 @weighting_option("Weighting of the band levels; A, B and C for sound pressure only.  [default: Z]")
 @click.option(
@@ -80,16 +77,12 @@ class _Averaging(click.ParamType):
 @limit_option()
 @plot_option()
 @click.option("--history", is_flag=True, help="Draw the first channel against time.")
-@result_options("all levels")
 def command(
-    file: Path,
+    source: Source,
+    deliver: Delivery,
     background: Path | None,
     limit: Path | None,
-    plot: Path | None,
     history: bool,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
     quantity: Quantity | None,
     **options: Any,
 ) -> int:
@@ -103,27 +96,20 @@ def command(
     from specan.api.recordings import octave
     from specan.errors import RequestError
 
-    if history and (plot is None or options["averaging"] in (None, "linear")):
+    if history and (deliver.plot is None or options["averaging"] in (None, "linear")):
         raise RequestError(
             "--history draws a time-weighted level", remedy="add --plot and --averaging fast, slow or seconds"
         )
     wanted = given(**options)
-    found = octave(opened(file, opening, quantity), **wanted)
+    found = octave(source.open(quantity), **wanted)
     if background is not None:
         whole = {**wanted, "start_s": 0.0, "stop_s": None}
-        found = without_background(found, octave(opened(background, opening, quantity), **whole))
+        found = without_background(found, octave(Source(background, source.opening).open(quantity), **whole))
     kept = [] if limit is None else _held(found, limit)
-
-    def shown() -> None:
-        show(found)
-        show_limit(limit, kept)
-
-    deliver(
-        found, plot, output, as_json, write=write_text, show=shown, view="history" if history else "",
-        content=lambda: {**found.to_json(), **limit_content(kept)},
+    return deliver(
+        found, write_text, lambda: show(found), flags=found.flags, limit=limit, kept=kept,
+        view="history" if history else "",
     )  # fmt: skip
-    say_notes(found.notes, dict(zip(found.channels, found.flags)))
-    return limit_code(kept)
 
 
 def _held(found: BandLevels, limit: Path) -> list[Kept]:
@@ -212,21 +198,20 @@ def write_text(found: BandLevels, path: Path) -> None:
 
     percentiles, all_totals = found.percentile_dB or {}, found.percentile_overall_dB or {}
 
-    def columns(row: int) -> list[list[str]]:
+    def columns(row: int) -> dict[str, Any]:
         totals = {w: v[row] for w, v in found.overall_dB.items() if v[row] == v[row]}
-        return [
-            [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)],
-            text.levels([*found.level_dB[row], *totals.values()]),
-            [*text.levels(found.u_dB), *[""] * len(totals)],
-            *(
-                text.levels([*values[row], *(all_totals[n][w][row] for w in totals)])
+        flags = [found.band_flags(row, band) for band in range(found.exact_hz.size)]
+        return {
+            "channel": found.channels[row],
+            "band_hz": [*(f"{f:g}" for f in found.nominal_hz), *(f"total-{w}" for w in totals)],
+            "level_dB": [*found.level_dB[row], *totals.values()],
+            "u_dB": [*text.levels(found.u_dB), *[""] * len(totals)],
+            **{
+                f"{percentile_name(n)}_dB": [*values[row], *(all_totals[n][w][row] for w in totals)]
                 for n, values in percentiles.items()
-            ),
-            [
-                *(" ".join(found.band_flags(row, band)) for band in range(found.exact_hz.size)),
-                *(" ".join(found.overall_flags(row, w)) for w in totals),
-            ],
-        ]
+            },
+            "flags": [*flags, *(found.overall_flags(row, w) for w in totals)],
+        }
 
     units = zip(found.channels, found.units, found.references)
     about = [
@@ -237,6 +222,4 @@ def write_text(found: BandLevels, path: Path) -> None:
     ]
     if percentiles:
         about.append("LN_dB: level exceeded during N % of the time; max_dB, min_dB: largest and smallest")
-    names = [f"{percentile_name(n)}_dB" for n in percentiles]
-    header = ("channel", "band_hz", "level_dB", "u_dB", *names, "flags")
-    text.write_result(path, "octave", found, about, header, text.rows_of_channels(found.channels, columns))
+    text.write_result(path, "octave", found, about, map(columns, range(len(found.channels))))

@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import deliver, plot_option, say, table
-from specan_cli.recording_input import given, opened, result_options, say_notes, section_options
-from specan_cli.several_files import RecordingVerb, recording_argument
+from specan_cli.output import plot_option, say, table
+from specan_cli.recording_verb import Delivery, Source, given, recording_verb, section_options
 
 if TYPE_CHECKING:
     from specan.data.orders import OrderSpectrum
     from specan.data.recording import Recording
 
 
-@click.command("orders", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("orders", "all lines")
 @section_options
 @click.option("--tacho", metavar="CH", help="The tacho.  [default: the recording's only one]")
 @click.option(
@@ -54,17 +52,13 @@ if TYPE_CHECKING:
 )
 @click.option("--map", "as_map", is_flag=True, help="Orders against speed: in --plot, -o and --json.")
 @plot_option()
-@result_options("all lines")
 def command(
-    file: Path,
+    source: Source,
+    deliver: Delivery,
     envelope: str | None,
     kurtosis: bool,
     peaks: int,
     as_map: bool,
-    plot: Path | None,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
     **options: Any,
 ) -> int:
     """Find order spectra, complex amplitudes of given orders, and synchronous averages.
@@ -78,19 +72,17 @@ def command(
     """
     from specan.api.recordings import orders
 
-    recording = opened(file, opening)
+    recording = source.open()
     found = orders(recording, **given(envelope_hz=_band(envelope), **options))
     impulsive = _kurtosis(recording, found) if kurtosis else {}
 
     def content() -> dict[str, Any]:
         return {**found.to_json(with_map=as_map), **({"kurtosis": impulsive} if impulsive else {})}
 
-    deliver(
-        found, plot, output, as_json, view="map" if as_map else "", content=content,
-        write=lambda found, path: write_text(found, path, as_map), show=lambda: show(found, peaks, impulsive),
+    return deliver(
+        found, lambda found, path: write_text(found, path, as_map), lambda: show(found, peaks, impulsive),
+        content=content, view="map" if as_map else "",
     )  # fmt: skip
-    say_notes(found.notes, {})
-    return 0
 
 
 def _band(text: str | None) -> tuple[float, float] | None:
@@ -189,28 +181,26 @@ def write_text(found: OrderSpectrum, path: Path, as_map: bool = False) -> None:
         f"speed {found.tacho.speed_hz[1]:.6g} Hz, {found.turns} turns, blocks of {found.block_turns}",
     ]
 
-    def of_map(row: int) -> list[list[str]]:
-        speeds = [speed for speed in text.fixed(found.speed_hz, 4) for _ in found.order]
-        orders = text.frequencies(found.order) * len(found.speed_hz)
-        return [speeds, orders, text.significant(found.map[:, row].ravel())]
-
-    def of_lines(row: int) -> list[list[str]]:
+    def columns(row: int) -> dict[str, Any]:
         lines = found.lines
+        if as_map:
+            return {
+                "speed_hz": [speed for speed in text.fixed(found.speed_hz, 4) for _ in found.order],
+                "order": text.frequencies(found.order) * len(found.speed_hz),
+                "amplitude": found.map[:, row].ravel(),
+            }
         if lines is None:
-            nothing = [""] * len(found.order)
-            return [text.frequencies(found.order), text.significant(found.amplitude[row]), *[nothing] * 3]
-        return [
-            text.frequencies(lines.order),
-            text.significant(abs(lines.amplitude[row])),
-            text.phases(lines.phase_deg[row]),
-            text.significant(lines.u[row], 3),
-            text.significant(lines.u_scatter[row], 3),
-        ]
+            nothing = dict.fromkeys(("phase_deg", "u", "u_blocks"), "")
+            return {"order": found.order, "amplitude": found.amplitude[row], **nothing}
+        return {
+            "order": lines.order,
+            "amplitude": abs(lines.amplitude[row]),
+            "phase_deg": lines.phase_deg[row],
+            "u": lines.u[row],
+            "u_blocks": lines.u_scatter[row],
+        }
 
-    names = (
-        ["speed_hz", "order", "amplitude"] if as_map else ["order", "amplitude", "phase_deg", "u", "u_blocks"]
-    )
-    blocks = text.rows_of_channels(found.channels, of_map if as_map else of_lines)
-    text.write_result(path, "orders", found, about, ["channel", *names], blocks)
+    tables = ({"channel": name, **columns(row)} for row, name in enumerate(found.channels))
+    text.write_result(path, "orders", found, about, tables)
     if found.lines is not None and not as_map:
         say("The table holds the lines that were asked for; leave them out for the whole spectrum.")

@@ -123,6 +123,8 @@ def say(text: str) -> None:
     click.echo(text, err=True)
 
 
+# --- how much a verb says on standard error -------------------------------------------------------------
+
 _QUIET, _VERBOSE = "specan_cli.quiet", "specan_cli.verbose"
 
 
@@ -165,6 +167,8 @@ def _keep(context: click.Context, option: click.Parameter, value: bool) -> None:
 
         context.call_on_close(took)
 
+
+# --- files and figures --------------------------------------------------------------------------------
 
 _STANDARD_OUTPUT = Path("-")
 _FORCE = "specan_cli.force"
@@ -264,28 +268,3 @@ def draw(found: Result, plot: Path | None, **options: Any) -> None:
         import specan
 
         specan.plot(found, plot, **options)
-
-
-def deliver(
-    found: Result,
-    plot: Path | None,
-    output: Path | None,
-    as_json: bool,
-    *,
-    write: Callable[[Any, Path], None],
-    show: Callable[[], None],
-    content: Callable[[], Any] | None = None,
-    **drawn: Any,
-) -> None:
-    """Draw and write a result where that was asked for, then print it: as JSON, or to read.
-
-    Nothing is printed to read where the text itself goes to standard output.
-    """
-    draw(found, plot, **drawn)
-    if output is not None:
-        write(found, output)
-    if as_json:
-        emit_json(found.to_json() if content is None else content())
-    elif not to_standard_output(output):
-        show()
-        say_written(plot, output)

@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from specan_cli.options import level_options, weighting_option
-from specan_cli.output import deliver, plot_option, table
-from specan_cli.recording_input import given, opened, result_options, say_notes, section_options
-from specan_cli.several_files import RecordingVerb, recording_argument
+from specan_cli.output import plot_option, table
+from specan_cli.recording_verb import Delivery, Source, given, recording_verb, section_options
 
 if TYPE_CHECKING:
     from specan.data.levels import SignalLevels
 
 
-@click.command("rms", cls=RecordingVerb)
-@recording_argument()
+@recording_verb("rms")
 @weighting_option("Weighting of the time-weighted levels of sound pressure.  [default: A]")
 @click.option(
     "--averaging",
@@ -31,13 +29,9 @@ if TYPE_CHECKING:
 @section_options
 @level_options("equivalent levels")
 @plot_option()
-@result_options()
 def command(
-    file: Path,
-    plot: Path | None,
-    output: Path | None,
-    as_json: bool,
-    opening: dict[str, Any],
+    source: Source,
+    deliver: Delivery,
     **options: Any,
 ) -> int:
     """Find RMS, level, peak, crest factor, and equivalent and percentile levels of every channel.
@@ -49,10 +43,8 @@ def command(
     """
     from specan.api.recordings import rms
 
-    found = rms(opened(file, opening), **given(**options))
-    deliver(found, plot, output, as_json, write=write_text, show=lambda: show(found))
-    say_notes(found.notes, dict(zip(found.channels, found.flags)))
-    return 0
+    found = rms(source.open(), **given(**options))
+    return deliver(found, write_text, lambda: show(found), flags=found.flags)
 
 
 def show(found: SignalLevels) -> None:
@@ -96,36 +88,17 @@ def write_text(found: SignalLevels, path: Path) -> None:
     """One row a channel, tab-separated."""
     from specan.io import results_text as text
 
-    percent = {f"L{n:g}_dB": values for n, values in found.percentile_dB.items()}
-    equivalent = {f"Leq_{weighting}_dB": values for weighting, values in found.equivalent_dB.items()}
-    exposure = {f"LE_{weighting}_dB": values for weighting, values in found.exposure_dB.items()}
-    levels = {
-        "level_dB": found.level_dB, "peak_dB": found.peak_dB, "C_peak_dB": found.c_peak_dB,
-        **equivalent, **exposure, "max_dB": found.max_dB,
-        "min_dB": found.min_dB, **percent,
-    }  # fmt: skip
-    numbers = {
-        "rms": found.rms, "peak": found.peak, "crest_factor": found.crest_factor, "mean": found.mean,
-        "minimum": found.minimum, "maximum": found.maximum,
-    }  # fmt: skip
-    block = text.rows(
-        [
-            [text.word(name) for name in found.channels],
-            [text.word(group) for group in found.groups],
-            [text.word(unit) for unit in found.units],
-            *(text.significant(values) for values in numbers.values()),
-            [text.word(reference.text) for reference in found.references],
-            *(text.levels(values) for values in levels.values()),
-            [" ".join(words) for words in found.flags],
-        ]
-    )
+    names = {"channel": found.channels, "group": found.groups, "unit": found.units}
+    columns = {
+        **{name: text.words(values) for name, values in names.items()},
+        **{name: values for name, values in found.columns().items() if name not in names},
+    }
     about = [
         f"levels of {found.label}, {found.start_s:g} s to {found.start_s + found.duration_s:g} s, about the mean",
         f"max, min and L of the {found.averaging} level, {found.weighting} weighted for Pa",
         f"settling: {found.settling}",
     ]
-    columns = ("channel", "group", "unit", *numbers, "level_reference", *levels, "flags")
-    text.write_result(path, "rms", found, about, columns, [block])
+    text.write_result(path, "rms", found, about, [columns])
 
 
 def _number(value: float, form: str = "{:.2f}") -> str:

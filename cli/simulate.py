@@ -2,12 +2,45 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from specan.errors import RequestError
 from specan_cli.output import OutputFile, Verb
+
+if TYPE_CHECKING:
+    from specan.models.model import Model
+
+ENTRY_POINTS = "specan.simulators"  # of installed packages: name of the model = `run(model, options)`
+
+
+def simulator_of(model: Model) -> Callable[[Model, Mapping[str, Any]], None]:
+    """The function that carries out ``specan simulate`` for a model.
+
+    Raises
+    ------
+    RequestError
+        None is known, and its measurements are no tables.
+    """
+    from importlib.metadata import entry_points
+
+    own = f"specan_cli.simulate_{model.name.replace('-', '_')}"  # of a model that comes with specan
+    if not model.is_own and importlib.util.find_spec(own):
+        run: Callable[[Model, Mapping[str, Any]], None] = importlib.import_module(own).run
+        return run
+    for point in entry_points(group=ENTRY_POINTS):
+        if point.name == model.name:
+            run = point.load()
+            return run
+    if "table" in model.kinds:
+        run = importlib.import_module("specan_cli.simulate_table").run
+        return run
+    raise RequestError(f"the model {model.name!r} cannot be simulated from the command line")
 
 
 @click.command("simulate", cls=Verb)
@@ -113,7 +146,6 @@ def command(model_name: str, rig: Path | None, **options: Any) -> None:
     from specan.errors import RequestError
     from specan.models.catalogue import effects_from_file, example_rig, is_file, load_model, read_rig_file
     from specan.models.chosen_model import override
-    from specan_cli.simulators import simulator_of
 
     if rig is None and not is_file(model_name):
         raise RequestError(

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 RATE = 51200.0
 LINES_RATE = 12800.0  # of recordings made of order lines: three harmonics of the mesh lie far below
+# Relative distance within which a harmonic meets a natural frequency: as well as stiffness is known.
+_NEAR = 0.15
 _PATIENCE_S = 5.0  # from which on the time that a run takes is told before it starts
 
 
@@ -123,7 +125,7 @@ def _announce(rig: Any, duration: float) -> None:
 
     needed = estimate_s(rig, duration)
     if needed > _PATIENCE_S or not HAS_NUMBA:
-        slow = "" if HAS_NUMBA else "; install specan[fast] (numba) to have it some hundred times faster"
+        slow = "" if HAS_NUMBA else "; install specan[fast] (numba) to have it some forty times faster"
         say(f"The run takes about {needed:.0f} s{slow}.")
 
 
@@ -152,7 +154,7 @@ def _described(rig: Any) -> dict[str, object]:
 def _order_lines(model: Model, options: Mapping[str, Any]) -> tuple[Any, Any, Any]:
     """Orders, complex lines (sensors, orders), and the effects with which they were made."""
     from specan.models.chosen_model import choose_model
-    from specan.models.planetary_gear.lines import line_conditions
+    from specan.models.planetary_gear.kinematics import line_conditions
 
     if model.order_lines is None:
         raise RequestError(
@@ -204,8 +206,28 @@ def _record_lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     say(
         f"{len(names)} channels of {options['duration']:g} s made of {orders.size} order lines written to {path}"
     )
+    _say_resonances(model)
     if options["as_json"]:
         emit_json({"effects": [str(u) for u in request.assembly.uses], "channels": names})
+
+
+def _say_resonances(model: Model) -> None:
+    """Natural frequencies of the set, and harmonics of the mesh that meet one."""
+    import numpy as np
+
+    from specan.models.planetary_gear.kinematics import carrier_speed_ratio
+    from specan.models.planetary_gear.modes import torsional_frequencies
+
+    rig = model.settings["parsed_rig"]
+    mesh = rig.operation.sun_speed_hz * carrier_speed_ratio(rig.gear) * rig.gear.z_ring
+    natural = np.unique(torsional_frequencies(model).round(1))
+    say(f"natural frequencies of the set: {', '.join(f'{f:.0f}' for f in natural)} Hz; mesh at {mesh:.0f} Hz")
+    for frequency in natural:
+        harmonic = max(round(frequency / mesh), 1)
+        if abs(harmonic * mesh / frequency - 1) < _NEAR and harmonic <= len(model.axes["harmonic"]):
+            say(
+                f"harmonic {harmonic} of the mesh, at {harmonic * mesh:.0f} Hz, meets that at {frequency:.0f} Hz"
+            )
 
 
 def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
@@ -223,6 +245,7 @@ def _lines(model: Model, path: Path, options: Mapping[str, Any]) -> None:
     header = ["channel", "order", "amplitude_m_per_s2", "phase_deg"]
     write_csv(path, header, rows)
     say(f"{len(rows)} order lines written to {path}")
+    _say_resonances(model)
     if options["as_json"]:
         emit_json(
             {

@@ -133,7 +133,7 @@ def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
         write_csv(path, COLUMNS, ([f"{value:.9g}" for value in row] for row in found.rows()))
     else:
         from specan.report.figure_style import save_figure
-        from specan.report.figures_field import field_figure
+        from specan.report.figures_room import field_figure
 
         save_figure(field_figure(found), path)
     level = found.level_dB()

@@ -13,9 +13,8 @@ from specan_cli.output import emit_json, say
 from specan_cli.output import table as print_table
 
 if TYPE_CHECKING:
-    from specan.models.chosen_model import ChosenModel
+    from specan.models.chosen_model import ChosenModel, Columns
     from specan.models.model import Model
-    from specan.models.prediction import Columns
 
 POINTS = 7  # of each condition over the limits
 MOST_PRINTED = 60  # rows that a person reads on a terminal
@@ -23,8 +22,7 @@ MOST_PRINTED = 60  # rows that a person reads on a terminal
 
 def run(model: Model, options: Mapping[str, Any]) -> None:
     """Carry out the chosen for any model of tables."""
-    from specan.models.chosen_model import choose_model
-    from specan.models.prediction import simulated_table
+    from specan.models.chosen_model import choose_model, simulated_table
 
     chosen = choose_model(model, options["effects"], options["without"])
     simulate(chosen, options, simulated_table, dict.fromkeys(model.rig.limits, POINTS))
@@ -34,7 +32,7 @@ def simulate(
     chosen: ChosenModel, options: Mapping[str, Any], make: Callable[..., Columns], points: Mapping[str, int]
 ) -> None:
     """Write or print what `make` predicts over the conditions that were asked for."""
-    from specan.models.prediction import outside_validity
+    from specan.models.chosen_model import outside_validity
     from specan.result import records
 
     if options["noise"] < 0:
@@ -57,7 +55,7 @@ def simulate(
 
 def _conditions(chosen: ChosenModel, options: Mapping[str, Any], points: Mapping[str, int]) -> Columns:
     """Rows of a table, or a grid over the limits with the axes that the user gives."""
-    from specan.models.prediction import grid
+    from specan.models.chosen_model import grid
 
     model = chosen.assembly.model
     if options["conditions"]:

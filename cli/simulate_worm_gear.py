@@ -35,7 +35,7 @@ def run(model: Model, options: Mapping[str, Any]) -> None:
 
 def _look_up(chosen: ChosenModel, path: Path) -> None:
     """A full grid, the temperature running fastest, as look-up tables of simulation programs want it."""
-    from specan.models.prediction import grid
+    from specan.models.chosen_model import grid
     from specan.models.worm_gear.simulated_table import simulated_table
     from specan_cli.simulate_table import length, over_limits, write
 

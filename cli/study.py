@@ -19,6 +19,7 @@ from specan_cli.output import is_quiet, say, table
 
 if TYPE_CHECKING:
     from specan.study.estimation.prediction_error import ObservableError
+    from specan.study.selection.search import Progress
     from specan.study.study import Study
 
 STEPS = {
@@ -26,8 +27,8 @@ STEPS = {
     "compare": ("study_compare", "Fit the model and see where it fails."),
     "diagnose": ("study_diagnose", "Which physical effect is missing."),
     "propose": ("study_propose", "Laws for what no effect of the catalogue explains."),
-    "add": ("study_add", "Add an effect, refit, see what the errors do."),
-    "drop": ("study_drop", "Take an effect out again."),
+    "add": ("study_change:add", "Add an effect, refit, see what the errors do."),
+    "drop": ("study_change:drop", "Take an effect out again."),
     "history": ("study_history", "The error of every step, on fitted and on held-out data."),
     "next": ("study_next", "Which measurement would decide."),
     "impedance": ("study_impedance", "Room: surface impedance and absorption per wall and third octave."),
@@ -94,17 +95,29 @@ def open_study(directory: Path, effects: Sequence[Path] = (), accept_changes: bo
 LOGGED_S = 10.0  # between lines of progress in a log
 
 
-def told() -> Callable[[str], None]:
-    """What tells of progress on standard error: all of it on a terminal; in a log a line every ten seconds."""
+LEAST_SHARE = 0.05  # of the whole, below which no time is estimated
+
+
+def told() -> Progress:
+    """What tells of progress on standard error: all of it on a terminal; in a log a line every ten seconds.
+
+    With the share that is over stands the time that is left if the rest goes on as quickly.
+    """
     began = last = time.monotonic()
+    most = 0.0
     on_terminal, quiet = sys.stderr.isatty(), is_quiet()
 
-    def tell(text: str) -> None:
-        nonlocal last
+    def tell(text: str, share: float | None = None) -> None:
+        nonlocal last, most
         now = time.monotonic()
+        most = max(most, share or 0.0)
         if not quiet and (on_terminal or now - last >= LOGGED_S):
             last = now
-            say(f"{now - began:5.0f} s: {text}")
+            left = ""
+            if most > LEAST_SHARE:
+                seconds = (now - began) * (1 - most) / most
+                left = f" ({100 * most:.0f} %, about {float(f'{seconds:.1g}'):g} s left)"
+            say(f"{now - began:5.0f} s: {text}{left}")
 
     return tell
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from specan_cli.output import Verb, draw, emit_json, plot_option, table
+from specan_cli.output import Verb, draw, emit_json, plot_option, say, table
 from specan_cli.study import open_study, probability, study_options, told
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 SHOWN = 10  # rows of the table of candidates
 DETAILED = 3  # of them with their parameters
 PLACES = 4  # where the model fails
+SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell them apart
 
 
 @click.command("diagnose", cls=Verb)
@@ -32,12 +33,35 @@ def command(
     specan study diagnose my_study --plot ranking.png
     """
     study = open_study(directory, effects)
-    found = study.diagnose(bootstrap=bootstrap, progress=told())
+    try:
+        found = study.diagnose(bootstrap=bootstrap, progress=told())
+    except KeyboardInterrupt as stopped:
+        _say_stopped(stopped, directory)
+        raise
     if as_json:
         emit_json(found.to_json())
     else:
         _print(found, directory)
     draw(found, plot)
+
+
+def _say_stopped(stopped: KeyboardInterrupt, directory: Path) -> None:
+    """What had been found; the exit code of an interrupted command follows."""
+    from specan.study.diagnose import Stopped
+    from specan.study.study import STOPPED
+
+    if not isinstance(stopped, Stopped):
+        return
+    rows = stopped.content["refitted"]
+    say(
+        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted, the likeliest first:"
+    )
+    for row in rows[:SHOWN]:
+        say(
+            f"  {' + '.join(row['effects'])}: error {row['error_after']:.3g} {row['unit']}, "
+            f"reduced chi-square {row['reduced_chi2']:.3g}"
+        )
+    say(f"Kept in {directory / STOPPED}; the next diagnose begins anew.")
 
 
 def _print(found: Diagnosis, directory: Path) -> None:
@@ -48,16 +72,22 @@ def _print(found: Diagnosis, directory: Path) -> None:
         click.echo(f"{found.reason[:1].upper()}{found.reason[1:]}.")
     if found.error is not None:
         click.echo(f"Error (RMS of {found.error.before.observable}): {found.error.text}.")
+    if found.verdict in ("effect", "group"):
+        click.echo(
+            f"Noise alone would give such an improvement with {probability(found.ranking[0].p_value)}."
+        )
     for remark in found.remarks:
         click.echo(f"But: {remark}.")
     if found.residual_law is not None:
-        click.echo(f"What is left follows {found.residual_law.text.lstrip('~ ')}.")
+        what = "What the model lacks" if found.verdict == "unknown-effect" else "What is left"
+        click.echo(f"{what} goes like {found.residual_law.text.lstrip('~ ')}.")
     _print_pulls(found)
     _print_next(found)
     if found.verdict in ("effect", "group"):
+        click.echo("")
         for use in _uses(found.ranking[0]):
             shown = f'"{use}"' if " " in use else use
-            click.echo(f"\nTry it: specan study add {directory} {shown}")
+            click.echo(f"Try it: specan study add {directory} {shown}")
     _print_where(found)
     _print_statistics(found)
     _print_power(found)
@@ -101,19 +131,29 @@ def _print_next(found: Diagnosis) -> None:
         unit = "" if rows[0]["unit"] == "1" else f", {rows[0]['unit']}"
         table(
             "What to measure next",
-            [*conditions, *(f"{name}{unit}" for name in rivals), "sigma", "apart"],
+            [*conditions, *(f"{name}{unit}" for name in rivals), "sigma", "told apart"],
             [
                 [
                     *(v if isinstance(v, str) else f"{v:g}" for v in map(row["conditions"].get, conditions)),
                     *(f"{row['predictions'][name]:.4g}" for name in rivals),
                     f"{row['sigma']:.2g}" if row.get("sigma") else "",
-                    f"{row['separation_sigma']:.1f} sigma" if row["separation_sigma"] else "",
+                    _apart(row),
                 ]
                 for row in rows
             ],
         )
     for row in found.next_measurement:
-        click.echo(f"  {row['text']}")
+        if row not in rows or not row["separation_sigma"]:
+            click.echo(f"  {row['text']}")
+
+
+def _apart(row: Mapping[str, Any]) -> str:
+    """How far apart explanations are in a reading, and whether it tells all of them apart."""
+    if not row["separation_sigma"]:
+        return ""
+    if (row.get("least_sigma") or 0.0) >= SEPARATES:
+        return f"all: {row['least_sigma']:.1f} sigma"
+    return f"some: {row['separation_sigma']:.1f} sigma"
 
 
 def _print_statistics(found: Diagnosis) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from specan_cli.output import Verb, emit_json, plot_option
+from specan_cli.output import Verb, draw, emit_json, plot_option
 from specan_cli.study import open_study, study_options, told
 
 
@@ -23,19 +23,13 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Pat
     """
     study = open_study(directory, effects)
     study.require_uncertainty("next")
-    found = study.diagnose(progress=told())
-    rows = found.to_json()["next_measurement"]
+    found = study.diagnose(progress=told()).next()
     if as_json:
-        emit_json({"verdict": found.verdict, "next_measurement": rows})
-    elif not rows:
+        emit_json(found.to_json())
+    elif not found.rows:
         click.echo("Nothing is left to decide: no two explanations compete for these data.")
         if study.model.words.what_else:
             click.echo(study.model.words.what_else.format(study=directory))
-    else:
-        for number, row in enumerate(rows, 1):
-            click.echo(f"{number}. {row['text']}")
-    if plot is not None:
-        from specan.report.figure_style import save_figure
-        from specan.report.figures_diagnosis import figure_next
-
-        save_figure(figure_next(rows), plot)
+    for number, row in enumerate(found.rows if not as_json else (), 1):
+        click.echo(f"{number}. {row['text']}")
+    draw(found, plot)

@@ -94,18 +94,34 @@ class Result:
                 expected="one name for each channel",
                 remedy="choose the channels of one group",
             )
-        try:
-            return frame.set_index(list(self.dimensions)).to_xarray()
-        except ImportError:
-            raise RequestError(
-                "a data set needs xarray, which is not installed", remedy='pip install "specan[xarray]"'
-            ) from None
+        return data_set(frame.set_index(list(self.dimensions)))
 
     def plot(self, **options: Any) -> Figure:
         """The figure that ``--plot`` draws; see `specan.plot`."""
         import specan  # the front door knows who draws; results know no figure
 
         return specan.plot(self, **options)
+
+
+def picked(found: Any, names: str) -> dict[str, Any]:
+    """Attributes by their names, which stand apart by blanks.
+
+    Examples
+    --------
+    >>> picked(1.5 + 2j, "real imag")
+    {'real': 1.5, 'imag': 2.0}
+    """
+    return {name: getattr(found, name) for name in names.split()}
+
+
+def data_set(frame: pd.DataFrame) -> xr.Dataset:
+    """The columns of a data frame over its index; an error says what to install."""
+    try:
+        return frame.to_xarray()
+    except ImportError:
+        raise RequestError(
+            "a data set needs xarray, which is not installed", remedy='pip install "specan[xarray]"'
+        ) from None
 
 
 def finite(value: Any) -> Any:

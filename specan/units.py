@@ -169,6 +169,18 @@ def printed_unit(unit: str) -> str:
     )
 
 
+def axis_label(quantity: str, unit: str) -> str:
+    """A quantity with its unit, as it stands beside an axis.
+
+    Examples
+    --------
+    >>> axis_label("RMS error of input_torque", "N*m"), axis_label("efficiency", "1")
+    ('RMS error of input torque / Nm', 'efficiency')
+    """
+    shown = printed_unit(unit)
+    return quantity.replace("_", " ") + (f" / {shown}" if shown else "")
+
+
 def is_compatible(unit: str, target: str) -> bool:
     """Whether `unit` can be read and converted to `target`."""
     try:
@@ -232,3 +244,18 @@ def often_mistaken_for(unit: str) -> tuple[str, ...]:
     if unit == "degC":
         return ("degF", "K")
     return tuple(prefix + unit for prefix in ("m", "k")) if unit and unit[0] not in "mk1" else ()
+
+
+def quotient(unit: str, over: str) -> str:
+    """Unit of a ratio.
+
+    Examples
+    --------
+    >>> quotient("Pa", "m/s"), quotient("Pa", "V"), quotient("Pa", "Pa")
+    ('Pa/(m/s)', 'Pa/V', '1')
+    """
+    if unit == over:
+        return "1"
+    if over == "1":
+        return unit
+    return f"{unit}/({over})" if "/" in over or "*" in over else f"{unit}/{over}"

@@ -6,10 +6,12 @@ from hidden_effects.judge import (
     Record,
     Row,
     among,
+    at_least,
     doubted,
     is_null,
     is_single,
     names_something,
+    sure_and_wrong,
     truth_first,
     unknown_recognised,
 )
@@ -33,6 +35,24 @@ def wrongly_named(record: Record) -> bool:
 
 ROWS = (
     Row("null: something named", is_null, names_something),
+    Row("null: 'or one unknown' or a doubt", is_null, doubted),
+    Row("something hidden: named without a doubt, truth absent", lambda r: not is_null(r), sure_and_wrong),
+    Row(
+        "single, lambda >= 100, D >= 20: among", is_single(100, least_d=20), among, ">= 95 %", at_least(0.95)
+    ),
+    Row("single, lambda >= 100, D >= 20: first", is_single(100, least_d=20), truth_first),
+    Row(
+        "size of a pin's error or a share within its interval",
+        lambda r: r.get("covered") is not None,
+        lambda r: bool(r["covered"]),
+    ),
+    Row(
+        "pin added: RMS falls on the torque held out",
+        lambda r: bool(r.get("held_out")),
+        lambda r: bool(r["held_out"][1][0] < r["held_out"][0][0]),
+        "all",
+        at_least(1.0),
+    ),
     Row("single, lambda >= 100: first", is_single(100), truth_first),
     Row("  or the one with the same lines", is_single(100), same_lines),
     Row("  truth among the alternatives", is_single(100), among),

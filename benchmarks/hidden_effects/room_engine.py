@@ -24,7 +24,7 @@ from specan.study.observation.frf import FrfObservation
 from specan.study.selection.initial_fit import initial_fit
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import score_pairs
-from specan.study.selection.search import Search, Step
+from specan.study.selection.search import Search, Step, unheard
 from specan.study.study import Study
 from truth.room import EFFECTS, RoomCase
 
@@ -53,7 +53,7 @@ def measure(case: Case, truth: RoomCase, directory: Path, verdict: Mapping[str, 
         declared uncertainty before and after, and the parameters with their 95 % intervals.
     """
     study = _study(directory, case)
-    known = initial_fit(Refit(frozenset(), study.problem, study.best), lambda text: None).base.problem
+    known = initial_fit(Refit(frozenset(), study.problem, study.best), unheard).base.problem
     ideal = [_noise_free(known, directory / name) for name in _quiet_files(case)]
     found = {"at": _places(truth), **_knowable(case, *ideal)}
     before = study.held_out

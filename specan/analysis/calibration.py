@@ -11,12 +11,17 @@ from typing import Literal
 
 import numpy as np
 
-from specan.analysis.calibration_verdict import REPEAT, judge
+from specan.analysis.calibration_verdict import (
+    REPEAT,
+    ChainedPhase,
+    chain_phases,
+    judge,
+    natural,
+    repeatability,
+    turned_over,
+)
 from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.insertion import Heard, Insertion, evaluate_insertion
-from specan.analysis.phase_chain import ChainedPhase, chain_phases, natural
-from specan.analysis.polarity import turned_over
-from specan.analysis.repeatability import repeatability
 from specan.data.calibration import Calibration, ChannelCalibration, Contribution
 from specan.data.channel import PhaseCalibration
 from specan.data.recording import Recording
@@ -82,6 +87,7 @@ def join_insertions(
         made_from=tuple(insertion.label for insertion in insertions),
         calibrator_frequency_hz=_plain(float(np.mean(tones[0]))) if len(tones) == 1 else None,
         calibrator_level_dB=_only({insertion.level_dB for insertion in insertions}),
+        u_calibrator_percent=_plain(common.u_level_percent),
         calibrator_decided=_decided(insertions),
         notes=tuple(notes),
         source="calibrator recordings",

@@ -21,7 +21,7 @@ from specan.analysis.tone import Tone
 from specan.data.channel import Channel
 from specan.data.recording import ArraySource, Recording
 from specan.dsp import bands
-from specan.dsp.band_limits import BREAKPOINTS, breakpoint_ratio, class_1_limits
+from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio, class_1_limits
 from specan.dsp.weighting import weighting_level
 
 Real = NDArray[np.float64]

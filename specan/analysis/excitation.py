@@ -12,12 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.channel import Channel
-from specan.data.excitation import Excitation, ExcitationKind
 from specan.data.recording import Recording
+from specan.data.tone import Excitation, ExcitationKind
 from specan.dsp.frequency_track import path, track
-from specan.dsp.randomness import narrow_band_is_noise, scatters_as_noise
 from specan.dsp.statistics import median
-from specan.dsp.tonality import TONE_SHARE, Appearance, appearance, tonal_share
+from specan.dsp.tonality import (
+    TONE_SHARE,
+    Appearance,
+    appearance,
+    narrow_band_is_noise,
+    scatters_as_noise,
+    tonal_share,
+)
 from specan.errors import RequestError, nearest
 
 # Five sections are looked at; in a recording of less than six seconds they are its fifths.

@@ -12,9 +12,8 @@ from pydantic import Field
 
 from specan.analysis.accumulator import read_through
 from specan.analysis.band_results import LINEAR_SETTLING, level, quality_flags
-from specan.analysis.channel_groups import joined, slices
 from specan.analysis.quality import QualityAccumulator
-from specan.analysis.section import constant_part, of_one_rate, section
+from specan.analysis.section import constant_part, joined, of_one_rate, section, slices
 from specan.data.channel import Channel
 from specan.data.levels import SignalLevels
 from specan.data.recording import Recording

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from specan.analysis.accumulator import read_through
 from specan.analysis.band_results import band_levels, weighted_levels
-from specan.analysis.channel_groups import joined, slices
 from specan.analysis.octave_settings import OctaveSettings
 from specan.analysis.quality import Watched
-from specan.analysis.section import constant_part, section, weightable
+from specan.analysis.section import constant_part, joined, section, slices, weightable
 from specan.data.band_levels import BandLevels
 from specan.data.levels import Quality
 from specan.data.recording import Recording

@@ -8,16 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.analysis.accumulator import READ_BLOCK
-from specan.analysis.order_settings import OrderSettings
+from specan.analysis.order_settings import DRIFT_PERCENT, OrderSettings, Shaft, steady_shaft, tracked_shaft
 from specan.analysis.section import of_one_rate, section
-from specan.analysis.shaft import DRIFT_PERCENT, Shaft, steady_shaft, tracked_shaft
 from specan.data.channel import Channel
 from specan.data.orders import OrderLines, OrderSpectrum, TachoReport
 from specan.data.recording import Recording
-from specan.dsp.angular import PASS, AngularResampler, samples_per_turn
 from specan.dsp.envelope import envelope
-from specan.dsp.integration import derivative_factor
-from specan.dsp.order_lines import BLOCKS, common_period, fit_lines
+from specan.dsp.order_lines import (
+    BLOCKS,
+    PASS,
+    AngularResampler,
+    common_period,
+    derivative_factor,
+    fit_lines,
+    samples_per_turn,
+)
 from specan.dsp.overlapped_blocks import OverlappedBlocks
 from specan.errors import InputError, RequestError
 from specan.units import MOTION, QUANTITIES

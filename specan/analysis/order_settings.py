@@ -1,9 +1,20 @@
-"""What is asked of an order analysis."""
+"""What is asked of an order analysis: orders, and the shaft that they are counted by."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
+from specan.data.channel import Channel
+from specan.data.recording import Recording
+from specan.dsp.tacho import pulse_times, repair, shaft_angle
+from specan.errors import InputError, RequestError
 from specan.schema import Settings
 from specan.units import Quantity
 
@@ -39,3 +50,125 @@ class OrderSettings(Settings):
             reach = range(-self.sidebands, self.sidebands + 1)
             found |= {h * self.mesh + k for h in range(1, self.harmonics + 1) for k in reach}
         return tuple(sorted(order for order in found if order > 0))
+
+
+Real = NDArray[np.float64]
+
+DRIFT_PERCENT = 1.0  # range of the speed from which on the result says so
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """Turns of the reference shaft against time.
+
+    Attributes
+    ----------
+    turns, speed : callables
+        Turns, and turns per second, at instants in s from the recording's first sample.
+    start_s, stop_s : float
+        Between which they are known.
+    channel : str or None
+    pulses, missing, double : int
+    jitter_s : float
+    """
+
+    turns: Callable[[Real], Real]
+    speed: Callable[[Real], Real]
+    start_s: float
+    stop_s: float
+    channel: str | None = None
+    pulses: int = 0
+    missing: int = 0
+    double: int = 0
+    jitter_s: float = 0.0
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was repaired."""
+        if not self.missing + self.double:
+            return ()
+        return (
+            f"{self.channel}: {self.missing} missing and {self.double} double pulses among {self.pulses} repaired",
+        )
+
+
+def steady_shaft(speed_hz: float) -> Shaft:
+    """A shaft of one known speed; turn zero is the first sample."""
+    return Shaft(
+        lambda t: speed_hz * np.asarray(t), lambda t: np.full(np.shape(t), speed_hz), -math.inf, math.inf
+    )
+
+
+def tracked_shaft(
+    recording: Recording, name: str | None = None, pulses_per_turn: float | None = None, ratio: float = 1.0
+) -> Shaft:
+    """The reference shaft from a tacho on it, or on one that is geared to it.
+
+    Parameters
+    ----------
+    name : str, optional
+        Tacho channel; the recording's only one by default.
+    pulses_per_turn : float, optional
+        Of the tacho's own shaft; its property ``PulsesPerRevolution`` by default.
+    ratio : float
+        Turns of the tacho's shaft per turn of the reference shaft.
+
+    Raises
+    ------
+    RequestError
+        No tacho or several, or nothing says how many pulses it gives.
+    InputError
+        The tacho is unusable.
+    """
+    channel = _tacho(recording, name)
+    count = pulses_per_turn if pulses_per_turn is not None else _stated(channel.properties)
+    if count is None:
+        raise RequestError(
+            f"{recording.label}: nothing says how many pulses {channel.name} gives a turn",
+            expected="the property PulsesPerRevolution",
+            remedy="give the pulses per turn",
+        )
+    samples = recording.read([channel])[0]
+    try:
+        pulses = repair(pulse_times(samples, channel.sampling_rate))
+        found = shaft_angle(pulses, count * ratio)
+    except InputError as fault:
+        raise InputError(
+            f"{recording.label}, {channel.name}: {fault.found}", expected=fault.expected, remedy=fault.remedy
+        ) from None
+    delay = channel.start_offset_s - channel.delay_s
+    spacing = np.diff(found.time)
+    return Shaft(
+        lambda t: found.at(np.asarray(t) - delay),
+        lambda t: found.speed(np.asarray(t) - delay),
+        float(found.time[0] - spacing[0] + delay),
+        float(found.time[-1] + spacing[-1] + delay),
+        channel.name,
+        pulses.time.size,
+        pulses.missing,
+        pulses.double,
+        found.jitter_s,
+    )
+
+
+def _tacho(recording: Recording, name: str | None) -> Channel:
+    if name is not None:
+        return recording.channel(name)
+    found = [c for c in recording.by_role("tacho") if c.n_samples and c.sampling_rate]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        names = ", ".join(c.name for c in found)
+        raise RequestError(f"{recording.label} has the tachos {names}", remedy="name one of them")
+    raise RequestError(
+        f"{recording.label} has no tacho",
+        remedy="name the channel that is one, or give the speed of the shaft",
+    )
+
+
+def _stated(properties: Mapping[str, Any]) -> float | None:
+    try:
+        value = float(str(properties["PulsesPerRevolution"]).replace(",", "."))
+    except (KeyError, ValueError):
+        return None
+    return value if value > 0 and math.isfinite(value) else None

@@ -13,8 +13,8 @@ from specan.analysis.accumulator import Reader
 from specan.data.channel import Channel
 from specan.data.levels import Quality
 from specan.data.recording import Recording
-from specan.dsp.block_grid import BlockGrid
 from specan.dsp.clipping import is_cut_off, longest_run
+from specan.dsp.overlapped_blocks import BlockGrid
 
 # Converters are not symmetric: the largest positive code of 16 bits is 3.05e-5 short of full scale.
 _FULL_SCALE_TOLERANCE = 4e-5

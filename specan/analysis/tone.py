@@ -11,17 +11,17 @@ from pydantic import Field
 from specan.analysis.accumulator import read_through
 from specan.analysis.excitation import recognise
 from specan.analysis.section import of_one_rate, section
-from specan.analysis.transfer_function import quotient
 from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.data.tone import ToneTable
-from specan.dsp.few_averages import student_factor
 from specan.dsp.sine_fit import fit_frequency, fit_sine, peak_frequency
 from specan.dsp.tone_series import Tone as Fitted
 from specan.dsp.tone_series import ToneSeries, block_length, freedom_of_mean, variance_of_mean
 from specan.dsp.transfer_function import phase_deg, u_phase_deg
+from specan.dsp.welch import student_factor
 from specan.errors import InputError, RequestError
 from specan.schema import Settings
+from specan.units import quotient
 
 LOW_SNR_DEG = 1.0  # random uncertainty of a phase from which on it is flagged
 _LOOK_S = 2.0

@@ -14,6 +14,7 @@ from specan.analysis.response_length import (
     LEAST_AVERAGES,
     Look,
     averages_in,
+    leakage,
     look,
     shifts_of,
     sufficient_block,
@@ -22,14 +23,13 @@ from specan.analysis.section import of_one_rate, reference_channel, section
 from specan.data.channel import Channel
 from specan.data.frequency_response import LOW_COHERENCE, LOW_SNR_PERCENT, FrequencyResponse, leaking
 from specan.data.recording import Recording
-from specan.dsp.leakage import leakage_bias
 from specan.dsp.statistics import median
 from specan.dsp.transfer_function import Estimate, Estimator, estimate, u_phase_deg
 from specan.dsp.welch import CrossSpectra, SpectralMatrix
 from specan.dsp.windows import WindowName, line_correlation
 from specan.errors import InputError
 from specan.schema import Settings
-from specan.units import MOTION, QUANTITIES
+from specan.units import MOTION, QUANTITIES, quotient
 
 # Lines up to rate / 2.56: above them the converters' anti-aliasing filters fall off.
 SAMPLES_PER_LINE = 2.56
@@ -37,7 +37,6 @@ DEFAULT_LINES, LEAST_LINES = 3200, 100
 RESPONSES = ("microphone", "accelerometer")  # roles that are responses unless channels are named
 # Share of the reference's power that is not the generator's from which on H3c is recommended: H1 is low by as much.
 _FOREIGN = 0.01
-_NEIGHBOURS = (1 / 15,) * 15
 
 
 class TransferFunction(Settings):
@@ -243,7 +242,9 @@ class TransferFunctionAccumulator:
         with np.errstate(divide="ignore", invalid="ignore"):
             for row, channel in enumerate(self.responses):
                 np.divide(found.response[row] * channel.correction(f), base, out=response[row])
-        lost = self._lost(found)
+        shifts, first = self.shifts[-len(self.responses) :], len(self.channels) - len(self.responses)
+        seen = None if self._longer is None else self._longer.bias(settings.block, first)
+        lost = leakage(found.response, found.u_relative, settings.block, settings.window, shifts, seen)
         u_relative = np.hypot(found.u_relative, lost)
         step = self.reference.sampling_rate / settings.block
         return FrequencyResponse(
@@ -264,13 +265,13 @@ class TransferFunctionAccumulator:
             n_blocks=spectra.n_blocks,
             n_effective=spectra.n_effective,
             line_correlation=line_correlation(settings.window),
-            delay_s=np.array(self.shifts[-len(self.responses) :]) / self.reference.sampling_rate,
+            delay_s=np.array(shifts) / self.reference.sampling_rate,
             reference_rms=float(np.sqrt(np.sum(spectra.auto[0] * np.abs(base) ** 2) * step)),
             reference_unit=self.reference.target_unit,
             flags=tuple(
                 (
                     *self.recording.flags,
-                    *_flags(spectra, found, u_relative, lost, row, len(self.channels) - len(self.responses)),
+                    *_flags(spectra, found, u_relative, lost, row, first),
                 )
                 for row in range(len(self.responses))
             ),
@@ -296,31 +297,6 @@ class TransferFunctionAccumulator:
             line_correlation=line_correlation(self.settings.window),
             **extra,
         )
-
-    def _lost(self, found: Estimate) -> NDArray[np.float64]:
-        """Relative standard uncertainty per real component that leakage adds, (responses, lines).
-
-        What blocks take from each line, judged from the result itself. Lags beyond half a block are hardly seen
-        there: where the longer blocks of the first look show twice that (mean square over 15 lines), theirs is taken.
-        The square is averaged over three lines; of a complex error of that size each component has half.
-        """
-        f, block = np.arange(1, found.response.shape[-1] + 1), self.settings.block
-        first = len(self.channels) - len(self.responses)
-        square = np.empty(found.response.shape)
-        seen = None
-        if self._longer is not None:
-            seen = np.abs(self._longer.bias(block, first)[:, : len(f)]) ** 2
-        for row, (response, u) in enumerate(zip(found.response, found.u_relative, strict=True)):
-            shift = self.shifts[first + row]
-            turned = response * np.exp(2j * np.pi * f * shift / block) if shift else response
-            variance = 2 * (u * np.abs(response)) ** 2
-            square[row] = np.abs(leakage_bias(turned, variance, self.settings.window)) ** 2
-            if seen is not None:
-                more = _mean_over(seen[row], _NEIGHBOURS) > 2 * _mean_over(square[row], _NEIGHBOURS)
-                square[row] = np.where(more, np.maximum(square[row], seen[row]), square[row])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                square[row] = np.sqrt(_mean_over(square[row], (0.25, 0.5, 0.25)) / 2) / np.abs(response)
-        return square
 
     def _together(self, of: Any) -> NDArray[np.float64]:
         """Uncertainty of response and reference in quadrature, (responses, lines)."""
@@ -389,16 +365,6 @@ class TransferFunctionAccumulator:
         ]
 
 
-def _mean_over(values: NDArray[np.float64], weights: Sequence[float]) -> NDArray[np.float64]:
-    """Weighted mean over neighbouring lines (an odd number), the ends repeated."""
-    n, reach = len(values), len(weights) // 2
-    place = np.arange(n)
-    total = np.zeros(n)
-    for offset, weight in enumerate(weights, start=-reach):
-        total += weight * values[np.clip(place + offset, 0, n - 1)]
-    return total
-
-
 def _percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 0.995 else "nearly all"
 
@@ -439,18 +405,3 @@ def _flags(
     if median(leaking(100 * lost[row], 100 * u_relative[row])) > 0.5:
         flags.append("leakage")
     return flags
-
-
-def quotient(unit: str, over: str) -> str:
-    """Unit of a ratio.
-
-    Examples
-    --------
-    >>> quotient("Pa", "m/s"), quotient("Pa", "V"), quotient("Pa", "Pa")
-    ('Pa/(m/s)', 'Pa/V', '1')
-    """
-    if unit == over:
-        return "1"
-    if over == "1":
-        return unit
-    return f"{unit}/({over})" if "/" in over or "*" in over else f"{unit}/{over}"

@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from specan.analysis.batch.run import BatchReport
     from specan.data.band_levels import BandLevels
     from specan.data.calibration import Calibration
-    from specan.data.decay import DecayTimes
+    from specan.data.decay import DecayTimes, ImpulseResponses
     from specan.data.frequency_response import FrequencyResponse
-    from specan.data.impulse_response import ImpulseResponses
     from specan.data.levels import SignalLevels
     from specan.data.orders import OrderSpectrum
     from specan.data.spectrum import Spectrogram, Spectrum
@@ -241,14 +240,14 @@ def impulse(recording: Source, reference: str | None = None, **settings: Any) ->
         Channel of the excitation; by default the generator, else the vibrometer.
     **settings
         ``channels``, ``method``, ``length_s``, ``start_s``, ``stop_s``: see
-        `specan.analysis.impulse_response.ImpulseResponse`.
+        `specan.analysis.decay.ImpulseResponse`.
 
     Returns
     -------
     ImpulseResponses
         Responses (channels, samples) over seconds.
     """
-    from specan.analysis.impulse_response import ImpulseResponse
+    from specan.analysis.decay import ImpulseResponse
 
     return _settings(ImpulseResponse, "impulse", reference=reference, **settings)(_opened(recording))
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from specan.api.drawing import saved
-from specan.result import Result, counted
 from specan.study.study import Study as OpenedStudy
 
 if TYPE_CHECKING:
@@ -17,40 +15,12 @@ if TYPE_CHECKING:
 
     from specan.impedance.surface_impedance import Impedance
     from specan.models import Model
+    from specan.study.comparison import Comparison
     from specan.study.edit import Change
     from specan.study.history import History
     from specan.study.propose import ProposedLaws
-    from specan.study.study import Comparison
-    from specan.study.verdict import Diagnosis
-
-
-@dataclass(frozen=True, repr=False)
-class NextMeasurements(Result):
-    """Measurements that would decide, the best first.
-
-    Attributes
-    ----------
-    rows : tuple of mapping
-        As ``specan study next --json`` gives them; each has a ``text``.
-    """
-
-    rows: tuple[Mapping[str, Any], ...]
-
-    def summary(self) -> str:
-        """How many there are."""
-        return counted(len(self.rows), "proposal") if self.rows else "nothing is left to decide"
-
-    def columns(self) -> dict[str, Any]:
-        """One row for each measurement, in words."""
-        return {"place": list(range(1, len(self.rows) + 1)), "text": [row["text"] for row in self.rows]}
-
-    dimensions = ("place",)
-
-    def plot(self, **options: Any) -> Figure:
-        """What the rivals expect of each reading."""
-        from specan.report.figures_diagnosis import figure_next
-
-        return saved(figure_next([dict(row) for row in self.rows]), options.get("path"))
+    from specan.study.selection.search import Progress
+    from specan.study.verdict import Diagnosis, NextMeasurements
 
 
 class Study:
@@ -172,9 +142,7 @@ class Study:
         """
         return self._opened.compare()
 
-    def diagnose(
-        self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
-    ) -> Diagnosis:
+    def diagnose(self, *, bootstrap: bool = False, progress: Progress | None = None) -> Diagnosis:
         """Find out which effect is missing; see `specan.diagnose`.
 
         Parameters
@@ -182,7 +150,7 @@ class Study:
         bootstrap : bool
             Family-wise probabilities by simulation (slower).
         progress : callable, optional
-            Told in a few words what is being done.
+            Called with a few words on what is being done, and the share of the whole that is over.
 
         Returns
         -------
@@ -254,7 +222,7 @@ class Study:
             The best first.
         """
         self._opened.require_uncertainty("next")
-        return NextMeasurements(tuple(self.diagnose().to_json()["next_measurement"]))
+        return self.diagnose().next()
 
     def propose(self) -> ProposedLaws:
         """Laws for what no effect of the catalogue explains, written as effect files that `add` takes.

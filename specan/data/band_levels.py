@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, crossed, full_names, records
+from specan.result import Result, counted, crossed, full_names, picked, records
 from specan.units import LevelReference
 
 if TYPE_CHECKING:
@@ -152,25 +152,15 @@ class BandLevels(Result):
         """What `to_json` gives, with arrays in it."""
         return {
             "file": self.label,
-            "fraction": self.fraction,
-            "weighting": self.weighting,
-            "averaging": self.averaging,
-            "hold": self.hold,
-            "start_s": self.start_s,
-            "duration_s": self.duration_s,
+            **picked(self, "fraction weighting averaging hold start_s duration_s"),
             "sampling_rate_hz": self.sampling_rate,
             "settling": self.settling,
             "other_settling": None if self.other is None else self.other.name,
-            "nominal_hz": self.nominal_hz,
-            "exact_hz": self.exact_hz,
-            "lower_hz": self.lower_hz,
-            "upper_hz": self.upper_hz,
-            "u_dB": self.u_dB,
+            **picked(self, "nominal_hz exact_hz lower_hz upper_hz u_dB"),
             "history_interval_s": None if self.history is None else self.history.interval_s,
             "history_time_s": None if self.history is None else self.history.time_s,
             "channels": records(**self._of_channels()),
-            "notes": self.notes,
-            "settings": self.settings,
+            **picked(self, "notes settings"),
         }
 
     def _of_channels(self) -> dict[str, Any]:

@@ -6,9 +6,8 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-from specan.data.channel import Channel, PhaseCalibration, matches
+from specan.data.channel import Channel, PhaseCalibration, gain_of, matches
 from specan.data.recording import Recording
-from specan.data.sensor import gain_of
 from specan.errors import InputError, RequestError
 from specan.result import Result, counted
 
@@ -111,6 +110,9 @@ class Calibration(Result):
         Labels of the calibrator recordings.
     calibrator_frequency_hz, calibrator_level_dB : float or None
         Tone and level (re 20 uPa, or of the quantity) of the calibrator.
+    u_calibrator_percent : float
+        Relative standard uncertainty of the calibrator's level: the part of every `u_sensitivity_percent` that all
+        channels have in common.
     calibrator_decided : tuple of str
         How these were decided: given, a property, or assumed.
     notes : tuple of str
@@ -121,6 +123,7 @@ class Calibration(Result):
     made_from: tuple[str, ...] = ()
     calibrator_frequency_hz: float | None = None
     calibrator_level_dB: float | None = None
+    u_calibrator_percent: float = 0.0
     calibrator_decided: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     source: str = field(default="calibration", compare=False)  # the file's name, for messages

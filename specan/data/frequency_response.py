@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.result import Result, counted, crossed, records
+from specan.result import Result, counted, crossed, picked, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,6 +23,9 @@ Complex = NDArray[np.complex128]
 LOW_SNR_PERCENT, LOW_COHERENCE = 10.0, 0.5
 # Leakage of a line is flagged above 1 % (0.09 dB), where it is the larger part of the uncertainty.
 LEAKAGE_PERCENT = 1.0
+# Attributes (channels, lines) beside the response: of each line, and common to all.
+LINES = "coherence u_magnitude_percent u_phase_deg u_leakage_percent"
+COMMON = "u_common_percent u_common_phase_deg"
 
 
 @dataclass(frozen=True, repr=False)
@@ -111,45 +114,24 @@ class FrequencyResponse(Result):
         """One row for each channel and line, as ``specan frf -o`` writes it."""
         return {
             **crossed(channel=self.channels, frequency_hz=self.frequency_hz),
-            "magnitude": self.magnitude.ravel(),
-            "phase_deg": self.phase_deg.ravel(),
-            "coherence": self.coherence.ravel(),
-            "u_magnitude_percent": self.u_magnitude_percent.ravel(),
-            "u_phase_deg": self.u_phase_deg.ravel(),
-            "u_leakage_percent": self.u_leakage_percent.ravel(),
-            "u_common_percent": self.u_common_percent.ravel(),
-            "u_common_phase_deg": self.u_common_phase_deg.ravel(),
+            **{
+                name: values.ravel()
+                for name, values in picked(self, f"magnitude phase_deg {LINES} {COMMON}").items()
+            },
         }
 
     def content(self) -> dict[str, Any]:
         """What `to_json` gives, with arrays in it."""
         return {
             "file": self.label,
-            "reference": self.reference,
-            "reference_unit": self.reference_unit,
-            "reference_rms": self.reference_rms,
-            "estimator": self.estimator,
-            "n_blocks": self.n_blocks,
-            "n_effective": self.n_effective,
-            "line_correlation": self.line_correlation,
-            "frequency_hz": self.frequency_hz,
+            **picked(self, "reference reference_unit reference_rms estimator n_blocks n_effective"),
+            **picked(self, "line_correlation frequency_hz"),
             "channels": records(
                 channel=self.channels,
                 unit=self.units,
-                magnitude=self.magnitude,
-                phase_deg=self.phase_deg,
-                coherence=self.coherence,
-                u_magnitude_percent=self.u_magnitude_percent,
-                u_phase_deg=self.u_phase_deg,
-                u_leakage_percent=self.u_leakage_percent,
-                degrees_of_freedom=self.degrees_of_freedom,
-                u_common_percent=self.u_common_percent,
-                u_common_phase_deg=self.u_common_phase_deg,
-                delay_s=self.delay_s,
-                flags=self.flags,
+                **picked(self, f"magnitude phase_deg {LINES} degrees_of_freedom {COMMON} delay_s flags"),
             ),
-            "notes": self.notes,
-            "settings": self.settings,
+            **picked(self, "notes settings"),
         }
 
     def overview(self) -> pd.DataFrame:
@@ -184,14 +166,11 @@ class FrequencyResponse(Result):
                 f"no line lies between {fmin_hz:g} and {fmax_hz:g} Hz",
                 expected=f"a range within {self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz",
             )
-        tables = (
-            "response", "coherence", "u_magnitude_percent", "u_phase_deg", "u_leakage_percent",
-            "degrees_of_freedom", "u_common_percent", "u_common_phase_deg",
-        )  # fmt: skip
+        lines = picked(self, f"response {LINES} degrees_of_freedom {COMMON}")
         return replace(
             self,
             frequency_hz=self.frequency_hz[kept],
-            **{name: getattr(self, name)[:, kept] for name in tables},
+            **{name: values[:, kept] for name, values in lines.items()},
         )
 
     @property

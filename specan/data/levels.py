@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, full_names, records
+from specan.result import Result, counted, full_names, picked, records
 from specan.units import LevelReference
 
 Real = NDArray[np.float64]
@@ -135,20 +135,13 @@ class SignalLevels(Result):
         return {
             "channel": full_names(self.channels, self.groups),
             "unit": list(self.units),
-            "rms": self.rms,
-            "peak": self.peak,
-            "crest_factor": self.crest_factor,
-            "mean": self.mean,
-            "minimum": self.minimum,
-            "maximum": self.maximum,
+            **picked(self, "rms peak crest_factor mean minimum maximum"),
             "level_reference": [reference.text for reference in self.references],
-            "level_dB": self.level_dB,
-            "peak_dB": self.peak_dB,
+            **picked(self, "level_dB peak_dB"),
             "C_peak_dB": self.c_peak_dB,
             **{f"Leq_{weighting}_dB": values for weighting, values in self.equivalent_dB.items()},
             **{f"LE_{weighting}_dB": values for weighting, values in self.exposure_dB.items()},
-            "max_dB": self.max_dB,
-            "min_dB": self.min_dB,
+            **picked(self, "max_dB min_dB"),
             **{f"L{n:g}_dB": values for n, values in self.percentile_dB.items()},
             "flags": [" ".join(words) for words in self.flags],
         }
@@ -167,8 +160,7 @@ class SignalLevels(Result):
         ]
         return {
             "file": self.label,
-            "start_s": self.start_s,
-            "duration_s": self.duration_s,
+            **picked(self, "start_s duration_s"),
             "sampling_rate_hz": self.sampling_rate,
             "settling": self.settling,
             "channels": records(
@@ -176,20 +168,13 @@ class SignalLevels(Result):
                 group=self.groups,
                 unit=self.units,
                 level_reference=[reference.text for reference in self.references],
-                rms=self.rms,
-                level_dB=self.level_dB,
-                peak=self.peak,
-                peak_dB=self.peak_dB,
+                **picked(self, "rms level_dB peak peak_dB"),
                 C_peak_dB=self.c_peak_dB,
-                crest_factor=self.crest_factor,
-                mean=self.mean,
-                minimum=self.minimum,
-                maximum=self.maximum,
+                **picked(self, "crest_factor mean minimum maximum"),
                 equivalent_dB=records(**self.equivalent_dB),
                 exposure_dB=records(**self.exposure_dB),
                 time_weighted_dB=time_weighted,
                 flags=self.flags,
             ),
-            "notes": self.notes,
-            "settings": self.settings,
+            **picked(self, "notes settings"),
         }

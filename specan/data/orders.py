@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, crossed, finite, records
+from specan.result import Result, counted, crossed, finite, picked, records
 from specan.units import level_reference
 
 if TYPE_CHECKING:
@@ -156,10 +156,7 @@ class OrderSpectrum(Result):
         found: dict[str, Any] = {
             "channel": self.channels,
             "unit": self.units,
-            "rms": self.rms,
-            "synchronous_rms": self.synchronous_rms,
-            "amplitude": self.amplitude,
-            "average": self.average,
+            **picked(self, "rms synchronous_rms amplitude average"),
         }
         if self.lines is not None:
             found["lines"] = self.lines.rows()
@@ -173,16 +170,12 @@ class OrderSpectrum(Result):
                 "jitter_s": self.tacho.jitter_s,
             },
             "speed_hz": dict(zip(("least", "mean", "greatest"), self.tacho.speed_hz)),
-            "turns": self.turns,
-            "block_turns": self.block_turns,
-            "n_blocks": self.n_blocks,
-            "average_turns": self.average_turns,
+            **picked(self, "turns block_turns n_blocks average_turns"),
             "line_turns": None if self.lines is None else self.lines.turns,
             "order": self.order,
             "columns": None,
             "channels": records(**found),
-            "notes": self.notes,
-            "settings": self.settings,
+            **picked(self, "notes settings"),
         }
 
     def to_json(self, with_map: bool = False) -> dict[str, Any]:

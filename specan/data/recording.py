@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
@@ -10,10 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from specan.data.channel import Channel, Role, channels_meant, matches, plain_properties
-from specan.data.sensor import si_unit
+from specan.data.channel import Channel, Role, channels_matching, channels_meant, plain_properties, si_unit
 from specan.errors import InputError, RequestError, nearest
-from specan.result import Result, counted, full_names
+from specan.result import Result, counted, data_set, full_names
 from specan.units import MOTION, Quantity
 
 if TYPE_CHECKING:
@@ -254,12 +252,7 @@ class Recording(Result):
         RequestError
             xarray is not installed.
         """
-        try:
-            return self.to_dataframe().to_xarray()
-        except ImportError:
-            raise RequestError(
-                "a data set needs xarray, which is not installed", remedy='pip install "specan[xarray]"'
-            ) from None
+        return data_set(self.to_dataframe())
 
     def channel(self, name: str) -> Channel:
         """The channel of this name, or of this ``group/name``; any letters and the end of its name do as well.
@@ -279,7 +272,7 @@ class Recording(Result):
         RequestError
             None is called so, or several are.
         InputError
-            It is not time signal.
+            It is no time signal.
         """
         found = [c for c in self.channels if name in (c.name, f"{c.group}/{c.name}")]
         found = found or list(channels_meant(name, self.channels))
@@ -330,25 +323,10 @@ class Recording(Result):
         """
         if not patterns:
             return self.channels
-        names = set(patterns)  # a thousand channels may be named one by one
-        shapes = [p for p in patterns if any(mark in p for mark in "*?[")]
-        chosen = [
-            c.name in names or f"{c.group}/{c.name}" in names or any(matches(p, c) for p in shapes)
-            for c in self.channels
-        ]
-        exact = {name for c in self.channels for name in (c.name, f"{c.group}/{c.name}")}
-        for pattern in dict.fromkeys(p for p in patterns if p not in exact):
-            if pattern not in shapes:
-                fitting = {id(c) for c in channels_meant(pattern, self.channels)}
-            elif not any(matches(pattern, c) for c in self.channels):
-                small = pattern.casefold()
-                fitting = {id(c) for c in self.channels if fnmatch.fnmatchcase(c.name.casefold(), small)}
-            else:
-                continue
-            chosen = [was or id(c) in fitting for was, c in zip(chosen, self.channels, strict=True)]
-        if not any(chosen):
+        chosen = channels_matching(patterns, self.channels)
+        if not chosen:
             self.channel(patterns[0])  # raises, with the nearest name
-        return tuple(c for was, c in zip(chosen, self.channels, strict=True) if was)
+        return chosen
 
     def read(
         self, channels: Sequence[Channel], start: int = 0, stop: int | None = None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted, crossed, records
+from specan.result import Result, counted, crossed, picked, records
 from specan.units import level_reference
 
 if TYPE_CHECKING:
@@ -130,9 +130,7 @@ class _Lines(Result):
                 "enbw_hz": scale.enbw_hz,
                 "line_spacing_hz": scale.line_spacing_hz,
             },
-            "frequency_hz": self.frequency_hz,
-            "notes": self.notes,
-            "settings": self.settings,
+            **picked(self, "frequency_hz notes settings"),
         }
 
     def _of_channels(self) -> dict[str, Any]:
@@ -231,12 +229,7 @@ class Spectrum(_Lines):
         phases = [None] * len(self.channels) if self.phase_deg is None else self.phase_deg
         return {
             **super().content(),
-            "averaging": self.averaging,
-            "n_blocks": self.n_blocks,
-            "n_effective": self.n_effective,
-            "u_dB": self.u_dB,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "phase_reference": self.phase_reference,
+            **picked(self, "averaging n_blocks n_effective u_dB degrees_of_freedom phase_reference"),
             "channels": records(**self._of_channels(), phase_deg=phases, rms=self.rms, flags=self.flags),
         }
 

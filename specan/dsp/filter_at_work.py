@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from specan.dsp.history_filters import SETTLINGS_IN_A_BLOCK, Filter
 from specan.dsp.multirate import LENGTH, Stage
-from specan.dsp.sections import Shape
-from specan.dsp.smooth_step import falling_step
+from specan.dsp.sections import GRAIN, Shape, fast_length
+from specan.dsp.windows import falling_step
 
 # What a filter attenuates by more than 100 dB is left out.
 _NOTHING = 1e-5
@@ -23,27 +23,35 @@ _FOLDED = 1e-4
 _PER_TIME_CONSTANT = 64.0
 # Squares are averaged over intervals as long as this many of them still make a time constant ...
 _INTERVALS = 256.0
+# ... but not over more than so many samples: a burst ends between two readings ...
+_LONGEST = 64.0
 # ... or longer behind a narrow filter: the weighted level y has y'' of up to 2 pi B y / tau, and its largest value
 # between two readings h apart is not more than y'' h^2 / 8 above them. This many dB are allowed.
 _UNSEEN = 0.001
-# From so many cycles in a time constant on, the ripple of a squared tone is less than 0.002 dB.
+# From so many cycles in a time constant on, the ripple of a squared tone is less than 0.002 dB ...
 _CYCLES_WITHOUT_RIPPLE = 200.0
+# ... and from so many on less than 0.012 dB. A ripple of 10 lg(1 + 1 / (2 w tau)) dB = 0.346 dB / (f tau) follows the
+# square of the envelope but for some B / 2 f of itself: so many dB are allowed.
+_CYCLES_FOLLOWED = 30.0
+_RIPPLE, _MISSED = 10.0 / math.log(10.0) / (4.0 * math.pi), 0.002
+
 # A thinned output is faithful up to this part of half its rate.
 _FAITHFUL = 0.8
 # Up to so many numbers are added column by column: a sum over an axis so short costs more.
 _FEW = 6
 # Rows whose transforms numpy computes side by side in single precision, and points of an inverse transform that stay
 # in the cache with what they are made from.
-_SIDE_BY_SIDE, _POINTS = 4, 1 << 16
+_SIDE_BY_SIDE, _POINTS = 4, 1 << 17
 
 
 @dataclass
 class FilterAtWork:
     """One filter at work on its stage.
 
-    Its output has `kept` samples in each interval of `together` samples of the stage, whose squares are averaged.
-    With `envelope` the output is the complex one of the lines that matter, shifted to frequency zero: what is narrow
-    needs few samples, and half the square of the modulus is the square without its ripple at twice the frequency.
+    Its output has `kept` samples in each interval, of which `intervals` fill `GRAIN` samples of the stage; squares are
+    averaged over an interval. With `envelope` the output is the complex one of the lines that matter, shifted to
+    frequency zero: what is narrow needs few samples, and half the square of the modulus is the square without its
+    ripple at twice the frequency.
 
     Attributes
     ----------
@@ -51,48 +59,76 @@ class FilterAtWork:
         The first line that matters.
     values : complex array
         The response from this line on, with the factors of the inverse transform.
+    turns : float
+        Where the ripple is left out: periods of the band's middle in a sample of the output, less those of `low`.
+    ripple : complex
+        There: by what the weighting in time multiplies the square of an oscillation there, 1 / (1 + 2 j w tau).
     """
 
-    together: int
+    intervals: int
     kept: int
     envelope: bool
     low: int
     values: NDArray[np.complex128]
+    turns: float = 0.0
+    ripple: complex = 0.0
+
+    @property
+    def together(self) -> float:
+        """Samples of the stage in an interval."""
+        return GRAIN / self.intervals
 
     @classmethod
-    def of(cls, one: Filter, stage: Stage, points: int, time_constant: float) -> FilterAtWork:
-        """Put a filter to work on transforms of so many samples."""
-        together = _power_of_two(stage.rate * time_constant / _INTERVALS)
+    def of(
+        cls, one: Filter, stage: Stage, points: int, time_constant: float, *, followed: bool
+    ) -> FilterAtWork:
+        """Put a filter to work on transforms of so many samples; `followed` says whether a ripple left out is added."""
+        least = math.ceil(GRAIN * min(max(_INTERVALS / (stage.rate * time_constant), 1.0 / _LONGEST), 1.0))
+        every = 1 << (least - 1).bit_length()
         if one.identity:
-            return cls(together, together, False, 0, np.empty(0, dtype=np.complex128))
-        fits = math.ceil(2.0 * together * min(one.upper, stage.rate) / (_FAITHFUL * stage.rate))
-        kept = min(_quick(fits), together)
-        if one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE:
-            found = cls._as_envelope(one, stage, points, time_constant)
-            if 2 * found.kept * together <= kept * found.together:
-                return found
-        top = stage.rate / 2.0 * kept / together
-        size = points // together * kept // 2
+            return cls(every, GRAIN // every, False, 0, np.empty(0, dtype=np.complex128))
         if one.sampled is not None:
-            return cls(together, kept, False, 0, one.sampled(stage.rate, size + 1))
-        low, values = _lines(one, stage.rate / points, size)
-        if kept < together:
+            return cls(every, GRAIN // every, False, 0, one.sampled(stage.rate, points // 2 + 1))
+        need = math.ceil(2.0 * GRAIN * min(one.upper / (_FAITHFUL * stage.rate), 1.0))
+        intervals, kept = _grid(min(need, GRAIN), least, 1)
+        if intervals * kept >= GRAIN:
+            intervals, kept = every, GRAIN // every
+        cycles = one.lower * time_constant
+        if cycles >= _CYCLES_WITHOUT_RIPPLE or (
+            followed
+            and cycles >= _CYCLES_FOLLOWED
+            and _RIPPLE / cycles * 3.0 / (one.settling * 2.0 * one.lower) < _MISSED
+        ):
+            found = cls._as_envelope(one, stage, points, time_constant)
+            if 2 * found.kept * found.intervals <= kept * intervals:
+                return found
+        part = intervals * kept / GRAIN
+        top = stage.rate / 2.0 * part
+        low, values = _lines(one, stage.rate / points, points // GRAIN * intervals * kept // 2)
+        if part < 1.0:
             frequency = (low + np.arange(values.size)) * stage.rate / points
             values = values * falling_step(frequency, _FAITHFUL * top, top)
-        return cls(together, kept, False, low, values * kept / together)
+        return cls(intervals, kept, False, low, values * part)
 
     @classmethod
     def _as_envelope(cls, one: Filter, stage: Stage, points: int, time_constant: float) -> FilterAtWork:
         bandwidth = 3.0 / one.settling  # see `band_filter`
         unseen = math.log(10.0) / 10.0 * _UNSEEN
         longest = math.sqrt(8.0 * unseen * time_constant / (2.0 * math.pi * bandwidth))
-        together = _power_of_two(stage.rate * max(time_constant / _INTERVALS, longest))
+        longest = max(longest, time_constant / _INTERVALS)
         low, values = _lines(one, stage.rate / points, points // 2)
         wide = np.flatnonzero(np.abs(values) > _FOLDED)
-        kept = _quick(math.ceil((wide[-1] - wide[0] + 1) * together / points))
+        need = math.ceil((wide[-1] - wide[0] + 1) * GRAIN / points)
+        intervals, kept = _grid(need, math.ceil(min(GRAIN / (stage.rate * longest), GRAIN)), 2)
         # Half the square of the modulus, in samples so much fewer than those of the stage.
-        values = values * (math.sqrt(2.0) * kept / together)
-        return cls(together, kept, True, low, values)
+        part = intervals * kept / GRAIN
+        values = values * (math.sqrt(2.0) * part)
+        if one.lower * time_constant >= _CYCLES_WITHOUT_RIPPLE:
+            return cls(intervals, kept, True, low, values)
+        middle = math.sqrt(one.lower * (one.lower + bandwidth))
+        turns = (middle / stage.rate - low / points) / part
+        ripple = 1.0 / (1.0 + 4j * math.pi * middle * time_constant)
+        return cls(intervals, kept, True, low, values, turns, ripple)
 
     def squares(
         self,
@@ -100,18 +136,20 @@ class FilterAtWork:
         shape: Shape,
         count: int,
         scratch: Scratch,
-        cut: tuple[int, int] | None = None,
-    ) -> NDArray[np.float32]:
-        """Mean square of the output over each of `count` intervals from the first new sample on.
+        cut: tuple[int, float] | None,
+        places: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Mean square of the output over each of `count` intervals from the first new sample on, and the ripple.
 
-        Computed in the precision of `spectrum`. `cut` is an interval and how many of its samples of the stage belong
-        to the record.
+        Computed in the precision of `spectrum`. `cut` is an interval and which part of it belongs to the record.
+        The ripple is that of the weighted square at the ends of the intervals `places`; mean squares do not have it.
         """
-        rows, size = spectrum.shape[0], shape.points // self.together * self.kept
+        rows, size = spectrum.shape[0], shape.points // GRAIN * self.intervals * self.kept
         width = (2 if self.envelope else 1) * self.kept
         values = self.values.astype(spectrum.dtype)
-        first = shape.before // self.together
+        first = shape.before // GRAIN * self.intervals
         square = np.empty((rows, count), dtype=np.float32)
+        rippling = np.zeros((rows, places.size if self.ripple else 0))
         step = max(1, _POINTS // (size * _SIDE_BY_SIDE)) * _SIDE_BY_SIDE
         for start in range(0, rows, step):
             # At the end some rows again: that is faster than fewer rows.
@@ -119,14 +157,27 @@ class FilterAtWork:
             top = min(start, rows - some)
             part = spectrum[top : top + some]
             output = (self._envelope if self.envelope else self._real)(part, values, size, scratch)
+            if rippling.size:
+                rippling[top : top + some] = self._rippling(output.view(part.dtype), first + places)
             mine = output[:, first * width : (first + count) * width].reshape(part.shape[0], count, width)
             if cut is not None:  # what comes after the end of the record is not part of it
-                inside = -(-cut[1] * self.kept // self.together)
+                inside = math.ceil(cut[1] * self.kept)
                 mine[:, cut[0], width * inside // self.kept :] = 0.0
                 mine[:, cut[0]] *= math.sqrt(self.kept / inside)
             _sum_of_squares(mine, square[top : top + some])
         square /= self.kept
-        return square
+        return square, rippling
+
+    def _rippling(self, output: NDArray[Any], places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Re[z^2 / (1 + 2 j w tau)] from a complex output z, which is interpolated in what turns slowly."""
+        # A sample stands for half an interval on either side of it.
+        at = (places + 1.0) * self.kept - 0.5
+        before = np.floor(at).astype(int)
+        share, period = at - before, 2j * math.pi
+        slow = output[:, before] * ((1.0 - share) * np.exp(period * self.turns * share))
+        slow += output[:, before + 1] * (share * np.exp(period * self.turns * (share - 1.0)))
+        phase = np.exp(2.0 * period * self.low / output.shape[1] * at)
+        return np.asarray((np.square(slow) * (self.ripple * phase)).real)
 
     def _real(self, part: NDArray[Any], values: NDArray[Any], size: int, scratch: Scratch) -> NDArray[Any]:
         """`size` samples of the filter's output."""
@@ -213,13 +264,15 @@ def _lines(one: Filter, step: float, last: int) -> tuple[int, NDArray[np.complex
     return int(first + used[0]), values[used[0] : used[-1] + 1]
 
 
-def _quick(count: int) -> int:
-    """The least number that is not smaller and has only small prime factors."""
-    while any(count % prime == 0 for prime in (11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)):
-        count += 1
-    return count
+def _grid(need: int, least: int, numbers: int) -> tuple[int, int]:
+    """How many intervals to make of `GRAIN` samples, and how many samples of an output to keep in each.
 
-
-def _power_of_two(limit: float) -> int:
-    """The largest power of two up to `limit`, from 1 to 64."""
-    return 1 << min(max(math.floor(math.log2(limit)), 0), 6) if limit > 0.0 else 1
+    At least `need` and `least`, so that transforms are fast and there is least to do: each sample is so many `numbers`.
+    """
+    ways = []
+    for kept in filter(lambda count: fast_length(count) == count, range(1, need // least + 2)):
+        intervals = max(least, -(-need // kept))
+        while intervals * kept % 2 or fast_length(intervals * kept) != intervals * kept:
+            intervals += 1
+        ways.append(((numbers * kept + 1) * intervals, intervals, kept))
+    return min(ways)[1:]

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.smooth_step import falling_step
+from specan.dsp.windows import falling_step
 
 _UNTOUCHED = 0.75  # of a block: lags up to here keep their full weight
 _ROWS = 4  # enough to share what is common, few enough to stay in the cache

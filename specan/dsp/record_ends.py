@@ -8,9 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.decimator import FACTOR, Decimator
-from specan.dsp.multirate import LENGTH, ROWS, Stage
-from specan.dsp.smooth_step import falling_step
+from specan.dsp.multirate import FACTOR, LENGTH, ROWS, Decimator, Stage
+from specan.dsp.windows import falling_step
 
 LONGEST_FADE_S = 0.5
 """The spectrum of the fade's slope is exp(-(pi f F / 12)^2): 20 Hz away from a tone, 0.5 s leave 60 dB less of its cut

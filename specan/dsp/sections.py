@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.decimator import FACTOR, low_pass
-from specan.dsp.multirate import LENGTH
+from specan.dsp.multirate import FACTOR, LENGTH, low_pass
 
-# Everything is a multiple of this, so that intervals of up to 64 samples, and these in sixteens, fill a section.
-_GRAIN = 1024
+GRAIN = 1024
+"""Everything is a multiple of so many samples: a whole number of intervals fills them."""
+
 # Samples after a section: as many as a response that is cut off smoothly at half a rate rings ahead, to -100 dB of
 # what is left of it there.
 _AFTER = 1024
@@ -20,7 +20,7 @@ _AFTER = 1024
 # exp(-(12 f / w)^2) with w = 1/80 of the rate (`decimator.PASS`, `STOP`): after 1912 samples it is below 1e-17.
 LATE, _RINGS = 2048, 2048
 # With ten times the ringing nine tenths of a transform are results. On lower rates, with fewer samples, memory counts.
-_TIMES, _LONGEST, _LONGEST_BELOW = 10, 160 * _GRAIN, 80 * _GRAIN
+_TIMES, _LONGEST, _LONGEST_BELOW = 10, 160 * GRAIN, 80 * GRAIN
 # Rows transformed together: enough to share the twiddle factors, few enough to stay in the cache.
 _ROWS = 4
 
@@ -52,13 +52,13 @@ def shape_for(ringing: float, samples: int, stage: int = 0) -> Shape:
     >>> shape_for(8200.0, 51200).points  # a short record
     65536
     """
-    before = LENGTH if ringing > LENGTH else -(-max(round(ringing), LATE + _RINGS) // _GRAIN) * _GRAIN
-    whole = -(-(before + samples + LATE + _RINGS + _AFTER) // _GRAIN)
-    points = min(_TIMES * before, _GRAIN * _fast(whole), _LONGEST_BELOW if stage else _LONGEST)
+    before = LENGTH if ringing > LENGTH else -(-max(round(ringing), LATE + _RINGS) // GRAIN) * GRAIN
+    whole = -(-(before + samples + LATE + _RINGS + _AFTER) // GRAIN)
+    points = min(_TIMES * before, GRAIN * fast_length(whole), _LONGEST_BELOW if stage else _LONGEST)
     return Shape(before, points - before - _AFTER, _AFTER)
 
 
-def _fast(count: int) -> int:
+def fast_length(count: int) -> int:
     """The least 2^a 3^b 5^c that is not smaller: transforms of such lengths are fast."""
     while True:
         rest = count

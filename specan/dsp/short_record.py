@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.dsp import bands
-from specan.dsp.decimator import FACTOR, low_pass
 from specan.dsp.frequency_nodes import Spread
-from specan.dsp.multirate import LENGTH, LOWEST_PART, ROWS, Stage, stages_of
-from specan.dsp.smooth_step import falling_step
+from specan.dsp.multirate import FACTOR, LENGTH, LOWEST_PART, ROWS, Stage, low_pass, stages_of
+from specan.dsp.windows import falling_step
 
 LONGEST = 4 * LENGTH
 """Samples of a short record. Beyond, a transform of the whole no longer stays in the cache and blocks cost less."""

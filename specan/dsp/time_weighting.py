@@ -174,11 +174,16 @@ class SparseAverages:
 
     def at(self, places: NDArray[np.intp]) -> NDArray[np.float64]:
         """Averages at these places, shape (rows, places); -1 is the one before the first."""
-        blocks, (rows, _) = np.maximum(places, 0) // _BLOCK, self._squared.shape
-        known = self._before[:, blocks]
-        values = self._inside(np.repeat(np.arange(rows), blocks.size), np.tile(blocks, rows), known.ravel())
-        found = values.reshape(*known.shape, _BLOCK)[:, np.arange(blocks.size), places % _BLOCK]
-        return np.where(places < 0, known, found)
+        blocks, inside = np.divmod(places + 1, _BLOCK)
+        # The weights of a block's first intervals, as many as `inside`.
+        ago = inside[:, None] - 1 - np.arange(_BLOCK)
+        weights = np.where(ago < 0, 0.0, (1.0 - self._keep) * self._keep ** np.maximum(ago, 0))
+        within = np.minimum(blocks[:, None] * _BLOCK + np.arange(_BLOCK), self._squared.shape[1] - 1)
+        squares = np.take(self._squared, within, axis=1)
+        squares[:, ago < 0] = 0.0
+        found = self._keep**inside * self._before[:, blocks]
+        found += np.einsum("ijk,jk->ij", squares, weights) * self._factors[:, None]
+        return np.where(np.isfinite(found), found, np.nan)
 
     def largest(
         self, span: slice, least: NDArray[np.float64], earlier: NDArray[np.float64], later: int

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.block_grid import BlockGrid
+from specan.dsp.overlapped_blocks import BlockGrid
 from specan.dsp.sine_fit import phasors_of, products, solve_normal, tone_basis
 
 Real = NDArray[np.float64]

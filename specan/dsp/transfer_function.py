@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.few_averages import log_bias, log_variance, student_factor
+from specan.dsp.welch import log_bias, log_variance, student_factor
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -36,7 +36,7 @@ class Estimate(NamedTuple):
         Ordinary coherence of response and reference, 0 to 1.
     u_relative : array
         Relative standard uncertainty per real component: of the magnitude, and of the phase in radians. Raised by
-        `specan.dsp.few_averages.student_factor`: twice it is the 95 % interval, however few the averages.
+        `specan.dsp.welch.student_factor`: twice it is the 95 % interval, however few the averages.
     degrees_of_freedom : array
         Of the noise behind `u_relative`.
     """

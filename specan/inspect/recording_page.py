@@ -8,31 +8,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, Checkbox, Div, MultiSelect, NumericInput, RadioButtonGroup, ScrollBox
+from bokeh.models import Checkbox, Div, MultiSelect, NumericInput, RadioButtonGroup, ScrollBox
 
 from specan.errors import RequestError, SpecanError
-from specan.inspect.browser_link import BrowserLink
-from specan.inspect.busy import Busy
-from specan.inspect.envelope import read_overviews
-from specan.inspect.header import KEYS, header
 from specan.inspect.kept_bands import KeptBands
-from specan.inspect.look import PANEL, Dress, dark_toggle
+from specan.inspect.look import KEYS, PANEL, BrowserLink, Busy, Dress, asked_for, header, notice, sheet
 from specan.inspect.opened import Opened
 from specan.inspect.plots import Band, Curve, plain
-from specan.inspect.same_command import commands
-from specan.inspect.sheets import notice, sheet
-from specan.inspect.superseded import Tell
-from specan.inspect.tabs.fft import FftTab
-from specan.inspect.tabs.frf import FrfTab
 from specan.inspect.tabs.info import InfoTab
-from specan.inspect.tabs.levels import LevelsTab
-from specan.inspect.tabs.octave import OctaveTab
+from specan.inspect.tabs.levels import LevelsTab, OctaveTab
 from specan.inspect.tabs.orders import OrdersTab
-from specan.inspect.tabs.spectrogram import SpectrogramTab
+from specan.inspect.tabs.spectra import FftTab, FrfTab, SpectrogramTab
 from specan.inspect.tabs.tab import Found, Tab, text_of
-from specan.inspect.view import View
-from specan.inspect.waveform_view import WaveformView
-from specan.inspect.work import Work
+from specan.inspect.view import View, commands
+from specan.inspect.waveform_view import WaveformView, read_overviews
+from specan.inspect.work import Tell, Work
 from specan.report.figures import figure_of
 
 if TYPE_CHECKING:
@@ -99,10 +89,8 @@ class RecordingPage:
     # --- what is on the page ----------------------------------------------------------------------
 
     def _first_view(self) -> View:
-        context = self.document.session_context
-        arguments = context.request.arguments if context is not None and context.request else {}
         try:
-            view = View.from_arguments(arguments)
+            view = View.from_arguments(asked_for(self.document))
         except RequestError as fault:
             # Stands until something else is chosen.
             self.refused, view = str(fault), View()
@@ -175,20 +163,15 @@ class RecordingPage:
         )  # fmt: skip
 
     def _header(self, title: str) -> Any:
-        buttons = []
-        for text, kind in (("Save numbers", "txt"), ("PNG", "png"), ("SVG", "svg")):
-            button = Button(label=text, name=f"save-{kind}")
-            button.on_click(lambda kind=kind: self._save(kind))
-            buttons.append(button)
-        for text, name, press in (
+        presses = (
+            ("Save numbers", "save-txt", lambda: self._save("txt")),
+            ("PNG", "save-png", lambda: self._save("png")),
+            ("SVG", "save-svg", lambda: self._save("svg")),
             ("Copy numbers", "copy-numbers", self._copy_numbers),
             ("Copy command", "copy-command", self._copy_command),
             ("?", "keys", lambda: self.status.end(KEYS)),
-        ):
-            button = Button(label=text, name=name)
-            button.on_click(press)
-            buttons.append(button)
-        return header(title, "recording", [*buttons, dark_toggle(self.document)])
+        )
+        return header(self.document, title, "recording", presses)
 
     def _show_tab(self) -> None:
         """Put the figures of the tab in front into the page; they have something to show now."""

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import ipaddress
+import secrets
 import socket
 import warnings
 import webbrowser
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from bokeh.application import Application
+from bokeh.application.handlers.function import FunctionHandler
+from bokeh.server.server import BaseServer
+from bokeh.server.tornado import BokehTornado
+from bokeh.server.util import bind_sockets
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
+from tornado.web import OutputTransform, RequestHandler
 
 from specan.errors import RequestError
 
 if TYPE_CHECKING:
     from bokeh.document import Document
-
-    from specan.inspect.guarded_server import PageServer
+    from tornado.httputil import HTTPHeaders, HTTPServerRequest
 
 LOOPBACK = "127.0.0.1"
 
@@ -22,7 +31,7 @@ LOOPBACK = "127.0.0.1"
 def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port: int = 0) -> PageServer:
     """A running server of one page; nothing else is served but Bokeh's own scripts.
 
-    Its address, which holds a secret, is the only way to the page; see `specan.inspect.guarded_server`.
+    Its address, which holds a secret, is the only way to the page; see `specan.inspect.server`.
 
     Parameters
     ----------
@@ -38,7 +47,6 @@ def start_server(fill: Callable[[Document], None], address: str = LOOPBACK, port
     RequestError
         The port is in use, or the address is not one of this machine.
     """
-    from specan.inspect.guarded_server import PageServer
 
     # A widget that is taken off the page and put back is known to the browser already.
     warnings.filterwarnings("ignore", message="reference already known")
@@ -96,3 +104,115 @@ def _is_v6(address: str) -> bool:
 
 def _in_url(address: str) -> str:
     return f"[{address}]" if _is_v6(address) else address
+
+
+# Bokeh's server behind a guard: who does not know the page's address gets nothing.
+#
+# A server on 127.0.0.1 is reached by every page that is open in the same browser and by every user of the same machine.
+# Three things are wanted of each request:
+#
+# - Its ``Host`` is the address that the server is bound to. A foreign name that is made to resolve to this machine (DNS
+#   rebinding) would otherwise be an origin of its own, whose scripts may read the page.
+# - Its path begins with a secret that is drawn anew at each start (128 bits) and is in the address that is printed.
+# - A websocket, over which effects are accepted, names its ``Origin``, and that is the page itself.
+#
+# No answer may be shown in a frame of another page, where a click could be led astray.
+
+_HEADERS = {
+    "Content-Security-Policy": "frame-ancestors 'none'",
+    "X-Frame-Options": "DENY",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",  # the address holds the secret
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class PageServer(BaseServer):
+    """Serves one page under a secret address.
+
+    Attributes
+    ----------
+    url : str
+        Address of the page, with its secret.
+    """
+
+    def __init__(self, fill: Callable[[Document], None], host: str, address: str, port: int) -> None:
+        sockets, port = bind_sockets(address, port)
+        key = secrets.token_urlsafe(16)
+        try:
+            app = _Guarded(f"{host}:{port}", key, {"/": Application(FunctionHandler(fill))})
+            http = HTTPServer(app, xheaders=False)
+            http.start(1)
+            http.add_sockets(sockets)
+        except Exception:
+            for one in sockets:
+                one.close()
+            raise
+        super().__init__(IOLoop.current(), app, http)
+        self.url = f"http://{host}:{port}/{key}/"
+
+
+class _Guarded(BokehTornado):
+    def __init__(self, host: str, key: str, applications: dict[str, Application]) -> None:
+        self._host, self._key = host, key
+        super().__init__(
+            applications,
+            prefix=key,
+            extra_websocket_origins=[host],
+            use_index=False,
+            redirect_root=False,
+        )
+        self.add_transform(_Unframed)
+
+    def find_handler(self, request: HTTPServerRequest, **more: Any) -> Any:
+        """Look at every request before any other code does."""
+        if not self._known(request):
+            return self.get_handler_delegate(request, _Refused)
+        return super().find_handler(request, **more)
+
+    def _known(self, request: HTTPServerRequest) -> bool:
+        host = request.headers.get("Host", "")
+        if not self._is_own(host):
+            return False
+        if request.headers.get("Upgrade") is not None and request.headers.get("Origin") != f"http://{host}":
+            return False
+        path = (request.path or "").split("/")
+        return len(path) > 1 and secrets.compare_digest(path[1].encode(), self._key.encode())
+
+    def _is_own(self, host: str) -> bool:
+        """Whether a Host is the address that the server is bound to.
+
+        Bound to all addresses of a machine (0.0.0.0), it takes any address, but no name: a name can be made to
+        resolve to anything.
+        """
+        if host == self._host:
+            return True
+        own, _, own_port = self._host.rpartition(":")
+        given, _, port = host.rpartition(":")
+        try:
+            every = ipaddress.ip_address(own.strip("[]")).is_unspecified
+            return every and port == own_port and bool(ipaddress.ip_address(given.strip("[]")))
+        except ValueError:
+            return False
+
+
+class _Refused(RequestHandler):
+    def prepare(self) -> None:
+        """Say the same to everyone: neither what is here nor what was wrong."""
+        if self.request.path == "/favicon.ico":  # every browser asks for it, without the secret
+            self.set_status(204)
+            self.finish()
+            return
+        self.set_status(403)
+        self.finish("This address is not known here. Open the one that specan inspect has printed.\n")
+
+
+class _Unframed(OutputTransform):
+    def transform_first_chunk(
+        self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
+    ) -> tuple[int, HTTPHeaders, bytes]:
+        """Add the headers that every answer carries."""
+        for name, value in _HEADERS.items():
+            headers[name] = value
+        headers.pop("Access-Control-Allow-Origin", None)  # of Bokeh's autoload.js: for pages from elsewhere
+        return status_code, headers, chunk

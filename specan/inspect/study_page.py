@@ -12,22 +12,25 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, Div, ScrollBox, TextInput
 
 from specan.errors import RequestError
-from specan.inspect.browser_link import BrowserLink
-from specan.inspect.busy import Busy
-from specan.inspect.header import STUDY_KEYS, header
-from specan.inspect.kept_study import KeptStudy
-from specan.inspect.look import PANEL, Dress, dark_toggle
-from specan.inspect.sheets import folded, notice, sheet
-from specan.inspect.study_views.agreement import agreement_of
-from specan.inspect.study_views.failing import FailingMap
+from specan.inspect.look import (
+    PANEL,
+    STUDY_KEYS,
+    BrowserLink,
+    Busy,
+    Dress,
+    asked_for,
+    folded,
+    header,
+    notice,
+    sheet,
+)
+from specan.inspect.study_views.agreement import TransferAgreement, agreement_of
+from specan.inspect.study_views.errors import FailingMap, Staircase
 from specan.inspect.study_views.places import PlacesView
 from specan.inspect.study_views.ranking import Ranking, Uses
-from specan.inspect.study_views.staircase import Staircase
-from specan.inspect.study_views.transfer import TransferAgreement
-from specan.inspect.superseded import Tell
-from specan.inspect.trial import Trial, candidates_of, try_effects
+from specan.inspect.trial import KeptStudy, Trial, candidates_of, try_effects
 from specan.inspect.view import StudyView
-from specan.inspect.work import Work
+from specan.inspect.work import Tell, Work
 from specan.report.figures_study import figure_compare
 from specan.study.edit import Change, add_effect
 from specan.study.verdict import Diagnosis, headline, reason
@@ -84,10 +87,8 @@ class StudyPage:
 
     def _first_view(self) -> tuple[StudyView, str]:
         """What the address asks for, and why it is not available."""
-        context = self.document.session_context
-        arguments = context.request.arguments if context is not None and context.request else {}
         try:
-            return StudyView.from_arguments(arguments), ""
+            return StudyView.from_arguments(asked_for(self.document)), ""
         except RequestError as fault:
             return StudyView(), str(fault)
 
@@ -159,18 +160,14 @@ class StudyPage:
         self.document.title = f"{title} - specan"
 
     def _header(self, title: str) -> Any:
-        buttons = []
-        for text, name, press in (
+        presses = (
             ("PNG", "save-png", lambda: self._save("png")),
             ("SVG", "save-svg", lambda: self._save("svg")),
             ("Copy numbers", "copy-numbers", self._copy_numbers),
             ("Copy command", "copy-command", self._copy_command),
             ("?", "keys", lambda: self.status.end(STUDY_KEYS)),
-        ):
-            button = Button(label=text, name=name)
-            button.on_click(press)
-            buttons.append(button)
-        return header(title, "study", [*buttons, dark_toggle(self.document)])
+        )
+        return header(self.document, title, "study", presses)
 
     def _save(self, kind: str) -> None:
         """The figure that ``specan study compare --plot`` draws, of the model as it is."""

@@ -1,8 +1,10 @@
-"""What a page shows, as settings that are in its address: a view can be sent on."""
+"""What a page shows, as settings that are in its address, and the commands that give the same results."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import urlencode
 
@@ -14,6 +16,7 @@ from specan.data.spectrum import Scaling
 from specan.dsp.transfer_function import Estimator
 from specan.dsp.weighting import Weighting
 from specan.dsp.windows import WindowName
+from specan.inspect.opened import Opened
 from specan.schema import Settings, parse
 
 
@@ -184,3 +187,63 @@ def _text(value: Any) -> str:
         if isinstance(value, float)
         else str(value)
     )
+
+
+def commands(opened: Opened, view: View) -> list[str]:
+    """One for each recording on screen.
+
+    Settings that have their default value are left out.
+    """
+    found = []
+    keys = (view.of,) if view.tab == "spectrogram" and view.of else view.channel
+    if view.tab == "orders":
+        keys = opened.without_tachos(keys, view.tacho)
+    for chosen in opened.chosen(keys):
+        path = getattr(chosen.recording.source, "path", Path(chosen.recording.label))
+        patterns = chosen.patterns[:1] if view.tab == "spectrogram" else chosen.patterns
+        channels = [] if view.tab == "info" else [part for name in patterns for part in ("--channel", name)]
+        verb = {"levels": "rms", "spectrogram": "fft"}.get(view.tab, view.tab)
+        found.append(shlex.join(["specan", verb, str(path), *channels, *_options(view)]))
+    return found
+
+
+def _options(view: View) -> Iterator[str]:
+    """Of the verb of a tab, in the order of its help."""
+    if view.tab == "info":
+        return
+    usual = View()
+    for option, field in _FIELDS[view.tab]:
+        value = getattr(view, field)
+        if field == "hold" and view.averaging == "linear":
+            continue
+        if value == getattr(usual, field) or value in (None, ""):
+            continue
+        yield option
+        if value is not True:
+            yield f"{value:.10g}" if isinstance(value, float) else str(value)
+    if view.tab == "spectrogram":
+        yield from ("--spectrogram", "--columns", "500")
+
+
+_SECTION = (("--start", "start"), ("--stop", "stop"))
+_BLOCKS = (("--lines", "lines"), ("--window", "window"), ("--overlap", "overlap"))
+_FIELDS = {
+    "octave": (
+        ("--fraction", "fraction"), ("--weighting", "weighting"), ("--averaging", "averaging"), ("--hold", "hold"),
+        ("--fmin", "fmin"), ("--fmax", "fmax"), *_SECTION,
+    ),
+    "fft": (
+        *_BLOCKS, ("--scaling", "scaling"), ("--averaging", "spectrum_averaging"), ("--blocks", "blocks"),
+        ("--reference", "reference"), *_SECTION,
+    ),
+    "frf": (
+        ("--reference", "over"), ("--estimator", "estimator"), ("--instrument", "instrument"), *_BLOCKS,
+        ("--unwrap", "unwrapped"), *_SECTION,
+    ),
+    "levels": (("--averaging", "level_averaging"), ("--weighting", "level_weighting"), *_SECTION),
+    "spectrogram": (*_BLOCKS, *_SECTION),
+    "orders": (
+        *_SECTION, ("--tacho", "tacho"), ("--pulses", "pulses"), ("--ratio", "ratio"), ("--speed", "speed"),
+        ("--max-order", "max_order"), ("--turns", "turns"), ("--map", "order_map"),
+    ),
+}  # fmt: skip

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.data.channel import Channel
+from specan.data.recording import Recording
 from specan.errors import SpecanError
-from specan.inspect.superseded import Superseded, Tell
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -80,3 +85,40 @@ class Work:
             return
         if ticket == self._ticket:
             self._document.add_next_tick_callback(lambda: show(found) if ticket == self._ticket else None)
+
+
+Tell = Callable[[float], bool]  # hears the part done, says whether to go on
+
+
+class Superseded(Exception):
+    """Another request came before this one was done."""
+
+
+@dataclass(frozen=True, repr=False)
+class Heard(Recording):
+    """A recording that tells how much of a section an analysis has read, and ends it when told so."""
+
+    tell: Tell = lambda part: True
+
+    @classmethod
+    def of(cls, recording: Recording, tell: Tell) -> Heard:
+        """The same recording, heard."""
+        return cls(**vars(recording), tell=tell)
+
+    def blocks(
+        self, channels: Sequence[Channel], size: int, start: int = 0, stop: int | None = None
+    ) -> Iterator[NDArray[np.float64]]:
+        """Consecutive blocks, as of any recording.
+
+        Raises
+        ------
+        Superseded
+            `tell` said not to go on.
+        """
+        stop = min(c.n_samples for c in channels) if stop is None else stop
+        done = start
+        for samples in super().blocks(channels, size, start, stop):
+            yield samples
+            done += samples.shape[1]
+            if not self.tell((done - start) / (stop - start)):
+                raise Superseded

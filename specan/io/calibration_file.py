@@ -49,6 +49,7 @@ class _File(Settings):
     made_from: tuple[str, ...] = ()
     calibrator_frequency_hz: float | None = None
     calibrator_level_dB: float | None = None
+    u_calibrator_percent: Annotated[float, Field(ge=0)] = 0.0
     calibrator_decided: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     channel: tuple[_Row, ...] = ()
@@ -69,6 +70,7 @@ def read_calibration(path: Path | str) -> Calibration:
         made_from=content.made_from,
         calibrator_frequency_hz=content.calibrator_frequency_hz,
         calibrator_level_dB=content.calibrator_level_dB,
+        u_calibrator_percent=content.u_calibrator_percent,
         calibrator_decided=content.calibrator_decided,
         notes=content.notes,
         source=path.name,
@@ -86,6 +88,8 @@ def write_calibration(calibration: Calibration, path: Path | str) -> None:
     for key in ("calibrator_frequency_hz", "calibrator_level_dB"):
         if getattr(calibration, key) is not None:
             content[key] = float(getattr(calibration, key))
+    if calibration.u_calibrator_percent:
+        content["u_calibrator_percent"] = float(calibration.u_calibrator_percent)
     if calibration.calibrator_decided:
         content["calibrator_decided"] = list(calibration.calibrator_decided)
     if calibration.notes:

@@ -12,8 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from specan.data.channel import Channel, Role
-from specan.data.sensor import SMALLEST_GAIN, gain_of, is_known, si_unit
+from specan.data.channel import SMALLEST_GAIN, Channel, Role, gain_of, is_known, si_unit
 from specan.errors import InputError, RequestError
 from specan.io.roles import Identity, derivatives_of
 from specan.io.sampling_rate import FASTEST_HZ, SLOWEST_HZ

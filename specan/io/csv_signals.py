@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from specan.data.recording import ArraySource, Recording
 from specan.errors import InputError
+from specan.io.array_tree import Signal, recording_of
 from specan.io.channel_table import ChannelTable
-from specan.io.signals import Signal, recording_of
-from specan.io.time_axis import axis_of, is_time
+from specan.io.sampling_rate import axis_of, is_time
 
 LEAST = 5  # lines with text on them, below which a file is a note and no time series
 

@@ -1,9 +1,11 @@
-"""What the export formats share: samples in blocks, a missing library."""
+"""An excerpt of a recording written for other programs: CSV, WAV, Parquet, UFF; transfer functions as UFF."""
 
 from __future__ import annotations
 
+import csv
 import importlib
-from collections.abc import Iterator, Sequence
+import struct
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,9 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from specan import __version__
 from specan.data.channel import Channel
+from specan.data.frequency_response import FrequencyResponse
 from specan.data.recording import Recording
 from specan.errors import RequestError
+from specan.io.output_file import whole_file
+from specan.io.results_text import escaped, harmless
 
 BLOCK = 1 << 16
 
@@ -62,12 +68,252 @@ def library(name: str, extra: str) -> Any:
 
 def write_excerpt(excerpt: Excerpt, form: str, path: Path, decimal: str = ".") -> None:
     """Write it as ``csv``, ``uff``, ``wav`` or ``parquet``; `decimal` is the decimal sign of CSV."""
-    module = importlib.import_module(f"specan.io.export_{form}")
-    extra = (decimal,) if form == "csv" else ()
-    getattr(module, f"write_{form}")(excerpt, path, *extra)
+    if form == "csv":
+        write_csv(excerpt, path, decimal)
+    else:
+        {"uff": write_uff, "wav": write_wav, "parquet": write_parquet}[form](excerpt, path)
 
 
 def together(channels: Sequence[Channel]) -> str:
     """Units of several channels in words: ``Pa (Mic 1, Mic 2), V (Generator)``."""
     units = dict.fromkeys(c.unit for c in channels)
     return ", ".join(f"{unit} ({', '.join(c.name for c in channels if c.unit == unit)})" for unit in units)
+
+
+def write_csv(excerpt: Excerpt, path: Path, decimal: str = ".") -> None:
+    """Write time and samples, one column a channel, nine significant digits.
+
+    Parameters
+    ----------
+    decimal : {".", ","}
+        With a comma, as Polish and German spreadsheets expect it, columns are separated by semicolons and
+        the file begins with a byte order mark, by which these programs know UTF-8.
+
+    Notes
+    -----
+    A name that a spreadsheet would take for a formula has an apostrophe before it; see `specan.io.results_text`.
+
+    Raises
+    ------
+    RequestError
+        The decimal sign is another one, or the file cannot be written.
+    """
+    if decimal not in (".", ","):
+        raise RequestError(f"the decimal sign is {decimal!r}", expected="a point or a comma")
+    separator = "," if decimal == "." else ";"
+    header = [
+        "time_s",
+        *(harmless(f"{n} [{c.unit}]") for n, c in zip(excerpt.names(), excerpt.channels, strict=True)),
+    ]
+    row = separator.join(["%.9g"] * len(header)) + "\n"
+    encoding = "utf-8" if decimal == "." else "utf-8-sig"
+    with whole_file(path) as half, half.open("w", encoding=encoding, newline="") as file:
+        csv.writer(file, delimiter=separator, lineterminator="\n").writerow(header)
+        for time, samples in excerpt.blocks():
+            columns = [time.tolist(), *samples.tolist()]
+            text = "".join(row % values for values in zip(*columns, strict=True))
+            file.write(text if decimal == "." else text.replace(".", ","))
+
+
+_LARGEST = 2**32 - 256  # bytes; sizes are 32-bit numbers
+_IEEE_FLOAT = 3
+
+
+def write_wav(excerpt: Excerpt, path: Path) -> None:
+    """Write all channels interleaved; 1.0 is 1 Pa, 1 m/s, 1 V.
+
+    Raises
+    ------
+    RequestError
+        The sampling rate is no whole number, or the samples need more than the 4 GB that WAV can hold.
+    """
+    channels, rate = len(excerpt.channels), excerpt.rate
+    if rate != round(rate):
+        raise RequestError(
+            f"{excerpt.recording.label} is sampled at {rate:.9g} Hz",
+            expected="a whole number of hertz for WAV",
+            remedy="export to Parquet or CSV",
+        )
+    size = excerpt.n * channels * 4
+    if size > _LARGEST:
+        raise RequestError(
+            f"{channels} channels of {excerpt.n} samples need {size / 1e9:.1f} GB",
+            expected="at most 4.3 GB for WAV",
+            remedy="choose fewer channels or a shorter section, or export to Parquet",
+        )
+    form = struct.pack(
+        "<HHIIHH", _IEEE_FLOAT, channels, round(rate), round(rate) * channels * 4, channels * 4, 32
+    )
+    # Other than PCM wants the size of the extension (none) and a fact chunk with the number of samples.
+    chunks = b"fmt " + struct.pack("<I", 18) + form + struct.pack("<H", 0)
+    chunks += b"fact" + struct.pack("<II", 4, excerpt.n) + b"data" + struct.pack("<I", size)
+    with whole_file(path) as half, half.open("wb") as file:
+        file.write(b"RIFF" + struct.pack("<I", 4 + len(chunks) + size) + b"WAVE" + chunks)
+        for _, samples in excerpt.blocks():
+            file.write(samples.T.astype("<f4").tobytes())
+
+
+def write_parquet(excerpt: Excerpt, path: Path) -> None:
+    """Write time and samples, one column a channel; unit, role and group are in the columns' metadata.
+
+    Raises
+    ------
+    RequestError
+        pyarrow is not installed, or the file cannot be written.
+    """
+    pyarrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
+    fields = [pyarrow.field("time_s", pyarrow.float64(), metadata={"unit": "s"})]
+    for name, channel in zip(excerpt.names(), excerpt.channels, strict=True):
+        about = {"unit": channel.unit, "role": channel.role, "group": escaped(channel.group)}
+        fields.append(pyarrow.field(escaped(name), pyarrow.float64(), metadata=about))
+    whole = {
+        "writer": f"specan {__version__}",
+        "recording": escaped(excerpt.recording.label),
+        "sampling_rate_hz": repr(excerpt.rate),
+    }
+    schema = pyarrow.schema(fields, metadata=whole)
+    with whole_file(path) as half, parquet.ParquetWriter(half, schema) as writer:
+        for time, samples in excerpt.blocks():
+            writer.write_table(pyarrow.table([time, *samples], schema=schema))
+
+
+# Specific data types of data set 58, record 9, and what a general one is.
+_QUANTITIES = {"m": 8, "N": 9, "m/s": 11, "m/s^2": 12, "Pa": 15}
+_GENERAL = 1
+
+
+def write_uff(excerpt: Excerpt, path: Path) -> None:
+    """Write one data set 58 a channel: a time response in double precision, binary.
+
+    The format gives the time step six digits: at 51.2 kHz time is 0.0002 % off, samples are not.
+
+    Raises
+    ------
+    RequestError
+        pyuff is not installed, or the file cannot be written.
+    """
+    pyuff = library("pyuff", "uff")
+    named = enumerate(zip(excerpt.names(), excerpt.channels, strict=True), 1)
+    _write(
+        pyuff, path, (_data_set(pyuff, excerpt, number, name, channel) for number, (name, channel) in named)
+    )
+
+
+def write_uff_transfer(found: FrequencyResponse, path: Path) -> None:
+    """Write a data set 58 of function type 4 for each response, and one of its coherence (type 6); binary.
+
+    Response and reference are named as entities; responses are nodes 1, 2, ... in their order, the reference is
+    the node behind them.
+
+    Raises
+    ------
+    RequestError
+        pyuff is not installed, or the file cannot be written.
+    """
+    pyuff = library("pyuff", "uff")
+    _write(pyuff, path, _transfer_sets(pyuff, found))
+
+
+def _write(pyuff: Any, path: Path, sets: Iterable[Any]) -> None:
+    with whole_file(path) as half:
+        # `add` to a file that does not exist yet: in overwrite mode pyuff destroys binary sets.
+        file = pyuff.UFF(str(half))
+        for one in sets:
+            try:
+                file.write_sets(one, "add")
+            except Exception as fault:  # pyuff wraps every error, those of the disk as well
+                raise RequestError(f"{path} cannot be written as a universal file ({fault})") from None
+
+
+def _transfer_sets(pyuff: Any, found: FrequencyResponse) -> Iterator[Any]:
+    f, below = found.frequency_hz, found.reference_unit
+    for row, name in enumerate(found.channels):
+        above = _above(found.units[row], below)
+        common = {
+            "binary": 1,
+            "id1": name[:80],
+            "id2": found.label[-80:],
+            "id3": f"{found.estimator}, {found.n_blocks} blocks",
+            "id4": f"specan {__version__}",
+            "ver_num": 1,
+            "load_case_id": 0,
+            "rsp_ent_name": name[:10].strip() or "NONE",
+            "rsp_node": row + 1,
+            "rsp_dir": 0,
+            "ref_ent_name": found.reference[:10].strip() or "NONE",
+            "ref_node": len(found.channels) + 1,
+            "ref_dir": 0,
+            "abscissa_spacing": 1,
+            "abscissa_min": float(f[0]),
+            "abscissa_inc": float(f[1] - f[0]) if f.size > 1 else 0.0,
+            "num_pts": f.size,
+            "abscissa_spec_data_type": 18,
+            "abscissa_axis_units_lab": "Hz",
+            "z_axis_spec_data_type": 0,
+            "x": f,
+        }
+        yield pyuff.prepare_58(
+            func_type=4,
+            ord_data_type=6,  # complex, double precision
+            ordinate_spec_data_type=_QUANTITIES.get(above, _GENERAL),
+            ordinate_axis_units_lab=above,
+            orddenom_spec_data_type=_QUANTITIES.get(below, _GENERAL),
+            orddenom_axis_units_lab=below,
+            data=found.response[row],
+            **common,
+        )
+        if np.all(np.isfinite(found.coherence[row])):
+            yield pyuff.prepare_58(
+                func_type=6,
+                ord_data_type=4,
+                ordinate_spec_data_type=0,
+                orddenom_spec_data_type=0,
+                data=found.coherence[row],
+                **common,
+            )
+
+
+def _above(unit: str, below: str) -> str:
+    """Unit of the response of a transfer function, whose reference has the unit `below`.
+
+    Examples
+    --------
+    >>> _above("Pa/(m/s)", "m/s"), _above("m/N", "N"), _above("1", "Pa")
+    ('Pa', 'm', 'Pa')
+    """
+    if unit == "1":
+        return below
+    return unit.removesuffix(f"/({below})").removesuffix(f"/{below}")
+
+
+def _data_set(pyuff: Any, excerpt: Excerpt, number: int, name: str, channel: Channel) -> Any:
+    samples = excerpt.recording.read([channel], excerpt.start, excerpt.stop)[0]
+    return pyuff.prepare_58(
+        binary=1,
+        id1=name[:80],
+        id2=excerpt.recording.label[-80:],
+        id3=f"role {channel.role}",
+        id4=f"specan {__version__}",
+        func_type=1,  # time response
+        ver_num=1,
+        load_case_id=0,
+        rsp_ent_name=name[:10].strip() or "NONE",
+        rsp_node=number,
+        rsp_dir=0,
+        ref_ent_name="NONE",
+        ref_node=0,
+        ref_dir=0,
+        ord_data_type=4,  # real, double precision
+        abscissa_spacing=1,
+        abscissa_min=excerpt.start / excerpt.rate,
+        abscissa_inc=1.0 / excerpt.rate,
+        num_pts=excerpt.n,
+        abscissa_spec_data_type=17,
+        abscissa_axis_units_lab="s",
+        ordinate_spec_data_type=_QUANTITIES.get(channel.unit, _GENERAL),
+        ordinate_axis_units_lab=channel.unit,
+        orddenom_spec_data_type=0,  # a response has none
+        z_axis_spec_data_type=0,
+        data=samples,
+        x=(excerpt.start + np.arange(excerpt.n)) / excerpt.rate,
+    )

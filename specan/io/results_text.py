@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import csv
+import re
+import unicodedata
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from specan import __version__
 from specan.errors import RequestError, nearest
 from specan.io.output_file import text_file, write_encoded
-from specan.io.text_cell import cells, escaped, plain, word
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -138,13 +141,52 @@ def rows(columns: Sequence[Sequence[str]]) -> str:
     return f"{lines}\n" if lines else ""
 
 
-def rows_of_channels(
-    names: Sequence[str], columns: Callable[[int], Sequence[Sequence[str]]]
-) -> Iterator[str]:
-    """Lines of one channel after the other: its name before the columns that its number gives."""
-    for number, name in enumerate(names):
-        own = columns(number)
-        yield rows([[word(name)] * len(own[0]), *own])
+def table_lines(columns: Mapping[str, Any], names: Sequence[str] = ()) -> str:
+    """Named columns as lines of a table, numbers in the form that belongs to the name of their column.
+
+    Parameters
+    ----------
+    columns : mapping
+        Name to numbers, to cells (a sequence of str), to words that stand in one cell (a sequence of sequences of str),
+        or to what is the same in every row: a name or a number.
+    names : sequence of str, optional
+        Those of the table, in order; a column that is not given is empty.
+
+    Examples
+    --------
+    >>> table_lines({"channel": "Mic 1", "frequency_hz": [1.0, 2.5], "phase_deg": [-180.0, 3.14159]})
+    'Mic 1\\t1\\t180.00\\nMic 1\\t2.5\\t3.14\\n'
+    """
+    count = next(len(v) for v in columns.values() if not np.isscalar(v))
+    found = {
+        name: _cells(name, [word(values) if isinstance(values, str) else values]) * count
+        if np.isscalar(values)
+        else _cells(name, values)
+        for name, values in columns.items()
+    }
+    return rows([found.get(name, [""] * count) for name in names or columns])
+
+
+def _cells(name: str, values: Any) -> list[str]:
+    first = values[0] if len(values) else ""
+    if isinstance(first, str):
+        return list(values)
+    if isinstance(first, (tuple, list)):
+        return [" ".join(words) for words in values]
+    if name in ("frequency_hz", "order"):
+        return frequencies(values)
+    if name == "phase_deg":
+        return phases(values)
+    if name == "coherence":
+        return fixed(values, 4)
+    if name.endswith("_dB"):
+        return levels(values)
+    return significant(values, 3 if name.split("_")[0] == "u" else 6)
+
+
+def words(names: Iterable[object]) -> list[str]:
+    """Names as cells; see `word`."""
+    return [word(name) for name in names]
 
 
 def write_table(
@@ -175,8 +217,108 @@ def write_table(
 
 
 def write_result(
-    path: Path, verb: str, found: Any, about: Iterable[str], columns: Sequence[str], blocks: Iterable[str]
+    path: Path, verb: str, found: Any, about: Iterable[str], tables: Iterable[Mapping[str, Any]]
 ) -> None:
-    """Write the table of one result; its header says which verb made it, and ends with its settings and notes."""
+    """Write one result: named columns as `table_lines` takes them, one set after the other.
+
+    The header says which verb made it, and ends with its settings and notes.
+    """
     header = [f"specan {__version__} {verb}", *about, f"settings: {found.settings}", *found.notes]
-    write_table(path, header, columns, blocks)
+    parts = iter(tables)
+    first = next(parts)
+    write_table(path, header, list(first), map(table_lines, chain([first], parts)))
+
+
+# A name as a cell of a table: read back as it was by pandas, R and spreadsheets, whatever it holds.
+#
+# The rule, in the order in which it is applied:
+#
+# 1. A backslash is doubled; characters that end a cell or a line and those that UTF-8 does not have become
+#    ``\t``, ``\n``, ``\r``, ``\x1b``, ``\u2028``, ``\udcff`` (a byte of a file name that is not UTF-8).
+# 2. Before ``=``, ``+``, ``-``, ``@`` or an apostrophe at the beginning of a longer text stands an apostrophe, so
+#    that no spreadsheet takes it for a formula.
+# 3. A text with ``#`` or ``"``, or with a blank at its beginning or end, stands between ``"``; ``"`` within it is
+#    doubled.
+#
+# Ordinary names are not touched. Different names give different cells, and `plain` gives back the name.
+
+_SHORT = {"\t": "\\t", "\n": "\\n", "\r": "\\r", "\\": "\\\\"}
+# Controls, surrogates, separators of lines and of paragraphs.
+_UNSEEN = {"Cc", "Cs", "Zl", "Zp"}
+_FORMULA = ("=", "+", "-", "@", "'")
+_ESCAPE = re.compile(r"\\(x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8}|.)")
+_LETTERS = {"t": "\t", "n": "\n", "r": "\r", "\\": "\\"}
+
+
+def escaped(text: str) -> str:
+    r"""Rule 1: one line of UTF-8, whatever the text holds.
+
+    Examples
+    --------
+    >>> escaped("Mic\t1"), escaped("a\\b"), escaped("bad\udcff")
+    ('Mic\\t1', 'a\\\\b', 'bad\\udcff')
+    """
+    if text.isascii() and text.isprintable() and "\\" not in text:
+        return text
+    return "".join(_escape(c) for c in text)
+
+
+def harmless(text: object) -> str:
+    """Rules 1 and 2, for writers that quote by themselves.
+
+    Examples
+    --------
+    >>> harmless("=1+1"), harmless("-"), harmless("Mic 1")
+    ("'=1+1", '-', 'Mic 1')
+    """
+    found = escaped(str(text))
+    return f"'{found}" if len(found) > 1 and found.startswith(_FORMULA) else found
+
+
+def word(text: object) -> str:
+    r"""A cell of a tab-separated table.
+
+    Examples
+    --------
+    >>> word("Mic 1"), word("Mic #1"), word('5" pipe'), word("a\tb")
+    ('Mic 1', '"Mic #1"', '"5"" pipe"', 'a\\tb')
+    """
+    found = harmless(text)
+    if "#" in found or '"' in found or found != found.strip():
+        return '"' + found.replace('"', '""') + '"'
+    return found
+
+
+def cells(line: str) -> list[str]:
+    """The cells of one line of a table, without quotation marks.
+
+    Examples
+    --------
+    >>> cells('a.tdms\\t"Mic #1"\\t94.000')
+    ['a.tdms', 'Mic #1', '94.000']
+    """
+    line = line.rstrip("\n")
+    return line.split("\t") if '"' not in line else next(csv.reader([line], delimiter="\t"))
+
+
+def plain(cell: str) -> str:
+    r"""The name that a cell, read without its quotation marks, stands for.
+
+    Examples
+    --------
+    >>> plain("'=1+1"), plain("Mic\\t1"), plain("a\\\\b")
+    ('=1+1', 'Mic\t1', 'a\\b')
+    """
+    found = cell[1:] if len(cell) > 1 and cell.startswith("'") else cell
+    return _ESCAPE.sub(lambda m: _LETTERS.get(m[1], chr(int(m[1][1:], 16)) if len(m[1]) > 1 else m[0]), found)
+
+
+def _escape(character: str) -> str:
+    if character in _SHORT:
+        return _SHORT[character]
+    if unicodedata.category(character) not in _UNSEEN:
+        return character
+    code = ord(character)
+    if code < 0x100:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from specan.data.channel import Role
-from specan.data.sensor import gain_of, is_known, si_unit
+from specan.data.channel import Role, gain_of, is_known, si_unit
 from specan.errors import RequestError
 
 SAMPLE_UNIT_KEYS = ("unit_string", "Unit_String", "NI_UnitDescription")

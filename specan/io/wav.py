@@ -190,4 +190,4 @@ def recognises(start: bytes) -> bool:
     return start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE"
 
 
-open_recording = open_wav  # as a format; see `specan.io.formats`
+open_recording = open_wav  # as a format; see `specan.io.open`

@@ -236,7 +236,11 @@ def _plugins(model: str) -> list[Effect]:
     return found
 
 
-_FILES = (("room", "mesh"),)  # keys whose values are paths
+_FILES = (
+    ("room", "mesh"),
+    ("background", "recording"),
+    ("air", "temperature_log"),
+)  # keys whose values are paths
 
 
 def read_rig_file(path: Path) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from specan.errors import RequestError
 from specan.models.check import check_effect, conditions_over_limits
 from specan.models.effect import Effect, ParameterName, Use
+from specan.models.from_function import place_of
 from specan.models.model import Assembly, Model
 from specan.models.trial import check_units, try_assembly, try_model
-from specan.models.user_code import place_of
 
 Array = NDArray[np.float64]
 Conditions = Mapping[str, Array]

@@ -9,9 +9,9 @@ from typing import Any, Protocol
 
 from specan.errors import ComputationError, RequestError, SpecanError, nearest
 from specan.models.effect import Effect, Parameter, ParameterName, Use
+from specan.models.from_function import place_of, users_mistake
 from specan.models.loops import FixedPoint, components, cut
 from specan.models.quantity import Condition, Quantity
-from specan.models.user_code import place_of, users_mistake
 from specan.units import convert
 
 BASE = "base"  # the name of the part of a quantity that is not an effect's
@@ -119,7 +119,7 @@ class Evaluator:
         known.update(conditions)
         parts: dict[str, dict[str, Any]] = {}
         needed = self._needed(tuple(wanted)) if wanted is not None else None
-        touched = self._downstream(tuple(changed)) if after is not None else None
+        touched = self.downstream(tuple(changed)) if after is not None else None
         for loop, order, guessed in self._plan:
             if after is not None and touched is not None and not touched.intersection(loop):
                 known.update((name, after.values[name]) for name in loop if name in after.values)
@@ -204,7 +204,7 @@ class Evaluator:
     def _downstream_cache(self) -> dict[tuple[str, ...], set[str]]:
         return {}
 
-    def _downstream(self, changed: tuple[str, ...]) -> set[str]:
+    def downstream(self, changed: tuple[str, ...]) -> set[str]:
         """Quantities that depend on any of the parameters."""
         if changed not in self._downstream_cache:
             touched: set[str] = set()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,7 +12,6 @@ from typing import Any
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Parameter
 from specan.models.quantity import KIND, Condition, Frf, Observable, Quantity, SettingError, rig_statement
-from specan.models.user_code import PREFIX, place_of
 from specan.units import base_unit, convert
 
 _FORMS = "a number, (value, low, high), (value, low, high, unit), or dict(value=, min=, max=, vary=, unit=)"
@@ -263,3 +263,58 @@ def _as_words(name: str, given: Any) -> dict[str, Any]:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+PREFIX = "specan_user_"  # of the module names under which users' files are loaded
+
+
+_ARRAYS = "functions receive arrays, one value a row: use numpy's, np.sqrt for math.sqrt and np.where for if"
+
+
+def _wants_single_values(fault: BaseException) -> bool:
+    """Whether a function of single numbers was given an array."""
+    text = str(fault)
+    return any(w in text for w in ("truth value of an array", "0-dimensional arrays", "length-1 arrays"))
+
+
+def users_mistake(fault: Exception, function: Callable[..., Any], name: str) -> RequestError | None:
+    """An exception of a quantity or an effect as a mistake in the user's file that it comes from; None if from none.
+
+    Parameters
+    ----------
+    fault : Exception
+        What it raised.
+    function : callable
+    name : str
+        Identifier of the quantity or effect, for the message.
+    """
+    code = getattr(function, "__code__", None)
+    if code is None or not str(getattr(function, "__module__", "")).startswith(PREFIX):
+        return None
+    lines = [f.lineno for f in traceback.extract_tb(fault.__traceback__) if f.filename == code.co_filename]
+    return RequestError(
+        f"{code.co_filename}, line {lines[-1] if lines else code.co_firstlineno}: {name!r} fails "
+        f"({type(fault).__name__}: {fault})",
+        remedy=_ARRAYS if _wants_single_values(fault) else "correct that line",
+    )
+
+
+class Instead:
+    """What is called in place of a user's own function; messages name that one's file and line."""
+
+    def __init__(self, function: Callable[..., Any], own: Callable[..., Any]) -> None:
+        self._called = function
+        self.function = getattr(own, "function", own)
+        self.__code__ = getattr(own, "__code__", None)
+        self.__module__ = str(own.__module__)
+
+    def __call__(self, *given: Any, **parameters: Any) -> Any:
+        """Its value."""
+        return self._called(*given, **parameters)
+
+
+def place_of(function: Any) -> str:
+    """File and line of a function, for messages."""
+    function = getattr(function, "function", function)
+    code = getattr(function, "__code__", None)
+    return f"{code.co_filename}, line {code.co_firstlineno}" if code else repr(function)

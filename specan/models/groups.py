@@ -16,8 +16,8 @@ import numpy as np
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Parameter
+from specan.models.from_function import Instead
 from specan.models.quantity import Condition, Quantity, SettingError
-from specan.models.user_code import Instead
 
 ModelT = TypeVar("ModelT", bound=Any)  # a `specan.models.model.Model`, which this module is a part of
 START = 0.1  # share of a parameter's range at which a fit begins to look for a difference

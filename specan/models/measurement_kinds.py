@@ -178,7 +178,7 @@ class ReceiverErrors:
 
     position_m: float | Array
     calibration_dB: float | Array
-    calibration_phase_deg: float
+    calibration_phase_deg: float | Array
     discrepancy: float
     detuning: float
     frame_m: float = 0.0
@@ -321,10 +321,13 @@ class Receivers:
         Where the source may be, if the model can move it.
     modes : NamedModes, optional
         Names of the field's modes, if the model knows any.
-    block_s : float
-        Length of the blocks of the analysis; its inverse is the distance of lines.
+    block_s : float, optional
+        Length of the blocks of the analysis; its inverse is the distance of lines. Of each recording its own, by how
+        long the field rings, where none is given.
     left_out_hz : tuple of pairs of float
         Bands whose lines are not looked at.
+    background : str, optional
+        Path of a recording of the receivers while the source is silent.
     """
 
     axis: str
@@ -346,5 +349,6 @@ class Receivers:
     placed: PlacedEffects | None = None
     source: SourcePlaces | None = None
     modes: NamedModes | None = None
-    block_s: float = 1.0
+    block_s: float | None = None
     left_out_hz: tuple[tuple[float, float], ...] = ()
+    background: str | None = None

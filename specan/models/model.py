@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from specan.errors import RequestError, nearest
 from specan.models.effect import Effect, Use
 from specan.models.evaluation import Evaluator
-from specan.models.from_function import as_declared, fields_from_functions, name_of, title_of
+from specan.models.from_function import PREFIX, as_declared, fields_from_functions, name_of, title_of
 from specan.models.groups import check_groups, with_groups
 from specan.models.loops import components
 from specan.models.measurement_kinds import OrderLines, Receivers, TableRules
 from specan.models.quantity import Condition, Frf, Observable, Quantity, RigStatement, rig_statement
-from specan.models.user_code import PREFIX
 
 
 @dataclass(frozen=True)
@@ -364,7 +364,15 @@ class Model:
                 raise RequestError(
                     f"{use.name} acts everywhere, not at {use.at!r}", remedy=f"use {use.name!r}"
                 )
-        return Assembly(self, tuple(sorted(parsed)))
+        chosen = tuple(sorted(parsed))
+        if chosen not in self._assemblies:
+            self._assemblies[chosen] = Assembly(self, chosen)
+        return self._assemblies[chosen]
+
+    @cached_property
+    def _assemblies(self) -> dict[tuple[Use, ...], Assembly]:
+        """Those made before: a search asks for the same ones again, and each knows its order of evaluation."""
+        return {}
 
     def candidates(self, assembly: Assembly) -> tuple[Use, ...]:
         """Uses of effects that the assembly lacks, one for each element of the axis they act at.

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from specan.errors import RequestError
 from specan.models.effect import Parameter
 from specan.models.evaluation import Evaluation
+from specan.models.from_function import PREFIX, place_of
 from specan.models.model import Assembly, Model
-from specan.models.user_code import PREFIX, place_of
 from specan.units import base_unit, convert, same_dimension, with_unit
 
 LIMIT_S = 20.0  # of one evaluation: a diagnosis takes hundreds

@@ -14,14 +14,19 @@ from specan import __version__
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.run import BatchReport
 from specan.analysis.batch.settings import BatchSettings
-from specan.io.text_cell import cells, plain
-from specan.report.channel_lines import Styles, draw_thin, grouped, outer_lines
+from specan.io.results_text import cells, plain
 from specan.report.figure_style import (
+    Styles,
+    draw_thin,
+    grouped,
     heading,
     legend_above,
     level_label,
+    level_limits,
     new_figure,
     octave_axis,
+    outer_lines,
+    phase_axis,
     styled,
     with_gaps,
 )
@@ -168,7 +173,7 @@ def transfer_figure(
         values = channels[channel]
         axes[-2].plot(values[0], with_gaps(values[2]), linewidth=0.9, **style)
         axes[-1].plot(values[0], values[3], linewidth=0.9, **style)
-    axes[-2].set(ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90))
+    phase_axis(axes[-2])
     axes[-1].set(ylabel="Coherence", ylim=(0, 1.05))
     x = np.concatenate([values[0] for values in channels.values()])
     return _finished(figure, list(axes), x, name, facts)
@@ -185,9 +190,8 @@ def band_figure(
     for panel, (reference, names) in zip(axes, groups.items(), strict=True):
         x, level = channels[names[0]][0], np.array([channels[n][1] for n in names])
         draw_bands(panel, _edges(x), level, names)
-        known = level[np.isfinite(level)]
-        if known.size:
-            panel.set_ylim(max(float(known.min()), float(known.max()) - 90.0) - 3.0, float(known.max()) + 4.0)
+        if np.isfinite(level).any():
+            panel.set_ylim(*level_limits(level, 90.0, above=4.0))
         panel.set_ylabel(level_label(reference) if reference else "Level / dB")
         legend_above(panel)
     edges = np.concatenate([_edges(values[0]) for values in channels.values()])

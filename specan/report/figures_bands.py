@@ -1,4 +1,4 @@
-"""Figures of band levels and of their histories."""
+"""Figures of band levels and their histories, of levels of channels, and of decay times."""
 
 from __future__ import annotations
 
@@ -6,18 +6,29 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.data.band_levels import BandLevels
-from specan.report.channel_lines import Styles, grouped, outer_lines
+from specan.data.decay import DecayTimes
+from specan.data.levels import SignalLevels
 from specan.report.figure_style import (
+    COLOURS,
+    FEW,
+    Styles,
+    chosen,
+    draw_range,
+    grouped,
     heading,
     legend_above,
     legend_below,
     level_label,
+    level_limits,
     micro,
     new_figure,
     octave_axis,
+    outer_lines,
     styled,
+    styles_of,
 )
 
 if TYPE_CHECKING:
@@ -110,12 +121,9 @@ def _draw_totals(axes: Axes, found: BandLevels, rows: Sequence[int], colours: di
 
 
 def _limit(axes: Axes, found: BandLevels, rows: Sequence[int]) -> None:
-    """From the highest level down to the lowest, but no further than the dynamics of a converter."""
     shown = np.concatenate([found.level_dB[rows].ravel(), *(v[rows] for v in found.overall_dB.values())])
-    finite = shown[np.isfinite(shown)]
-    if finite.size:
-        top = float(finite.max())
-        axes.set_ylim(max(float(finite.min()), top - _DYNAMICS_DB) - 3.0, top + 4.0)
+    if np.isfinite(shown).any():
+        axes.set_ylim(*level_limits(shown, _DYNAMICS_DB, above=4.0))
 
 
 @styled
@@ -171,3 +179,90 @@ def _loudest(found: BandLevels) -> str:
             level = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
             texts.append(f"L{name} {level} dB re {micro(text)}")
     return "Overall: " + "; ".join(texts) if texts else ""
+
+
+@styled
+def figure_levels(found: SignalLevels) -> Figure:
+    """Level of every channel with what its time-weighted level did; one pair of axes a level reference.
+
+    A thin bar runs from the lowest to the highest time-weighted level, a thick one over the outer percentiles.
+    """
+    rows = grouped(reference.text for reference in found.references)
+    figure = new_figure(1.5 + 0.55 * len(rows) + 0.17 * len(found.channels))
+    sheet = figure.subplots(
+        len(rows), 1, squeeze=False, height_ratios=[len(mine) + 1 for mine in rows.values()]
+    )
+    for axes, (text, mine) in zip(sheet[:, 0], rows.items(), strict=True):
+        _draw(axes, found, mine)
+        axes.set_xlabel(level_label(text))
+    legend_below(figure, sheet[0, 0])
+    stop = found.start_s + found.duration_s
+    loudest = [
+        f"{found.channels[mine[k]]} {found.level_dB[mine[k]]:.1f} dB"
+        for mine in rows.values()
+        if np.isfinite(found.level_dB[mine]).any() and len(mine) > 1
+        for k in [int(np.nanargmax(found.level_dB[mine]))]
+    ]
+    heading(
+        figure, found.label or "Levels",
+        f"{found.start_s:g} s to {stop:g} s, time weighting {found.averaging}, {found.weighting} weighting for Pa",
+        f"Highest level: {', '.join(loudest)}" if loudest else "",
+    )  # fmt: skip
+    return figure
+
+
+def _draw(axes: Axes, found: SignalLevels, rows: list[int]) -> None:
+    places = np.arange(len(rows))
+    ordered = sorted(found.percentile_dB)
+
+    def finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(np.isfinite(values[rows]), values[rows], np.nan)
+
+    axes.hlines(
+        places, finite(found.min_dB), finite(found.max_dB), color=COLOURS[4], lw=1,
+        label="lowest to highest",
+    )  # fmt: skip
+    if len(ordered) > 1:
+        most, least = ordered[0], ordered[-1]
+        axes.hlines(
+            places, finite(found.percentile_dB[least]), finite(found.percentile_dB[most]), color=COLOURS[4],
+            lw=6, alpha=0.6, label=f"L{least:g} to L{most:g}",
+        )  # fmt: skip
+    axes.plot(finite(found.level_dB), places, "o", color=COLOURS[0], ms=5, label="level")
+    if np.isfinite(found.equivalent_dB["A"][rows]).any():
+        axes.plot(finite(found.equivalent_dB["A"]), places, "^", color=COLOURS[1], ms=5, label="Leq A")
+    axes.set_yticks(places, [found.channels[r] for r in rows])
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.grid(False, axis="y")
+
+
+@styled
+def figure_decay(found: DecayTimes) -> Figure:
+    """Reverberation time T20 with its standard deviation, and clarity C80, of every channel."""
+    figure = new_figure(5.8)
+    times, clarity = figure.subplots(2, 1, sharex=True)
+    many = len(found.channels) > FEW
+    if many:
+        draw_range(times, found.exact_hz, found.t20_s)
+        draw_range(clarity, found.exact_hz, found.c80_dB)
+    for row, style in styles_of(chosen(found.t20_s), many).items():
+        times.errorbar(
+            found.exact_hz, found.t20_s[row], found.u_t20_s[row], marker="o", markersize=4, capsize=3,
+            label=found.channels[row], **style,
+        )  # fmt: skip
+        clarity.plot(found.exact_hz, found.c80_dB[row], marker="o", markersize=4, **style)
+    times.set_ylabel("Reverberation time T20 / s")
+    clarity.set_ylabel("Clarity C80 / dB")
+    times.set_ylim(bottom=0.0)
+    edge = 10 ** (0.15 / found.fraction)
+    octave_axis(clarity, float(found.exact_hz[0] / edge), float(found.exact_hz[-1] * edge))
+    clarity.set_xlabel("Mid-band frequency / Hz")
+    figure.align_ylabels()
+    known = found.t20_s[np.isfinite(found.t20_s)]
+    result = f"T20 {known.min():.3g} to {known.max():.3g} s" if known.size else "No band has a decay of 20 dB"
+    heading(
+        figure, found.label or "Decay times",
+        f"1/{found.fraction} octave, ISO 3382-1; bars: one standard deviation", result,
+    )  # fmt: skip
+    legend_below(figure, times)
+    return figure

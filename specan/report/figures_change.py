@@ -1,4 +1,4 @@
-"""Figure of a step that changed the model: errors and residuals before and after."""
+"""Figures of a step that changed the model, before and after, and of the error after each step."""
 
 from __future__ import annotations
 
@@ -8,14 +8,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.report.channel_lines import draw_range
-from specan.report.figure_style import COLOURS, GREY, heading, legend_above, new_figure, octave_axis, styled
-from specan.report.measured_transfer import measured_transfer
+from specan.errors import RequestError
+from specan.report.figure_style import (
+    COLOURS,
+    GREY,
+    draw_range,
+    heading,
+    legend_above,
+    new_figure,
+    octave_axis,
+    styled,
+)
+from specan.report.figures_study_frf import measured_transfer
 from specan.report.residual_map import axis_text, map_axes
-from specan.report.study_words import fall_text, state_of
+from specan.report.study_words import fall_text, history_sentence, state_of
+from specan.study.history import History, Step
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.table import TableObservation
-from specan.units import printed_unit
+from specan.units import axis_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,14 +57,7 @@ def figure_change(change: Change) -> Figure:
     two.set_ylabel("")
     two.tick_params(labelleft=False)
     after = change.after
-    texts = [
-        f"{text}: {fall_text(a, b)}"
-        for text, a, b in (
-            ("Fitted", change.before.fit_error, after.fit_error),
-            ("held out", change.before.held_out_error, after.held_out_error),
-        )
-        if a is not None and b is not None
-    ]
+    texts = [f"{text.replace('fitted', 'Fitted')}: {fall_text(a, b)}" for text, a, b in _errors(change)]
     what = {"add": "with", "drop": "without"}.get(after.action, after.action)
     heading(
         figure, f"{change.study.directory.resolve().name}, step {after.step}: {what} {after.effect}",
@@ -63,23 +66,25 @@ def figure_change(change: Change) -> Figure:
     return figure
 
 
+def _errors(change: Change) -> list[tuple[str, Any, Any]]:
+    """Errors before and after, on the data that have both."""
+    before, after = change.before, change.after
+    pairs = (
+        ("fitted", before.fit_error, after.fit_error),
+        ("held out", before.held_out_error, after.held_out_error),
+    )
+    return [(text, a, b) for text, a, b in pairs if a is not None and b is not None]
+
+
 def _bars(axes: Axes, change: Change) -> None:
-    rows = [
-        (text, a, b)
-        for text, a, b in (
-            ("fitted", change.before.fit_error, change.after.fit_error),
-            ("held out", change.before.held_out_error, change.after.held_out_error),
-        )
-        if a is not None and b is not None
-    ]
+    rows = _errors(change)
     for place, (_, before, after) in enumerate(rows):
         for shift, value, colour, text in ((-0.2, before, BEFORE, "before"), (0.2, after, AFTER, "after")):
             axes.bar(place + shift, value["value"], 0.38, color=colour, label=text if place == 0 else "")
             axes.annotate(f"{value['value']:.2g}", (place + shift, value["value"]), (0, 2), ha="center",
                           textcoords="offset points", fontsize=7, color=GREY)  # fmt: skip
     error = change.after.fit_error
-    unit = printed_unit(error["unit"])
-    axes.set_ylabel(error["metric"].replace("_", " ") + (f" / {unit}" if unit else ""))
+    axes.set_ylabel(axis_label(error["metric"], error["unit"]))
     axes.set_xticks(range(len(rows)), [text for text, *_ in rows])
     axes.set_xlim(-0.6, len(rows) - 0.4)
     axes.grid(False, axis="x")
@@ -111,8 +116,7 @@ def _table_residuals(
         axes.axhspan(-reach, reach, color="0.92", lw=0)
     for text, colour, mine, shift in _groups(observation, first, order):
         axes.plot(x[mine] + shift, residual[mine], "o", ms=3, color=colour, label=text)
-    unit = printed_unit(study.model.observables[name].unit)
-    axes.set_ylabel(f"Model - measured {name.replace('_', ' ')}" + (f" / {unit}" if unit else ""))
+    axes.set_ylabel(axis_label(f"Model - measured {name}", study.model.observables[name].unit))
     axes.set_xlabel(axis_text(order[0], observation.variables) if order else "reading")
     if after and len(order) > 1:
         axes.legend(title=axis_text(order[1], observation.variables), ncols=3, loc="upper right",
@@ -158,3 +162,40 @@ def _level_errors(axes: Axes, observation: FrfObservation, predicted: NDArray[np
     axes.set(xlabel="Frequency / Hz", ylabel="Model - measured level / dB")
     axes.legend(loc="lower left")
     return float(np.clip(np.nanquantile(np.abs(error[np.isfinite(error)]), 0.995), 1.0, 20.0))
+
+
+@styled
+def figure_history(history: History) -> Figure:
+    """The error of every step on fitted and on held-out data, as a staircase with its numbers."""
+    steps = history.steps
+    if not steps:
+        raise RequestError("the history is empty", remedy="begin with specan study new")
+    figure = new_figure(3.7, float(np.clip(2.6 + 0.95 * len(steps), 5.2, 11.0)))
+    axes = figure.subplots()
+    draw_staircase(axes, steps)
+    axes.set_ylabel(axis_label(steps[-1].fit_error["metric"], steps[-1].fit_error["unit"]))
+    heading(figure, "Error after each step", history_sentence(steps))
+    return figure
+
+
+def draw_staircase(axes: Axes, steps: Sequence[Step]) -> None:
+    """One group of bars for each step: the error on fitted data, and on held-out data."""
+    kinds = [("fit_error", "fitted", COLOURS[0]), ("held_out_error", "held out", COLOURS[1])]
+    shown = [kind for kind in kinds if any(getattr(s, kind[0]) for s in steps)]
+    width = 0.76 / len(shown)
+    for place, (attribute, text, colour) in enumerate(shown):
+        errors = [getattr(s, attribute) for s in steps]
+        values = np.array([np.nan if e is None else e["value"] for e in errors])
+        at = np.arange(len(steps)) + (place - (len(shown) - 1) / 2) * width
+        axes.bar(at, values, width * 0.94, color=colour, label=text)
+        if len(steps) <= 8:
+            for x, value in zip(at, values, strict=True):
+                if np.isfinite(value):
+                    axes.annotate(f"{value:.3g}", (x, value), (0, 2), textcoords="offset points", ha="center",
+                                  fontsize=7, color=GREY)  # fmt: skip
+    names = [f"{s.action} {s.effect}".strip() for s in steps]
+    long = max(map(len, names)) * len(names) > 70
+    axes.set_xticks(range(len(steps)), names, rotation=25 if long else 0, ha="right" if long else "center")
+    axes.grid(False, axis="x")
+    axes.set_ylim(0, axes.get_ylim()[1] * 1.06)
+    axes.legend(loc="upper right")

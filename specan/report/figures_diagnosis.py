@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from specan.errors import RequestError
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
-from specan.study.verdict import Diagnosis, Ranked, headline
-from specan.units import printed_unit
+from specan.study.verdict import Diagnosis, NextMeasurements, Ranked, headline
+from specan.units import axis_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,9 +48,8 @@ def figure_diagnosis(found: Diagnosis) -> Figure:
     )
     axes.set_ylim(len(ranked) + first - 0.4, -0.6)
     axes.set_xlim(0, 1.28 * max([row.error_after for row in ranked] + [now.rms if now else 0.0]))
-    what = f"RMS error of {now.observable.replace('_', ' ')}" if now else "RMS error"
-    unit = printed_unit(now.unit) if now else ""
-    axes.set_xlabel(f"{what} that is left" + (f" / {unit}" if unit else ""))
+    what = f"RMS error of {now.observable}" if now else "RMS error"
+    axes.set_xlabel(axis_label(f"{what} that is left", now.unit if now else "1"))
     axes.grid(False, axis="y")
     fit = (
         "" if found.lack_of_fit is None else f"Model as it is: chi²/n {found.lack_of_fit.reduced_chi2:.3g}. "
@@ -78,7 +76,7 @@ def _name(row: Ranked) -> str:
 
 
 @styled
-def figure_next(rows: Sequence[dict[str, Any]]) -> Figure:
+def figure_next(found: NextMeasurements) -> Figure:
     """What the rivals expect of each proposed reading; the bars are two standard uncertainties of a reading.
 
     Raises
@@ -86,7 +84,7 @@ def figure_next(rows: Sequence[dict[str, Any]]) -> Figure:
     RequestError
         No condition is proposed.
     """
-    shown = [row for row in rows if row["predictions"]]
+    shown = [row for row in found.rows if row["predictions"]]
     if not shown:
         raise RequestError("no condition is proposed: there is nothing to draw", remedy="leave out --plot")
     most = max(len(row["predictions"]) for row in shown)
@@ -102,11 +100,7 @@ def figure_next(rows: Sequence[dict[str, Any]]) -> Figure:
         where = ", ".join(f"{name} = {value:.4g}" for name, value in row["conditions"].items())
         apart = "" if row["separation_sigma"] is None else f": {row['separation_sigma']:.1f} sigma apart"
         axes.set_title(f"{where}{apart}")
-    unit = "" if printed_unit(shown[-1]["unit"]) == "" else f" / {printed_unit(shown[-1]['unit'])}"
-    axes.set_xlabel(f"Expected reading{unit}")
-    heading(
-        figure,
-        "The next measurement",
-        "What each candidate expects of a reading; bars: two standard uncertainties of it",
-    )
+    axes.set_xlabel(axis_label("Expected reading", shown[-1]["unit"]))
+    bars = "bars: two standard uncertainties of it"
+    heading(figure, "The next measurement", f"What each candidate expects of a reading; {bars}")
     return figure

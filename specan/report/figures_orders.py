@@ -7,8 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from specan.data.orders import OrderSpectrum
-from specan.report.channel_lines import Styles, grouped, outer_lines
-from specan.report.figure_style import heading, legend_above, legend_below, level_label, new_figure, styled
+from specan.report.figure_style import (
+    Styles,
+    grouped,
+    heading,
+    legend_above,
+    legend_below,
+    level_label,
+    new_figure,
+    outer_lines,
+    styled,
+)
 from specan.units import level_reference
 
 if TYPE_CHECKING:

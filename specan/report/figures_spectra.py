@@ -10,15 +10,22 @@ from numpy.typing import NDArray
 
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.spectrum import Spectrogram, Spectrum
-from specan.report.channel_lines import FEW, Styles, draw_range, draw_thin, grouped, outer_lines
 from specan.report.figure_style import (
+    FEW,
+    Styles,
     band_about,
+    draw_range,
+    draw_thin,
+    grouped,
     heading,
     legend_above,
     legend_below,
+    level_limits,
     micro,
     new_figure,
     octave_axis,
+    outer_lines,
+    phase_axis,
     styled,
     with_gaps,
 )
@@ -42,10 +49,6 @@ def _frequency_axis(axes: Sequence[Axes], frequency_hz: NDArray[np.float64]) -> 
     positive = frequency_hz[frequency_hz > 0]
     octave_axis(axes[-1], float(positive[0]), float(positive[-1]))
     axes[-1].set_xlabel("Frequency / Hz")
-
-
-def _phase_axis(axes: Axes, text: str = "Phase / degrees") -> None:
-    axes.set(ylabel=text, ylim=(-190, 190), yticks=range(-180, 181, 90))
 
 
 @styled
@@ -76,7 +79,7 @@ def figure_frequency_response(found: FrequencyResponse, *, unwrapped: bool = Fal
         _magnitudes(panel, found, outer, relative, styles)
         panel.set_ylabel(f"Magnitude / dB re 1 {unit}")
         known = np.where(relative[rows] <= _KNOWN, level[rows], np.nan)
-        panel.set_ylim(*_limits(known if np.isfinite(known).any() else level[rows]))
+        panel.set_ylim(*level_limits(known if np.isfinite(known).any() else level[rows], _DYNAMICS_DB))
         if len(units) > 1:
             legend_above(panel)
     _phases(axes[len(units)], found, styles, unwrapped)
@@ -129,7 +132,7 @@ def _phases(axes: Axes, found: FrequencyResponse, styles: Styles, unwrapped: boo
     if unwrapped:
         axes.set_ylabel("Phase / degrees")
     else:
-        _phase_axis(axes)
+        phase_axis(axes)
 
 
 def _worth(found: FrequencyResponse, relative: NDArray[np.float64]) -> str:
@@ -146,15 +149,6 @@ def _worth(found: FrequencyResponse, relative: NDArray[np.float64]) -> str:
     return ", ".join(texts)
 
 
-def _limits(level: NDArray[np.float64]) -> tuple[float, float]:
-    """From the highest level down to the lowest, but no further than the dynamics of a converter."""
-    finite = level[np.isfinite(level)]
-    if not finite.size:
-        return 0.0, 1.0
-    top = float(finite.max())
-    return max(float(finite.min()), top - _DYNAMICS_DB) - 3, top + 3
-
-
 @styled
 def figure_spectrum(found: Spectrum) -> Figure:
     """Levels of every channel, one pair of axes a level reference, and the phase where there is one."""
@@ -168,7 +162,7 @@ def figure_spectrum(found: Spectrum) -> Figure:
     for panel, (text, rows) in zip(axes, references.items(), strict=False):
         for row in outer_lines(panel, f, level, rows, styles):
             panel.plot(f, level[row], label=found.channels[row], linewidth=1.0, **styles[row])
-        panel.set_ylim(*_limits(level[rows]))
+        panel.set_ylim(*level_limits(level[rows], _DYNAMICS_DB))
         panel.set_ylabel(f"Level / {micro(text)}")
         if len(references) > 1:
             legend_above(panel)
@@ -178,7 +172,7 @@ def figure_spectrum(found: Spectrum) -> Figure:
             phase = np.where(strong, found.phase_deg[row], np.nan)
             axes[-1].plot(f, phase, ".", color=style["color"], markersize=3)
         over = f" over {found.phase_reference}" if found.phase_reference else ""
-        _phase_axis(axes[-1], f"Phase{over} / degrees\nwithin {_PHASE_DB:.0f} dB of the peak")
+        phase_axis(axes[-1], f"Phase{over} / degrees\nwithin {_PHASE_DB:.0f} dB of the peak")
     scale = found.scale
     heading(
         figure, found.label or "Spectrum",
@@ -216,7 +210,7 @@ def figure_spectrogram(found: Spectrogram) -> Figure:
     f = found.frequency_hz[positive]
     for row, (name, unit, one) in enumerate(zip(found.channels, found.units, axes)):
         picture = level[row][:, positive].T
-        low, high = _limits(picture)
+        low, high = level_limits(picture, _DYNAMICS_DB)
         mesh = one.pcolormesh(
             found.time_s, f, picture, vmin=low, vmax=high, cmap="cividis", shading="nearest", rasterized=True
         )

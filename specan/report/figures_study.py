@@ -16,12 +16,13 @@ from specan.report.residual_map import axis_text, residual_map
 from specan.report.study_words import state_of
 from specan.study.observation import variable_named
 from specan.study.observation.table import TableObservation
-from specan.units import convert, printed_unit
+from specan.units import axis_label, convert
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from specan.study.comparison import Comparison
     from specan.study.study import Study
 
 FIGURES = {"frf": figure_compare_frf}  # kind of measurement: its figure; rows of a table without one
@@ -52,6 +53,11 @@ def figure_comparison(study: Study, channel: str | None = None) -> Figure:
     if not recorded or study.model.receivers is None:
         return figure_compare(study, channel)
     return figure_errors(study, recorded[0], recorded[0].number(channel))
+
+
+def figure_of_comparison(found: Comparison, channel: str | None = None) -> Figure:
+    """The same of a comparison that was made."""
+    return figure_comparison(found.study, channel)
 
 
 @styled
@@ -275,5 +281,4 @@ def figure_map(study: Study) -> Figure:
 
 
 def _quantity(study: Study, name: str) -> str:
-    unit = study.model.observables[name].unit
-    return name.replace("_", " ").capitalize() + (f" / {printed_unit(unit)}" if printed_unit(unit) else "")
+    return axis_label(name.capitalize(), study.model.observables[name].unit)

@@ -1,22 +1,26 @@
-"""Figures of a study that rests on recordings: measured transfer functions beside the model's."""
+"""Figures of a study of recordings: measured transfer functions, with their uncertainty, beside the model's."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.report.figure_style import (
     COLOURS,
+    band_about,
     heading,
     legend_below,
+    level_limits,
     new_figure,
     octave_axis,
+    phase_axis,
     styled,
     with_gaps,
 )
-from specan.report.measured_transfer import MeasuredTransfer, level_dB, measured_transfer, phase_deg
 from specan.report.study_words import state_of
 from specan.study.observation.frf import FrfObservation
 from specan.units import printed_unit
@@ -28,6 +32,7 @@ if TYPE_CHECKING:
 
 MOST_CHANNELS = 3  # columns of the figure: those that the model misses most
 _DYNAMICS_DB = 70.0
+BAND: dict[str, Any] = {"color": "0.6", "alpha": 0.6, "linewidth": 0}
 
 
 @styled
@@ -50,11 +55,9 @@ def figure_compare_frf(study: Study, channel: str | None = None) -> Figure:
         _draw(found, row, axes)
     used = np.isfinite(found.measured[chosen]).any(axis=0)
     octave_axis(grid[-1, 0], float(found.frequency_hz[used].min()), float(found.frequency_hz[used].max()))
-    levels = level_dB(found.measured[chosen])
-    top = float(np.nanmax(levels))
-    grid[0, 0].set_ylim(max(float(np.nanmin(levels)), top - _DYNAMICS_DB) - 3, top + 3)
+    grid[0, 0].set_ylim(*level_limits(level_dB(found.measured[chosen]), _DYNAMICS_DB))
     grid[0, 0].set_ylabel(f"Magnitude / dB re 1 {printed_unit(unit)}")
-    grid[1, 0].set(ylabel="Phase / degrees", ylim=(-190, 190), yticks=range(-180, 181, 90))
+    phase_axis(grid[1, 0])
     grid[2, 0].set_ylabel("Model -\nmeasured / dB")
     error = np.abs(found.error_dB[chosen])
     reach = float(np.clip(np.nanquantile(error, 0.98), 1.0, 20.0))
@@ -82,15 +85,20 @@ def _number(found: MeasuredTransfer, channel: str) -> int:
     return found.channels.index(channel)
 
 
-def _draw(found: MeasuredTransfer, row: int, axes: Any) -> None:
+def draw_response(found: MeasuredTransfer, row: int, level: Any, phase: Any) -> None:
+    """Level with its band and phase of one channel, measured and model."""
     f, (low, high) = found.frequency_hz, found.band_dB()
-    band = {"color": "0.6", "alpha": 0.6, "linewidth": 0}
-    axes[0].fill_between(f, low[row], high[row], label="measured, 95 %", **band)
+    level.fill_between(f, low[row], high[row], label="measured, 95 %", **BAND)
     lines = (("measured", found.measured, "0.15", "-"), ("model", found.model, COLOURS[1], "--"))
     for text, response, colour, dash in lines:
-        axes[0].plot(f, level_dB(response[row]), color=colour, linestyle=dash, linewidth=1.0, label=text)
+        level.plot(f, level_dB(response[row]), color=colour, linestyle=dash, linewidth=1.0, label=text)
         shown = with_gaps(phase_deg(response[row]))
-        axes[1].plot(f, shown, color=colour, linestyle=dash, linewidth=1.0)
+        phase.plot(f, shown, color=colour, linestyle=dash, linewidth=1.0)
+
+
+def _draw(found: MeasuredTransfer, row: int, axes: Any) -> None:
+    draw_response(found, row, axes[0], axes[1])
+    f, (low, high), band = found.frequency_hz, found.band_dB(), BAND
     reach, phase = 2 * found.u_phase_deg[row], with_gaps(phase_deg(found.measured[row]))
     axes[1].fill_between(f, phase - reach, phase + reach, **band)
     level = level_dB(found.measured[row])
@@ -98,3 +106,98 @@ def _draw(found: MeasuredTransfer, row: int, axes: Any) -> None:
     axes[2].plot(f, found.error_dB[row], color=COLOURS[1], linewidth=0.9)
     axes[0].set_title(found.channels[row])
     axes[2].set_xlabel("Frequency / Hz")
+
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTransfer:
+    """One recording's transfer functions; NaN at lines that are not in use.
+
+    Attributes
+    ----------
+    name : str
+        The recording.
+    channels : tuple of str
+    frequency_hz : array (lines,)
+    measured, model : complex array (channels, lines)
+        The model's as the analysis would see it, through the same windows.
+    u_relative : array (channels, lines)
+        Standard uncertainty of the measured magnitude over the magnitude: noise, place, calibration and the model's
+        declared discrepancy.
+    u_phase_deg : array (channels, lines)
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    frequency_hz: Array
+    measured: Complex
+    model: Complex
+    u_relative: Array
+    u_phase_deg: Array
+
+    def band_dB(self) -> tuple[Array, Array]:
+        """Levels two standard uncertainties below and above the measured one."""
+        return band_about(level_dB(self.measured), 2 * self.u_relative)
+
+    @property
+    def error_dB(self) -> Array:
+        """Level of the model less that of the measurement."""
+        return np.asarray(level_dB(self.model) - level_dB(self.measured))
+
+    def by_misfit(self) -> list[int]:
+        """Numbers of the channels in use, that with the largest error in units of the uncertainty first."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            off = np.abs(self.model - self.measured) / (np.abs(self.measured) * self.u_relative)
+        share = [float(np.nanmean(row**2)) if np.isfinite(row).any() else 0.0 for row in off]
+        used = np.asarray(np.isfinite(self.measured).any(axis=1), dtype=bool)
+        return [int(k) for k in np.argsort(share, kind="stable")[::-1] if used[k]]
+
+
+def measured_transfer(observation: FrfObservation, predicted: Array) -> MeasuredTransfer:
+    """What was measured and what a model expects in its place.
+
+    Parameters
+    ----------
+    observation : FrfObservation
+    predicted : array (observation.n,)
+        Real parts, then imaginary parts, of the rows in use.
+
+    Notes
+    -----
+    What is common to a microphone's lines is a set of complex directions ``s``; along the measured value
+    they change the magnitude, across it the phase: with ``s/H``, the real part is relative, the imaginary part
+    is in radians.
+    """
+    kept = observation.kept
+    measured = np.where(kept, observation.response, np.nan)
+    model = np.full(kept.shape, np.nan, dtype=complex)
+    half = observation.n // 2
+    model[kept] = predicted[:half] + 1j * predicted[half:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turned = observation.common / measured[..., None]
+        noise = observation.noise / np.abs(measured)
+    along = np.sqrt(noise**2 + np.sum(turned.real**2, axis=-1))
+    across = np.sqrt(noise**2 + np.sum(turned.imag**2, axis=-1))
+    return MeasuredTransfer(
+        observation.name,
+        observation.channels,
+        observation.frequency_hz,
+        measured,
+        model,
+        along,
+        np.degrees(across),
+    )
+
+
+def level_dB(response: Complex) -> Array:
+    """``20 log10 |H|``, minus infinity of zero."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(20 * np.log10(np.abs(response)))
+
+
+def phase_deg(response: Complex) -> Array:
+    """Phase in (-180, 180] degrees."""
+    return np.asarray(np.degrees(np.angle(response)))

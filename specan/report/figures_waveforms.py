@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from specan.data.channel import Channel
 from specan.data.recording import Recording
-from specan.dsp.extremes import low_and_high
+from specan.dsp.statistics import low_and_high
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from specan.data.impulse_response import ImpulseResponses
+    from specan.data.decay import ImpulseResponses
 
 MOST_CHANNELS = 32
 _COLUMNS = 1500  # of the picture

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
-from specan.models.chosen_model import ChosenModel
-from specan.models.prediction import grid
+from specan.models.chosen_model import ChosenModel, grid
 from specan.models.worm_gear.simulated_table import simulated_table
 from specan.report.figure_style import COLOURS, heading, new_figure, styled
 from specan.units import convert

@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
+from specan.report.figures_change import figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
-from specan.report.figures_history import figure_history
 from specan.report.figures_study import figure_compare, figure_map
 from specan.report.html_page import bullets, page, picture, table
 from specan.report.residual_map import map_axes
@@ -21,10 +21,11 @@ from specan.report.study_words import fall_text
 from specan.study.history import History, Step, diagnosis_of
 from specan.study.study_file import NAME
 from specan.study.verdict import headline, headline_of, reason
-from specan.units import printed_unit
+from specan.units import axis_label, printed_unit
 
 if TYPE_CHECKING:
-    from specan.study.study import Comparison, Study
+    from specan.study.comparison import Comparison
+    from specan.study.study import Study
     from specan.study.verdict import Diagnosis
 
 MOST_RIVALS = 5  # candidates that a step names beside the one that was added
@@ -116,14 +117,8 @@ def _led_to(content: Mapping[str, Any] | None, before: Step) -> list[str]:
 
 
 def _header(step: Step) -> list[str]:
-    unit = printed_unit(step.fit_error["unit"])
-    return [
-        "candidate",
-        "error left" + (f" / {unit}" if unit else ""),
-        "fall in BIC",
-        "p",
-        "gain on left-out conditions",
-    ]
+    left = axis_label("error left", step.fit_error["unit"])
+    return ["candidate", left, "fall in BIC", "p", "gain on left-out conditions"]
 
 
 def _candidate(row: Mapping[str, Any]) -> list[Any]:

@@ -15,6 +15,7 @@ from specan.study.estimation.fit import NORMAL_95, Fit
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.selection.candidates import grouped_by
+from specan.study.selection.pulls import TOO_FAR
 from specan.study.study_file import EffectEntry, ParameterEntry, StudyFile
 from specan.units import convert, scale_to
 
@@ -212,7 +213,7 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
     """Fitted parameters with 95 % intervals from the covariance, in their declared units.
 
     The interval ends at the domain. `plausible` is false where the value lies outside the declared
-    plausible range by more than two standard uncertainties.
+    plausible range by more than two standard uncertainties, or more than three of its certificate off.
     """
     table: dict[str, dict[str, Any]] = {}
     low, high = problem.bounds()
@@ -221,13 +222,19 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
         parameter = problem.assembly.parameters[name.whole]
         value, sd = float(best.theta[k]), best.standard_error(name) * widen
         least, most = problem.plausible(name.whole)
+        prior = problem.priors.get(name.whole)
+        within = (
+            least - 2 * sd <= value <= most + 2 * sd
+            if prior is None
+            else abs(value - prior[0]) <= TOO_FAR * prior[1]
+        )
         ends = max(value - NORMAL_95 * sd, low[k]), min(value + NORMAL_95 * sd, high[k])
         table[name] = {
             "value": parameter.from_si(value),
             "low": parameter.from_si(float(ends[0])),
             "high": parameter.from_si(float(ends[1])),
             "unit": parameter.unit,
-            "plausible": bool(least - 2 * sd <= value <= most + 2 * sd),
+            "plausible": bool(within),
             "at_bound": name in best.at_bound,
             "nuisance": name.whole in problem.priors,
         }

@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from specan.errors import ComputationError
+from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import MOST_ROWS, localise
 from specan.study.selection.acceptance import DECISIVE
-from specan.study.selection.doubtful_data import WHOLE, suspect_rows
+from specan.study.selection.alternatives import seen_from, sizes_beyond
+from specan.study.selection.doubtful_data import WHOLE, rows_of_two_kinds, suspect_rows
+from specan.study.selection.law_search import search_laws
 from specan.study.selection.pulls import ODDS, DataAlone, Pull, data_alone, stretched, what_would_tell
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
 from specan.study.selection.residual_law import residual_law
@@ -42,7 +46,7 @@ def conclude(search: Search, sets: Sequence[Refit]) -> Conclusion:
     """The verdict on a finished search and the sets that the data cannot tell from its best."""
     base, best = search.base, search.best
     if not best.uses:
-        return _of_base(search)
+        return _of_larger_size(search) or _of_base(search)
     names = _names(sets)
     if search.third is not None:
         return Conclusion(
@@ -65,13 +69,13 @@ def _with_doubts(explained: Explained) -> Conclusion:
         return found
     base, best = search.base, search.best
     left = best.lack_of_fit < WHOLE or bool(search.extensions) or _fails_somewhere(best)
-    left = left or (len(best.uses) == 1 and _follows_a_law(best))
-    several = len(best.uses) > 1 and not search.of_one_instrument(best)
+    left = left or _follows_a_law(best)
+    one = "" if left or len(best.uses) == 1 or search.of_one_instrument(best) else _one_unknown(search)
     reasons = []
     if left:
         reasons.append("something is left: its form is not exact, or another effect is there too")
-    elif several:
-        reasons.append("one unknown effect would explain the data as well")
+    elif one:
+        reasons.append(f"{one} would explain the data as well")
     second = [] if left else _second_possible(search)
     if second:
         reasons.append(f"a second effect may be there too, such as {' or '.join(second)}")
@@ -79,10 +83,69 @@ def _with_doubts(explained: Explained) -> Conclusion:
         reasons.append(
             f"it takes {_values(stretched(best))}: one unknown effect would explain the data as well"
         )
-    if base.lack_of_fit >= LACK_OF_FIT and search.too_far(base):
-        reasons.append(f"without it the model fits only with {_values(search.too_far(base))}")
-    suspect = bool(suspect_rows(base) or stretched(best) or better_but_too_far(search, sets))
-    return replace(found, reason="; ".join(reasons), doubt=left or bool(second) or several or suspect)
+    named = {
+        str(use) for one in sets for use in one.uses
+    }  # an instrument that is named is no other explanation
+    far = [pull for pull in search.too_far(base) if pull.parameter.owner not in named]
+    held = far if base.lack_of_fit >= LACK_OF_FIT else []
+    if held:
+        reasons.append(f"without it the model fits only with {_values(held)}")
+    beyond = [
+        f"{_names([rival])} fits as well, with {_values(values)}"
+        for rival, values in sizes_beyond(search, sets)
+    ]
+    reasons += beyond[:MOST_PULLS]
+    suspect = bool(
+        suspect_rows(base)
+        or rows_of_two_kinds(base)
+        or stretched(best)
+        or held
+        or beyond
+        or better_but_too_far(search, sets)
+    )
+    if not (reasons or suspect) and len(sets) == 1:
+        reasons.append("no other explanation in the catalogue fits as well, and nothing is left")
+    return replace(found, reason="; ".join(reasons), doubt=left or bool(second) or bool(one) or suspect)
+
+
+def _one_unknown(search: Search) -> str:
+    """One effect outside the catalogue that the data admit as well as a set of several: a law of the grammar.
+
+    It is fitted beside the base where that is with the set, and is as likely unless its BIC is higher by more than 6.
+    Where no law can be fitted, and where the effects cancel each other, one unknown effect is always possible.
+    """
+    base, best = search.base, search.best
+    if not _has_independent_rows(best.problem):
+        return "one unknown effect"
+    if _cancel(best):
+        return "the effects largely cancel each other, and one unknown effect"
+    try:
+        laws = search_laws(seen_from(search.step(base).seen, best)).laws
+    except ComputationError:
+        return "one unknown effect"
+    price = float(np.log(best.problem.n_effective))
+    likely = [
+        law
+        for law in laws
+        if law.chi2 / best.dispersion + price * (1 + len(law.shapes)) < best.bic(best.dispersion) + DECISIVE
+    ]
+    law = " x ".join(likely[0].formula.family).replace("_", " ") if likely else ""
+    return f"one unknown effect ({law})" if law else ""
+
+
+def _cancel(best: Refit) -> bool:
+    """Whether the effects of a set change the data less together than each of them does, beside the base refitted."""
+    fit, uses = best.fit, {str(use): use for use in best.uses}
+    columns = fit.jacobian * best.weights[:, None]
+    base = [k for k, name in enumerate(fit.names) if name.owner not in uses]
+    beside = Projection.of(fit.residual * best.weights, columns[:, base])
+    changes = np.zeros((len(uses), fit.residual.size))
+    for row, use in zip(changes, uses.values(), strict=True):
+        neutral = best.problem.assembly.model.effects[use.name].neutral_si
+        for k, name in enumerate(fit.names):
+            if name.owner == str(use) and name.own in neutral:
+                row += beside.project_out(columns[:, k] * (fit.theta[k] - neutral[name.own]))
+    return bool(np.sum(changes.sum(axis=0) ** 2) < np.sum(changes**2, axis=1).min())
 
 
 def _second_possible(search: Search) -> list[str]:
@@ -104,6 +167,15 @@ def _second_possible(search: Search) -> list[str]:
     return [f"{name} (p = {p:.1g})" for p, name in sorted(found)[:MOST_SECOND]]
 
 
+def _of_larger_size(search: Search) -> Conclusion | None:
+    """An effect that would be named if its size were known to be so large; None where there is none."""
+    for one, values in sizes_beyond(search, ()):
+        if one.lack_of_fit >= LACK_OF_FIT and search.step(search.base).acceptance.decision(one).accepted:
+            reason = f"it fits with {_names([one])}, but only with {_values(values)}{_telling(one)}"
+            return Conclusion("fits-only-if", reason, True, values)
+    return None
+
+
 def _of_base(search: Search) -> Conclusion:
     """The verdict where no effect of the catalogue improves the model."""
     base = search.base
@@ -111,7 +183,7 @@ def _of_base(search: Search) -> Conclusion:
     if base.lack_of_fit < LACK_OF_FIT:
         reason = "the model does not fit, and no effect of the catalogue explains it"
         if contradicted:
-            reason += f"; even so it takes {_values(contradicted)}"
+            reason += f"; its best fit takes {_values(contradicted)}"
         return Conclusion("unknown-effect", reason, True)
     if contradicted:
         return Conclusion(
@@ -226,8 +298,8 @@ def _as_likely(one: Explained, best: Explained) -> bool:
 def with_forms(forms: OfForms) -> Conclusion:
     """The verdict with the form of a part that it rests on; a doubt only where another form would change it."""
     found, others = _with_doubts(forms.best), forms.others()
-    said = f"with {forms.form}, another published form of the same part" if forms.form else ""
-    reason = ": ".join(text for text in (said, found.reason) if text)
+    said = f"it rests on {forms.form}, another published form of the same part" if forms.form else ""
+    reason = "; ".join(text for text in (said, found.reason) if text)
     if found.kind not in ("nothing-missing", "effect", "group") or not others:
         return replace(found, reason=reason)
     said = f"the form of the base is not certain, and {' and '.join(others)}"
@@ -265,7 +337,11 @@ def _beside(other: DataAlone) -> str:
 
 
 def _telling(refit: Refit) -> str:
-    wanted = what_would_tell(refit)
+    """What would decide: what separates the added effect from others, or conditions that did not vary."""
+    effects = refit.problem.assembly.model.effects
+    wanted = " or ".join(effects[use.name].separate_by for use in sorted(refit.uses)) or what_would_tell(
+        refit
+    )
     return f"; what would tell: {wanted}" if wanted else ""
 
 

@@ -7,12 +7,14 @@ best, accept or reject them; compare what is left; see where the model fails; pr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from specan.errors import ComputationError
+from specan.models.effect import ParameterName
 from specan.study.conclusion import (
     Conclusion,
     Explained,
@@ -26,9 +28,9 @@ from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block, localise
-from specan.study.localisation.mistaken_set_up import mistaken_set_up
+from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
-from specan.study.selection.alternatives import alternatives, other_forms
+from specan.study.selection.alternatives import alternatives, other_forms, refit_promising
 from specan.study.selection.doubtful_data import (
     copied_rows,
     drift_over_rows,
@@ -36,22 +38,61 @@ from specan.study.selection.doubtful_data import (
     rows_of_two_kinds,
     suspect_rows,
 )
-from specan.study.selection.initial_fit import initial_fit, with_covariances_about
-from specan.study.selection.pulls import (
-    pulls,
-    shown,
-)
+from specan.study.selection.initial_fit import NEAR, InitialFit, initial_fit, with_covariances_about
+from specan.study.selection.pulls import Pull, pulls, shown
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import ResidualLaw, residual_law
-from specan.study.selection.search import Progress, Search
-from specan.study.verdict import Diagnosis, LackOfFit, error_fall, places_of, ranking
+from specan.study.selection.search import Progress, Search, unheard
+from specan.study.selection.significance import LACK_OF_FIT
+from specan.study.verdict import (
+    Diagnosis,
+    LackOfFit,
+    error_fall,
+    main_error,
+    parameters_of,
+    places_of,
+    ranking,
+)
 
 LEAST_DOF = 3.0  # degrees of freedom below which no test is made
 STARTS = 3  # of the fit of the base
 MOST_PLACES = 12  # where the model fails, that are told
 MOST_OTHERS = 3  # sets behind the best between which a measurement is proposed
 TOO_GOOD = 0.3  # reduced chi-square below which the stated uncertainty contradicts the scatter
+ENDS = 0.95  # share of a diagnosis that is over when its searches are
 ENOUGH = 10.0  # degrees of freedom: with fewer, chance alone goes below that (chi-square, 2 in 100)
+
+
+class Stopped(KeyboardInterrupt):
+    """A diagnosis was stopped; it has the searches as far as they came.
+
+    Attributes
+    ----------
+    searches : tuple of Search
+    """
+
+    def __init__(self, searches: tuple[Search, ...]) -> None:
+        super().__init__()
+        self.searches = searches
+
+    @cached_property
+    def content(self) -> dict[str, Any]:
+        """The effects that were refitted, the likeliest first, as plain values; of the latest search."""
+        search = self.searches[-1] if self.searches else None
+        done = [r for r in search.refits.done.values() if r.uses] if search else []
+        rows = []
+        for refit in sorted(done, key=lambda r: r.bic(1.0)):
+            error = main_error(refit)
+            rows.append(
+                {
+                    "effects": sorted(map(str, refit.uses)),
+                    "reduced_chi2": refit.reduced,
+                    "error_after": error.rms,
+                    "unit": error.unit,
+                    "parameters": parameters_of(refit),
+                }
+            )
+        return {"finished": False, "refitted": rows}
 
 
 def diagnose(
@@ -60,6 +101,7 @@ def diagnose(
     base: Fit | None = None,
     bootstrap: bool = False,
     progress: Progress | None = None,
+    begun: list[Search] | None = None,
 ) -> Diagnosis:
     """Find out which effect a model is missing.
 
@@ -73,6 +115,8 @@ def diagnose(
         Family-wise probabilities by simulation of the maximum over all candidates instead of a bound.
     progress : callable, optional
         Told in a few words what is being done.
+    begun : list of Search, optional
+        The searches are put into it as they are begun.
 
     Returns
     -------
@@ -87,11 +131,14 @@ def diagnose(
     why = untestable(start)
     if why:
         return Diagnosis("cannot-tell", why, model_discrepancy_percent=_discrepancy(problem))
-    progress = progress or (lambda text: None)
-    declared = Search(Refits(start), (), bootstrap, progress)
+    progress, begun = progress or unheard, [] if begun is None else begun
+    declared = Search(Refits(start), (), bootstrap, progress, part=(0.0, ENDS))
     if start.poor_fit:
-        progress("checking positions and signs of the channels against the data")
-        mistake = mistaken_set_up(problem)
+        progress("checking positions and signs of the channels against the data", 0.0)
+        mistake, near = mistaken_set_up(problem), InitialFit(start)
+        if not mistake.text:
+            near = initial_fit(start, progress)
+            mistake = mistake_beside(near, problem)
         if mistake.text:
             return Diagnosis(
                 "cannot-tell",
@@ -99,15 +146,18 @@ def diagnose(
                 lack_of_fit=LackOfFit(start.reduced, start.lack_of_fit, problem.n_effective),
                 model_discrepancy_percent=_discrepancy(problem),
             )
-        declared = _about_a_near_field(start, bootstrap, progress)
+        declared = _about_a_near_field(start, near, bootstrap, progress, begun)
     tried: dict[str, Explained] = {}
     for form, search in _forms(declared):
+        begun.append(search)
         search.run()
+        refit_promising(search)
         sets = alternatives(search)
         _check_failures(search)
         tried[form] = Explained(search, sets, conclude(search, sets))
         if not form and tried[form].found.nothing_left:
             break
+    progress("where the model fails, and what to measure next", ENDS)
     forms = likeliest_form(tried)
     return _verdict(forms, with_forms(forms))
 
@@ -117,25 +167,45 @@ def _forms(declared: Search) -> Iterator[tuple[str, Search]]:
     yield "", declared
     for other in other_forms(declared.base):
         declared.progress(f"searching with {other.text}")
-        yield other.text, Search(Refits(other.start), (), declared.bootstrap, declared.progress)
+        yield (
+            other.text,
+            Search(Refits(other.start), (), declared.bootstrap, declared.progress, part=(ENDS, ENDS)),
+        )
 
 
-def _about_a_near_field(start: Refit, bootstrap: bool, progress: Progress) -> Search:
+def mistake_beside(near: InitialFit, problem: Problem) -> MistakenSetUp:
+    """A mistake of the set-up in what the effects of a first fit leave, where a lining, say, makes the larger part.
+
+    Data that they meet within the few per cent of a down-weighted view are not looked at again.
+    """
+    if not near.found or near.left < 1:
+        return MistakenSetUp()
+    values = {n: v for n, v in near.known[near.found].items() if ParameterName(n).owned_by(near.found)}
+    with_effects = problem.with_uses(sorted(near.found))
+    found = mistaken_set_up(replace(with_effects, values={**with_effects.values, **values}))
+    names = " and ".join(sorted(map(str, near.found)))
+    return replace(found, text=f"beside {names}, {found.text}") if found.text else found
+
+
+def _about_a_near_field(
+    start: Refit, near: InitialFit, bootstrap: bool, progress: Progress, begun: list[Search]
+) -> Search:
     """A search with covariances about the single effect that it finds best, where they were about another field.
 
     About another field, what the best effect leaves seems to be a channel's place or gain.
     """
-    near = initial_fit(start, progress)
-    search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress)
+    search = Search(Refits(near.base, near.known), near.likely, bootstrap, progress, part=(NEAR, ENDS))
+    begun.append(search)
     if not search.refits.poor_fit or search.single is None or search.single.uses == near.found:
         return search
     single = search.single
-    search.progress("once more, with covariances about the field that was found")
+    search.progress("once more, with covariances about the field that was found", (NEAR + ENDS) / 2)
     done = {uses: r.problem.values_at(r.fit.theta) for uses, r in search.refits.done.items() if uses}
     order = sorted(search.refits.of_size(1), key=lambda r: r.chi2)
     likely = [use for r in order[:MOST_OTHERS] for use in r.uses]
     base = with_covariances_about(start, single.uses, done[single.uses])
-    return Search(Refits(base, {**near.known, **done}), likely, search.bootstrap, search.progress, only=True)
+    known = {**near.known, **done}
+    return Search(Refits(base, known), likely, bootstrap, progress, only=True, part=((NEAR + ENDS) / 2, ENDS))
 
 
 def untestable(start: Refit) -> str:
@@ -204,6 +274,7 @@ def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
                 drift_over_rows(base),
                 odd_repeat(base),
                 *better_but_too_far(search, sets),
+                *_off_certificates(best, found.values or pulls(best)),
                 *_too_good(base),
                 *(forms.sizes(rows[0].parameters) if best.uses else ()),
             )
@@ -226,14 +297,11 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
 
 
 def _law_of_what_is_left(search: Search, found: Conclusion) -> ResidualLaw | None:
-    """A law for the residual: of the base where nothing of the catalogue is sure, else of the best set.
-
-    None where the model meets the data.
-    """
-    unsure = found.kind == "unknown-effect"
-    if not found.doubt or not (search.best.uses or unsure):
-        return None
-    return residual_law(search.base if unsure or len(search.best.uses) > 1 else search.best)
+    """A law for what the base lacks where that is unknown, else for what the best set leaves if that follows one."""
+    if found.kind == "unknown-effect":
+        return residual_law(search.base)
+    law = residual_law(search.best) if found.doubt and search.best.uses else None
+    return law if law is not None and law.p_value < LACK_OF_FIT else None
 
 
 def _too_good(base: Refit) -> tuple[str, ...]:
@@ -244,6 +312,18 @@ def _too_good(base: Refit) -> tuple[str, ...]:
         f"reduced chi-square {base.reduced:.2f}: the measurement is stated {1 / np.sqrt(max(base.reduced, 1e-4)):.1f} "
         "times as uncertain as it scatters, so that small effects stay hidden. Different conditions may have been "
         "taken for repeats, or the declared model discrepancy or uncertainty is too large",
+    )
+
+
+def _off_certificates(best: Refit, pulled: Sequence[Pull]) -> tuple[str, ...]:
+    """Instruments that a fit with effects takes far outside of their certificates, as its equations may explain."""
+    names = " with ".join(sorted(map(str, best.uses)))
+    far = [p for p in pulled if p.too_far and p.parameter.whole in best.problem.priors]
+    return tuple(
+        f"{pull.text}: {abs(pull.pull):.1f} standard uncertainties off. It is wrong too, or makes up for the form of "
+        f"{names}: add that, and diagnose again"
+        for pull in far
+        if names
     )
 
 

@@ -22,6 +22,8 @@ from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
 
+# What JSON says of the steps before and after a change.
+_OF_A_STEP = ("fit_error", "held_out_error", "errors", "reduced_chi2", "held_out_reduced_chi2", "p_value")
 SAME = 0.005  # relative change of an error below which it counts as not having moved
 
 
@@ -60,6 +62,28 @@ class Change(Result):
             for data, before, after, unit in zip(*(rows[n] for n in ("data", "before", "after", "unit")))
         ]
         return f"{self.after.action} {self.after.effect}, " + ", ".join([*falls, *self.remarks])
+
+    @property
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """Fitted parameters after it, with the profile intervals of the new effect."""
+        found = {name: dict(row) for name, row in self.after.parameters.items()}
+        for name, (low, high) in self.intervals.items():
+            found[name] |= {"low": low, "high": high}
+        return found
+
+    def content(self) -> dict[str, Any]:
+        """What ``specan study add --json`` and ``drop --json`` print."""
+        after = self.after
+        return {
+            **{name: getattr(after, name) for name in ("step", "action", "effect", "model_effects")},
+            **{
+                when: {name: getattr(step, name) for name in _OF_A_STEP}
+                for when, step in (("before", self.before), ("after", after))
+            },
+            "parameters": self.parameters,
+            "parameters_held": self.held,
+            "remarks": self.remarks,
+        }
 
     def columns(self) -> dict[str, Any]:
         """Errors before and after, on fitted and on held-out data."""

@@ -32,7 +32,7 @@ import numpy as np
 import specan
 from specan import __version__
 from specan.errors import RequestError
-from specan.io.file_lock import is_the_file, try_lock
+from specan.io.output_file import is_the_file, try_lock
 from specan.models.catalogue import ENTRY_POINTS, MODEL_ENTRY_POINTS
 from specan.result import Result, counted, finite
 from specan.study.study_file import NAME as STUDY_FILE
@@ -42,11 +42,20 @@ if TYPE_CHECKING:
 
 NAME = "history.jsonl"
 
+DIAGNOSES = "diagnoses.jsonl"
 LOCK = ".lock"
 PENDING = ".pending.json"
-PATIENCE_S = (
-    5.0  # a change that is being written takes milliseconds; a longer wait means a process that hangs
-)
+# A change that is being written takes milliseconds; a longer wait means a process that hangs.
+PATIENCE_S = 5.0
+
+FOLDER = ".kept"
+MOST_FILES = 12  # the oldest go
+# Parts of the program that change no number of a study.
+_ASIDE = ("report", "inspect", "api")
+_PACKAGES = {"site-packages", "dist-packages"}
+_ARRAY = "float64 array"
+Kept = TypeVar("Kept")
+STATE = ("study", "rig", "files", "effect_files")
 
 
 @dataclass(frozen=True)
@@ -248,19 +257,6 @@ def _write_whole(path: Path, text: str) -> None:
         stream.flush()
         os.fsync(stream.fileno())
     temporary.replace(path)
-
-
-FOLDER = ".kept"
-MOST_FILES = 12  # the oldest go
-# Parts of the program that change no number of a study.
-_ASIDE = ("report", "inspect", "api")
-_PACKAGES = {"site-packages", "dist-packages"}
-_ARRAY = "float64 array"
-
-Kept = TypeVar("Kept")
-
-DIAGNOSES = "diagnoses.jsonl"
-STATE = ("study", "rig", "files", "effect_files")
 
 
 class KeptResults:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan import __version__
 from specan.errors import RequestError
+from specan.io.output_file import text_file
 from specan.models import Model, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
-from specan.result import Result
 from specan.study.build_problem import assemble, parameter_table
+from specan.study.comparison import Comparison
 from specan.study.estimation.continuation import continuation_fit, linearised
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.prediction_error import (
@@ -35,7 +38,7 @@ from specan.study.history import (
     line_of,
     recover,
 )
-from specan.study.localisation.localise import Localisation, curve_errors, localise
+from specan.study.localisation.localise import curve_errors, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles, kind_named, together
 from specan.study.selection.candidates import grouped_by
@@ -62,42 +65,11 @@ from specan.study.verdict import Diagnosis
 
 if TYPE_CHECKING:
     from specan.study.localisation.frf_errors import FrfErrors
+    from specan.study.selection.search import Progress, Search
 
+STOPPED = "stopped_diagnosis.json"  # in a study: what a diagnosis had found when it was interrupted
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Result):
-    """A model fitted and compared with the measurement.
-
-    Attributes
-    ----------
-    errors : tuple of ObservableError
-        The observable with most values first.
-    localisation : Localisation or None
-        Where the model fails; None where the uncertainty is unknown.
-    """
-
-    fit: Fit
-    errors: tuple[ObservableError, ...]
-    localisation: Localisation | None
-    parameters: Mapping[str, Mapping[str, Any]]
-
-    dimensions = ("parameter",)
-
-    def summary(self) -> str:
-        """Errors, and how well the model fits."""
-        errors = ", ".join(f"RMS of {e.observable} {e.rms:.3g} {e.unit}" for e in self.errors)
-        if self.localisation is None:
-            return errors
-        return f"{errors}, reduced chi-square {self.fit.reduced_chi2:.3g}, p {self.fit.p_value:.2g}"
-
-    def columns(self) -> dict[str, Any]:
-        """One row for each fitted parameter, with its 95 % interval."""
-        names = ("value", "low", "high", "unit", "plausible", "at_bound")
-        rows = self.parameters.values()
-        return {"parameter": list(self.parameters), **{n: [row[n] for row in rows] for n in names}}
 
 
 class Study:
@@ -329,15 +301,13 @@ class Study:
     def compare(self) -> Comparison:
         """Fit the parameters that the model has and find where it fails."""
         where = localise(self.problem, self.shown) if self.data.known else None
-        return Comparison(self.shown, self.errors, where, parameter_table(self.problem, self.shown))
+        return Comparison(self, self.shown, self.errors, where, parameter_table(self.problem, self.shown))
 
     def frf_errors(self) -> list[FrfErrors]:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
         return curve_errors(self.problem, self.shown)
 
-    def diagnose(
-        self, *, bootstrap: bool = False, progress: Callable[[str], None] | None = None
-    ) -> Diagnosis:
+    def diagnose(self, *, bootstrap: bool = False, progress: Progress | None = None) -> Diagnosis:
         """Find out which effect the model is missing; computed once for each state of the study, and kept with it.
 
         Raises
@@ -349,15 +319,30 @@ class Study:
         name = "bootstrap" if bootstrap else "diagnosis"
         found = self.kept.find(name, Diagnosis)
         if found is None:
-            from specan.study.diagnose import diagnose
+            from specan.study.diagnose import Stopped, diagnose
 
-            found = diagnose(self.problem, base=self.best, bootstrap=bootstrap, progress=progress)
+            begun: list[Search] = []
+            try:
+                found = diagnose(
+                    self.problem, base=self.best, bootstrap=bootstrap, progress=progress, begun=begun
+                )
+            except KeyboardInterrupt:
+                stopped = Stopped(tuple(begun))
+                self._keep_stopped(stopped.content)
+                raise stopped from None
+            with contextlib.suppress(OSError):
+                (self.directory / STOPPED).unlink(missing_ok=True)
             found = replace(found, model_discrepancy_percent=self.data.discrepancy_percent)
             if self.problem.strategy.linearised_covariance:
                 found = self._as_shown(found)
             self.kept.keep(name, found)
         keep_diagnosis(self.directory, self.hashes, found)
         return found
+
+    def _keep_stopped(self, content: Mapping[str, Any]) -> None:
+        """Write what a stopped diagnosis had found into the study, where its directory can be written to."""
+        with contextlib.suppress(OSError), text_file(self.directory / STOPPED) as file:
+            json.dump({**content, "hashes": self.hashes}, file, indent=1)
 
     def _as_shown(self, found: Diagnosis) -> Diagnosis:
         """A diagnosis that says of the base what every verb says: a search has covariances about the field it found."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -195,23 +195,20 @@ class StudyText:
 
     def drop_effect(self, use: Use) -> None:
         """Remove an effect."""
-        entries = self.document["effect"]
-        for place, entry in enumerate(entries):
-            if EffectEntry.model_validate(entry.unwrap()).use == use:
-                del entries[place]
-                break
-        if not entries:
-            del self.document["effect"]
+        self._drop("effect", lambda entry: _use_of(entry) == use)
 
     def drop_effect_file(self, file: str) -> None:
         """Take a user's effect file out."""
-        entries = self.document["effect_file"]
-        for place, known in enumerate(entries):
-            if known["file"] == file:
-                del entries[place]
-                break
+        self._drop("effect_file", lambda entry: entry["file"] == file)
+
+    def _drop(self, key: str, wanted: Callable[[Any], bool]) -> None:
+        """Remove the first entry that is wanted, and the key with the last one."""
+        entries = self.document[key]
+        place = next((k for k, entry in enumerate(entries) if wanted(entry)), None)
+        if place is not None:
+            del entries[place]
         if not entries:
-            del self.document["effect_file"]
+            del self.document[key]
 
     def add_effect_file(self, entry: Mapping[str, Any]) -> None:
         """Append a user's effect file, or note its new hash."""
@@ -224,7 +221,7 @@ class StudyText:
     def set_role(self, use: Use, role: str) -> None:
         """Make a nuisance a part of the model, or the reverse."""
         for entry in self.document["effect"]:
-            if EffectEntry.model_validate(entry.unwrap()).use == use:
+            if _use_of(entry) == use:
                 entry["role"] = role
 
     def fix_parameter(self, full_name: str) -> None:
@@ -234,7 +231,7 @@ class StudyText:
         owner, name = ParameterName(full_name).owner, ParameterName(full_name).own
         place = self.document
         for entry in self.document.get("effect", []):
-            if str(EffectEntry.model_validate(entry.unwrap()).use) == owner:
+            if str(_use_of(entry)) == owner:
                 place = entry
         name = full_name if place is self.document else name
         if "parameters" not in place:
@@ -284,6 +281,10 @@ class StudyText:
         if key not in self.document:
             self.document.add(key, tomlkit.aot())
         self.document[key].append(made)
+
+
+def _use_of(entry: Any) -> Use:
+    return EffectEntry.model_validate(entry.unwrap()).use
 
 
 def _are_tables(value: Any) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.result import Result
+from specan.result import Result, counted
 from specan.study.estimation.fit import NORMAL_95, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.selection.acceptance import left_out_error
@@ -104,13 +104,13 @@ def _fall(before: ObservableError, after: ObservableError) -> str:
     unit = "" if before.unit == "1" else f" {before.unit}"
     if before == after:
         text = f"{before.rms:.3g}{unit} ({before.relative_rms:.2g} %)"
-        return text if before.level_dB is None else f"{text}, third-octave levels {before.level_dB:.2g} dB"
+        return text if before.level_dB is None else f"{text}, {before.level_of} {before.level_dB:.2g} dB"
     text = (
         f"{before.rms:.3g} to {after.rms:.3g}{unit} ({before.relative_rms:.2g} to {after.relative_rms:.2g} %)"
     )
     if before.level_dB is None or after.level_dB is None:
         return text
-    return f"{text}, third-octave levels {before.level_dB:.2g} to {after.level_dB:.2g} dB"
+    return f"{text}, {before.level_of} {before.level_dB:.2g} to {after.level_dB:.2g} dB"
 
 
 @dataclass(frozen=True)
@@ -120,6 +120,36 @@ class LackOfFit:
     reduced_chi2: float
     p_value: float
     n_effective: float
+
+
+@dataclass(frozen=True, repr=False)
+class NextMeasurements(Result):
+    """Measurements that would decide, the best first.
+
+    Attributes
+    ----------
+    rows : tuple of mapping
+        As ``specan study next --json`` gives them; each has a ``text``.
+    verdict : str
+        That they would decide.
+    """
+
+    rows: tuple[Mapping[str, Any], ...]
+    verdict: str
+
+    dimensions = ("place",)
+
+    def summary(self) -> str:
+        """How many there are."""
+        return counted(len(self.rows), "proposal") if self.rows else "nothing is left to decide"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each measurement, in words."""
+        return {"place": list(range(1, len(self.rows) + 1)), "text": [row["text"] for row in self.rows]}
+
+    def content(self) -> dict[str, Any]:
+        """The contract of ``specan study next --json``."""
+        return {"verdict": self.verdict, "next_measurement": self.rows}
 
 
 @dataclass(frozen=True, repr=False)
@@ -191,6 +221,10 @@ class Diagnosis(Result):
         """Names in any of the alternatives."""
         return tuple(sorted({name for names in self.alternatives for name in names}))
 
+    def next(self) -> NextMeasurements:
+        """What to measure next."""
+        return NextMeasurements(self.next_measurement, self.verdict)
+
     def content(self) -> dict[str, Any]:
         """The contract of ``specan study diagnose --json``."""
         lack, law = self.lack_of_fit, self.residual_law
@@ -226,7 +260,7 @@ def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
     others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))
     rows = []
     for refit in [*sets, *others]:
-        decision, error = search.decision(refit), _main_error(refit)
+        decision, error = search.decision(refit), main_error(refit)
         rows.append(
             Ranked(
                 effects=tuple(sorted(u.name for u in refit.uses)),
@@ -276,13 +310,13 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
 
 def error_fall(base: Refit, best: Refit) -> ErrorFall:
     """Errors of a model as it is and with what was found; on left-out conditions where refits are cheap."""
-    before, after = _main_error(base), _main_error(best)
+    before, after = main_error(base), main_error(best)
     if not base.problem.strategy.secondary_refits:
         return ErrorFall(before, after)
     return ErrorFall(before, after, left_out_error(base), left_out_error(best))
 
 
-def _main_error(refit: Refit) -> ObservableError:
+def main_error(refit: Refit) -> ObservableError:
     """Error of the observable with most values, in its unit."""
     problem = refit.problem
     predicted = problem.plain(refit.fit.theta)
@@ -306,6 +340,7 @@ VERDICTS = {
     "unknown-effect": "Something is missing that is not on the list of effects.",
     "cannot-tell": "These data cannot tell.",
 }
+MOST_IN_HEADLINE = 3  # sets of effects; the others stand in the table
 # Nothing-missing where the data alone would rather take values that contradict what is known.
 WITHIN_WHAT_IS_KNOWN = "Nothing is missing if the values are as known; the data alone would take others."
 
@@ -327,7 +362,11 @@ def headline_of(content: Mapping[str, Any]) -> str:
         return f"Nothing is missing with {content['other_form']}."
     if content["verdict"] == "nothing-missing" and content.get("unknown_possible"):
         return WITHIN_WHAT_IS_KNOWN
-    names = " or ".join(" with ".join(members) for members in content["alternatives"])
+    sets = [" with ".join(members) for members in content["alternatives"]]
+    more = len(sets) - MOST_IN_HEADLINE
+    names = " or ".join(
+        [*sets[:MOST_IN_HEADLINE], *([f"one of {more} others"] if more > 1 else sets[MOST_IN_HEADLINE:])]
+    )
     return VERDICTS[content["verdict"]].format(names=names)
 
 

@@ -6,9 +6,10 @@ from scipy.io import wavfile
 
 import specan
 from specan.analysis.batch.one_file import _analyse
-from specan.analysis.batch.order_lines import with_orders
 from specan.analysis.batch.settings import BatchSettings, read_settings
+from specan.analysis.batch.table_lines import with_orders
 from specan.data.recording import ArraySource, Channel, Recording
+from specan.errors import RequestError
 
 RATE, N = 12800.0, 12800 * 6
 TIME = np.arange(N) / RATE
@@ -100,7 +101,7 @@ def test_the_table_comes_and_goes_with_the_tacho(tmp_path):
     assert "orders.txt" not in [path.name for path in report.tables]
 
 
-def test_a_text_of_the_command_orders_stays_until_a_batch_is_asked_for_orders(tmp_path):
+def test_a_text_of_the_command_orders_stays_and_a_batch_that_is_asked_for_orders_is_refused(tmp_path):
     from click.testing import CliRunner
 
     from specan_cli.main import main
@@ -114,5 +115,9 @@ def test_a_text_of_the_command_orders_stays_until_a_batch_is_asked_for_orders(tm
     before = (out / "orders.txt").read_bytes()
     specan.batch(place, out, jobs=1)
     assert (out / "orders.txt").read_bytes() == before
-    specan.batch(place, out, jobs=1, orders={"speed_hz": 10.0})  # asked for: specan replaces what it wrote
-    assert (out / "orders.txt").read_text(encoding="utf-8").splitlines()[0].endswith(" orders.txt")
+    with pytest.raises(RequestError, match=r"orders.txt is no table of a batch: another command wrote it"):
+        specan.batch(place, out, jobs=1, orders={"speed_hz": 10.0})
+    assert (out / "orders.txt").read_bytes() == before
+    (out / "orders.txt").unlink()
+    for _ in range(2):  # a table of an earlier batch is replaced
+        specan.batch(place, out, jobs=1, orders={"speed_hz": 10.0})

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from specan.analysis.batch import one_pass
+from specan.analysis import accumulator
 from specan.analysis.batch.inputs import Input, find_inputs
-from specan.analysis.batch.noise_lines import noise_lines
+from specan.analysis.batch.one_file import RmsPass
 from specan.analysis.batch.result import FileResult
-from specan.analysis.batch.rms_pass import RmsPass
 from specan.analysis.batch.run import run_batch
 from specan.analysis.batch.settings import BatchSettings, read_settings
+from specan.analysis.batch.table_lines import noise_lines
 from specan.analysis.batch.tables import write_tables
 from specan.analysis.tone import Tone
 from specan.analysis.transfer_function import TransferFunction
@@ -40,12 +40,12 @@ def recording(n: int = 1000) -> Recording:
 
 
 def test_every_accumulator_gets_its_channels_and_its_section(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(one_pass, "READ_BLOCK", 64)
+    monkeypatch.setattr(accumulator, "READ_BLOCK", 64)
     a = recording()
     c = a.channels
     wanted = [((c[0], c[1], c[2]), 0, 1000), ((c[2], c[0]), 0, 1000), ((c[1],), 130, 777)]
     collectors = [Collector(*args) for args in wanted]
-    one_pass.feed(a, collectors)
+    accumulator.feed(a, collectors)
     for collector, (channels, start, stop) in zip(collectors, wanted, strict=True):
         np.testing.assert_array_equal(np.hstack(collector.pieces), a.read(channels, start, stop))
 
@@ -55,7 +55,7 @@ def test_analyses_of_one_section_share_one_pass() -> None:
     reads = []
     source = a.source.read
     object.__setattr__(a.source, "read", lambda *args: reads.append(args) or source(*args))
-    one_pass.feed(a, [Collector(a.channels, 0, 1000), Collector(a.channels[:1], 0, 1000)])
+    accumulator.feed(a, [Collector(a.channels, 0, 1000), Collector(a.channels[:1], 0, 1000)])
     assert len(reads) == 1
 
 
@@ -67,7 +67,7 @@ def test_bytes_do_not_depend_on_how_much_is_read_at_once(
     write_tdms(tmp_path / "in" / "noise.tdms", rig, noise_take(rig, 1.0, 20000, RATE, 2).only(FEW))
     write_tdms(tmp_path / "in" / "sine.tdms", rig, sine_take(rig, 250.3, 1.0, 20000, RATE, 3).only(FEW))
     first = run_batch([tmp_path / "in"], tmp_path / "first").tables
-    monkeypatch.setattr(one_pass, "READ_BLOCK", block)
+    monkeypatch.setattr(accumulator, "READ_BLOCK", block)
     second = run_batch([tmp_path / "in"], tmp_path / "second").tables
     for one, other in zip(first, second, strict=True):
         assert one.read_bytes() == other.read_bytes(), one.name

@@ -4,14 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from specan.analysis.batch import task
-from specan.analysis.batch.identity import BLOCK, BLOCKS, identify, program_identity
+from specan.analysis.batch import one_file
 from specan.analysis.batch.inputs import Input
-from specan.analysis.batch.one_file import analyse_file
+from specan.analysis.batch.one_file import analyse_file, analyse_unchanged
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.store import Store
-from specan.analysis.batch.task import analyse_unchanged
-from specan.io.tdms_metadata import metadata_of
+from specan.analysis.batch.store import BLOCK, BLOCKS, Store, identify, program_identity
+from specan.io.tdms_headers import metadata_of
 from truth.rig import box_rig, sine_take
 from truth.rig_files import write_tdms
 
@@ -24,13 +22,13 @@ def entry(tmp_path: Path) -> Input:
     return Input(str(path), "a.tdms", str(tmp_path), path.stat().st_size)
 
 
-def analyse(entry: Input, monkeypatch: pytest.MonkeyPatch, meanwhile) -> task.Outcome:
+def analyse(entry: Input, monkeypatch: pytest.MonkeyPatch, meanwhile) -> one_file.Outcome:
     def slow(*args):
         result = analyse_file(*args)
         meanwhile(Path(entry.path))
         return result
 
-    monkeypatch.setattr(task, "analyse_file", slow)
+    monkeypatch.setattr(one_file, "analyse_file", slow)
     return analyse_unchanged(entry, BatchSettings(), None)
 
 

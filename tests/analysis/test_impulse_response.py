@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, fftconvolve, max_len_seq
 
-from specan.analysis.impulse_response import ImpulseResponse
+from specan.analysis.decay import ImpulseResponse
 from specan.api.recordings import decay
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import InputError, RequestError

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from specan.analysis.batch.band_lines import band_lines
+from specan.analysis.batch.table_lines import band_lines
 from specan.analysis.levels import Levels
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording

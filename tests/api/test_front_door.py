@@ -269,6 +269,16 @@ def test_a_batch_gives_its_tables(tmp_path):
         done.table("sines")
 
 
+def printed(*words):
+    """What a verb prints as JSON."""
+    return json.loads(CliRunner().invoke(main, [*words, "--json"]).stdout)
+
+
+def drawn(study, path):
+    study.plot(path)
+    return path.read_bytes()
+
+
 def test_a_study_does_what_the_verbs_do(tmp_path, monkeypatch):
     """The stretched spring of the tests of own models: its missing effect is known."""
     monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "config"))
@@ -290,11 +300,15 @@ def test_a_study_does_what_the_verbs_do(tmp_path, monkeypatch):
     assert "opening" not in study.effects
     before = study.compare()
     assert {"parameter", "value", "low", "high", "unit"} < set(before.to_dataframe())
+    assert before.to_json() == printed("study", "compare", str(tmp_path / "s"))
+    before.plot(path=tmp_path / "before.svg")
+    assert (tmp_path / "before.svg").read_bytes() == drawn(study, tmp_path / "study.svg")
     verdict = specan.diagnose(tmp_path / "s")
     assert verdict.verdict == "effect"
     assert verdict.to_dataframe()["effects"][0] == "opening"
     assert study.diagnose().to_json() == verdict.to_json()
     assert study.next().to_dataframe().columns.tolist() == ["place", "text"]
+    assert study.next().to_json() == printed("study", "next", str(tmp_path / "s"))
     change = study.add("opening", because="asked for")
     frame = change.to_dataframe().set_index("data")
     assert frame.loc["held-out", "after"] < frame.loc["held-out", "before"]
@@ -304,8 +318,8 @@ def test_a_study_does_what_the_verbs_do(tmp_path, monkeypatch):
     study.plot(tmp_path / "compare.svg")
     study.drop("opening")
     assert study.history().to_dataframe()["action"].tolist() == ["new", "add", "drop"]
-    shown = CliRunner().invoke(main, ["study", "history", str(tmp_path / "s"), "--json"])
-    assert [s["step"] for s in json.loads(shown.output)] == study.history().to_dataframe()["step"].tolist()
+    shown = printed("study", "history", str(tmp_path / "s"))
+    assert [s["step"] for s in shown] == study.history().to_dataframe()["step"].tolist()
     for found in (study, before, verdict, change, study.history()):
         assert len(repr(found)) < 400
         assert len(found._repr_html_()) < 10_000

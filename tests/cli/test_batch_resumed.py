@@ -156,9 +156,10 @@ def test_interrupted_by_the_user(campaign: Path, whole: dict[str, bytes], tmp_pa
     assert "the same command goes on from here" in messages
     assert "Traceback" not in messages
     assert tables(out) == {}
-    assert len(kept(out)) == 2
+    there = len(kept(out))  # the other process keeps what it finds meanwhile
+    assert there == 2 or (jobs == 2 and there > 2)
     done = run(campaign, out)
-    assert resumed(done) == 2
+    assert resumed(done) == there
     assert tables(out) == whole
 
 
@@ -234,7 +235,7 @@ def test_changes_are_noticed(campaign: Path, whole: dict[str, bytes], tmp_path: 
 
 
 def test_verify_looks_at_every_byte(campaign: Path, tmp_path: Path) -> None:
-    from specan.analysis.batch.identity import BLOCK, BLOCKS, _starts
+    from specan.analysis.batch.store import BLOCK, BLOCKS, _starts
 
     place, out = tmp_path / "in", tmp_path / "out"
     place.mkdir()

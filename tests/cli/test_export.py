@@ -138,8 +138,7 @@ def test_what_cannot_be_exported(recording, tmp_path, monkeypatch, arguments, co
 def test_a_rate_that_wav_cannot_say(tmp_path) -> None:
     from specan.data.recording import ArraySource, Channel, Recording
     from specan.errors import RequestError
-    from specan.io.export_file import Excerpt
-    from specan.io.export_wav import write_wav
+    from specan.io.export_file import Excerpt, write_wav
 
     channel = Channel("a", unit="V", sampling_rate=1000.5, n_samples=10)
     recording = Recording("a.tdms", (channel,), ArraySource([np.zeros(10)]))

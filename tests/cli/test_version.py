@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from specan import __version__
-from specan_cli import version
+from specan_cli import main as program
 
 HASH = "0123456789abcdef0123456789abcdef01234567"
 
@@ -20,7 +20,7 @@ def package(tmp_path: Path) -> Path:
 
 def test_the_commit_of_a_build_stands_in_the_package(package: Path) -> None:
     (package / "commit.txt").write_text(HASH + "\n")
-    assert version._commit(package) == HASH
+    assert program._commit(package) == HASH
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -32,7 +32,7 @@ def test_a_branch_that_is_checked_out(package: Path, packed: bool) -> None:
         (git / "packed-refs").write_text(f"# pack-refs with: peeled\n{HASH} refs/heads/main\n")
     else:
         (git / "refs" / "heads" / "main").write_text(HASH + "\n")
-    assert version._commit(package) == HASH
+    assert program._commit(package) == HASH
 
 
 def test_a_work_tree_of_its_own(package: Path, tmp_path: Path) -> None:
@@ -43,11 +43,11 @@ def test_a_work_tree_of_its_own(package: Path, tmp_path: Path) -> None:
     (tmp_path / "main" / ".git" / "refs" / "heads").mkdir(parents=True)
     (tmp_path / "main" / ".git" / "refs" / "heads" / "other").write_text(HASH)
     (package.parent / ".git").write_text(f"gitdir: {own}\n")
-    assert version._commit(package) == HASH
+    assert program._commit(package) == HASH
 
 
 def test_without_a_repository_the_version_stands_alone(package: Path) -> None:
-    assert version._commit(package) is None
+    assert program._commit(package) is None
 
 
 def test_the_verb_prints_it() -> None:

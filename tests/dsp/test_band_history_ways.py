@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from specan.dsp import bands
+from specan.dsp import band_history, bands
 from specan.dsp.band_history import BandHistoryAccumulator, Histories
 from specan.dsp.history_filters import Filter, band_filter, weighting_filter
 from specan.dsp.sections import Sections, Shape, shape_for
@@ -27,8 +27,8 @@ def recorded(samples: np.ndarray, filters: list[Filter], derivatives: list[int] 
     return found.result()
 
 
-def direct(samples: np.ndarray, one: Filter) -> np.ndarray:
-    """Levels at `TIMES` from one transform of the whole record in double precision, squares at the full rate."""
+def everywhere(samples: np.ndarray, one: Filter) -> np.ndarray:
+    """Levels from one transform of the whole record in double precision, squares at the full rate."""
     size = 1 << 19  # more than twice the record
     if one.sampled is not None:
         response = one.sampled(RATE, size // 2 + 1)
@@ -36,7 +36,12 @@ def direct(samples: np.ndarray, one: Filter) -> np.ndarray:
         response = one.response(np.arange(size // 2 + 1) * RATE / size)
     output = np.fft.irfft(np.fft.rfft(samples, size) * response, size)[:, : samples.shape[1]]
     output[:, : int(np.ceil(one.silent * RATE))] = 0.0
-    weighted = lfilter([1 - KEEP], [1, -KEEP], output**2, axis=1)
+    return np.asarray(lfilter([1 - KEEP], [1, -KEEP], output**2, axis=1))
+
+
+def direct(samples: np.ndarray, one: Filter) -> np.ndarray:
+    """The same at `TIMES`."""
+    weighted = everywhere(samples, one)
     place = TIMES * RATE - 0.5
     before = place.astype(int)
     return np.asarray(weighted[:, before] * (before + 1 - place) + weighted[:, before + 1] * (place - before))
@@ -59,12 +64,16 @@ def test_readings_are_those_of_the_whole_record_at_the_full_rate(fraction: int) 
     for column, one in enumerate(filters):
         expected = direct(signals(), one)
         # Within 80 dB of the channel's largest level. The ripple of a low band's square between two readings is not
-        # followed: 0.03 dB at 200 Hz.
+        # followed: 0.03 dB at 200 Hz. That of narrow bands from 240 Hz on is added in closed form.
         loud = expected > 1e-8 * expected.max(axis=1, keepdims=True)
         loud[2:] &= np.abs(TIMES - N / 2 / RATE) > 0.1  # nor is a step of 80 dB
         if one.upper > RATE / 2:  # cut off at half the rate, a band rings ahead of the step
             loud[2:] = False
-        limit = 0.009 if one.lower > 1800.0 or one.sampled or one.identity else 0.07
+        limit = (
+            0.009
+            if one.lower > (245.0 if fraction == 24 else 1800.0) or one.sampled or one.identity
+            else 0.07
+        )
         error = 10 * np.log10(found.readings[:, column][loud] / expected[loud])
         assert np.abs(error).max() < limit, (one.lower, np.abs(error).max())
 
@@ -78,6 +87,31 @@ def test_a_band_reads_what_is_100_db_below_a_tone_elsewhere() -> None:
     level = 10 * np.log10(found[:, 20:])
     assert level[1] == pytest.approx(-100.0, abs=0.05)
     assert level[0] == pytest.approx(level[1], abs=0.01)
+
+
+@pytest.mark.parametrize("quieter", [45.0, 60.0, 80.0])
+def test_a_quiet_moment_is_not_lost_in_the_rounding_of_a_loud_one(
+    monkeypatch: pytest.MonkeyPatch, quieter: float
+) -> None:
+    """Beside the same in double precision everywhere: single precision, left alone, is 0.0002 dB off at 60 dB."""
+    noise = np.random.default_rng(7).standard_normal((2, N))
+    noise[:, : round(3.0 * RATE)] *= 10 ** (-quieter / 20.0)
+    filters = [band_filter(k, 3) for k in (-4, 0, 4, 9)] + [band_filter(k, 24) for k in (-32, 0, 32, 72)]
+    found = recorded(noise, filters).readings
+    monkeypatch.setattr(band_history, "_QUIET", np.inf)
+    expected = recorded(noise, filters).readings
+    quiet = (TIMES > 1.0) & (TIMES < 2.9)
+    assert np.abs(10 * np.log10(found / expected))[:, :, quiet].max() < 1e-4
+
+
+def test_the_extremes_of_a_steady_tone_have_its_ripple() -> None:
+    one = band_filter(-42, 24)  # 0.02 dB from the largest to the smallest
+    frequency = float(bands.mid_frequencies(-42, 24))
+    tone = np.sin(2 * np.pi * frequency * np.arange(N) / RATE)[None]
+    found, expected = recorded(tone, [one]), everywhere(tone, one)[0, round(2.0 * RATE) :]
+    assert 10 * np.log10(found.maximum[0, 0] / expected.max()) == pytest.approx(0.0, abs=1e-3)
+    expected = everywhere(tone, one)[0, round(found.settled_s[0] * RATE) :]
+    assert 10 * np.log10(found.minimum[0, 0] / expected.min()) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_what_is_not_filtered_is_not_transformed() -> None:

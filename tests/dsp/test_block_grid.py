@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from specan.dsp.block_grid import BlockGrid
+from specan.dsp.overlapped_blocks import BlockGrid
 
 
 @given(st.lists(st.integers(0, 30), max_size=20), st.integers(1, 12))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import digamma, polygamma, stdtrit
 
-from specan.dsp.few_averages import log_bias, log_variance, student_factor
 from specan.dsp.transfer_function import noise_freedom, smoothed_noise
+from specan.dsp.welch import log_bias, log_variance, student_factor
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.dsp.long_transform import real_transform
+from specan.dsp.fft import real_transform
 
 
 @pytest.mark.parametrize(

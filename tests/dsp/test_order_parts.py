@@ -3,11 +3,16 @@
 import numpy as np
 import pytest
 
-from specan.dsp.angular import PASS, AngularResampler, samples_per_turn
 from specan.dsp.envelope import band_kurtosis, envelope
-from specan.dsp.integration import derivative_factor
-from specan.dsp.order_lines import common_period, fit_lines
-from specan.dsp.tacho import repair, shaft_angle
+from specan.dsp.order_lines import (
+    PASS,
+    AngularResampler,
+    common_period,
+    derivative_factor,
+    fit_lines,
+    samples_per_turn,
+)
+from specan.dsp.tacho import pulse_times, repair, shaft_angle
 from specan.errors import InputError, RequestError
 
 
@@ -24,6 +29,31 @@ def test_faults_are_found_wherever_they_are(seed):
     assert found.number[-1] == 1999
     assert np.array_equal(found.time, np.delete(true, gone))
     assert np.array_equal(found.number, np.delete(np.arange(2000), gone))
+
+
+def averaged_pulses(period, count=3000):
+    """A square wave as a converter sees it that averages over each sampling interval; pulses at whole periods."""
+
+    def area(x):  # of the wave from 0 to x
+        return np.floor(x / period) * period / 2 + np.minimum(x % period, period / 2)
+
+    n = np.arange(count)
+    return area(n + 0.5) - area(n - 0.5)
+
+
+@pytest.mark.parametrize("period", [12.048, 18.957, 400.31])
+def test_instants_of_steep_edges_do_not_beat_with_the_sampling_rate(period):
+    """By linear interpolation they erred by up to 0.09 samples, so that lines appeared beside those of a gear."""
+    times = pulse_times(averaged_pulses(period), 1.0)
+    assert times == pytest.approx(period * np.arange(1, times.size + 1), abs=1e-9)
+
+
+def test_instants_of_slow_edges_are_interpolated():
+    """A sine's: the middle of its two levels is its zero; a chord errs by (pi / period)^2 / 24 of a period."""
+    period = 12.1
+    times = pulse_times(np.sin(2 * np.pi * np.arange(3000) / period), 1.0)
+    off = times - period * np.rint(times / period)
+    assert np.ptp(off) < 0.01
 
 
 def test_smoothing_takes_jitter_and_leaves_the_speed():

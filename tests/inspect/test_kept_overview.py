@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from specan.inspect import envelope, kept_overview
-from specan.inspect.envelope import PIECE, STEP, Overview
-from specan.inspect.kept_overview import MOST_FILES, folder, keep
+from specan.inspect import waveform_view
 from specan.inspect.opened import watched
+from specan.inspect.waveform_view import MOST_FILES, PIECE, STEP, Overview, folder, keep
 from specan.io.open import open_recording
 
 N = 2 * PIECE + 777
@@ -20,7 +19,7 @@ N = 2 * PIECE + 777
 @pytest.fixture
 def path(tmp_path, monkeypatch) -> Path:
     monkeypatch.setenv("SPECAN_CONFIG_DIR", str(tmp_path / "settings"))
-    monkeypatch.setattr(kept_overview, "LEAST", N)
+    monkeypatch.setattr(waveform_view, "LEAST", N)
     file = tmp_path / "long.wav"
     samples = np.random.default_rng(1).integers(-30000, 30000, N).astype("<i2")
     with wave.open(str(file), "wb") as stream:
@@ -45,7 +44,7 @@ def read(one: Overview) -> Overview:
 def test_the_second_time_nothing_is_read(path, monkeypatch):
     first = read(overview(path))
     samples = first.recording.read([first.channel], 0, N)[0]
-    monkeypatch.setattr(envelope, "PIECE", None)
+    monkeypatch.setattr(waveform_view, "PIECE", None)
     second = overview(path)
     assert second.finished
     np.testing.assert_array_equal(
@@ -82,7 +81,7 @@ def cut_off(path: Path) -> None:
 def test_what_was_changed_is_not_believed(path, change):
     read(overview(path))
     change(path)
-    kept_overview._identity.cache_clear()
+    waveform_view._identity.cache_clear()
     assert not overview(path).finished
 
 
@@ -92,7 +91,7 @@ def test_another_calibration_has_another_overview(path):
 
 
 def test_short_channels_are_not_kept(path, monkeypatch):
-    monkeypatch.setattr(kept_overview, "LEAST", N + 1)
+    monkeypatch.setattr(waveform_view, "LEAST", N + 1)
     read(overview(path))
     assert not folder().exists()
 

@@ -13,8 +13,7 @@ pytest.importorskip("bokeh")
 from specan.inspect.grouped_lines import GroupedLines
 from specan.inspect.opened import Opened
 from specan.inspect.plots import Curve
-from specan.inspect.same_command import commands
-from specan.inspect.view import View
+from specan.inspect.view import View, commands
 from specan.io.open import open_recording
 from specan_cli.main import main
 

@@ -13,10 +13,9 @@ pytest.importorskip("bokeh")
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Opened, watched
-from specan.inspect.same_command import commands
 from specan.inspect.tabs.orders import OrdersTab, picture_of_map
 from specan.inspect.tabs.tab import text_of
-from specan.inspect.view import View
+from specan.inspect.view import View, commands
 from specan_cli.main import main
 from specan_cli.orders import write_text
 

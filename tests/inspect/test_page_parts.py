@@ -17,18 +17,18 @@ pytest.importorskip("bokeh")
 
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
-from specan.dsp.extremes import low_and_high
+from specan.dsp.statistics import low_and_high
 from specan.errors import InputError, RequestError
-from specan.inspect.envelope import DIRECT, LOOKS, STEP, Waveform, read_overviews
 from specan.inspect.kept_bands import KeptBands
-from specan.inspect.level_history import LevelCurves
+from specan.inspect.look import notice, sheet
 from specan.inspect.opened import Opened, watched
 from specan.inspect.plots import plain
 from specan.inspect.server import start_server
-from specan.inspect.sheets import notice, sheet
-from specan.inspect.superseded import Heard, Superseded
+from specan.inspect.tabs.levels import LevelCurves
 from specan.inspect.tabs.tab import text_of
 from specan.inspect.view import View
+from specan.inspect.waveform_view import DIRECT, LOOKS, STEP, Waveform, read_overviews
+from specan.inspect.work import Heard, Superseded
 
 RATE = 8000.0
 NOISE = np.random.default_rng(1)

@@ -11,13 +11,11 @@ from click.testing import CliRunner
 pytest.importorskip("bokeh")
 
 from specan.errors import InputError, RequestError
-from specan.inspect.kept_study import KeptStudy
 from specan.inspect.plots import Band
-from specan.inspect.study_views.failing import FailingMap
+from specan.inspect.study_views.errors import FailingMap, Staircase
 from specan.inspect.study_views.ranking import Ranking, uses_of
-from specan.inspect.study_views.staircase import Staircase
-from specan.inspect.superseded import Heard, Superseded
-from specan.inspect.trial import as_it_is, candidates_of, try_effects
+from specan.inspect.trial import KeptStudy, as_it_is, candidates_of, try_effects
+from specan.inspect.work import Heard, Superseded
 from specan.study.edit import add_effect
 from specan.study.history import Step
 from specan.study.study import Study
@@ -260,7 +258,7 @@ class Tried:
 def test_a_tried_effect_stands_beside_the_model_as_it_is_and_the_measurement():
     from types import SimpleNamespace
 
-    from specan.inspect.study_views.transfer import TransferAgreement
+    from specan.inspect.study_views.agreement import TransferAgreement
 
     one = measured_room()
     problem = SimpleNamespace(observations=[one])

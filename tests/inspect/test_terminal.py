@@ -13,8 +13,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from specan_cli.first_steps import first_steps
-from specan_cli.main import main
+from specan_cli.main import first_steps, main
 from specan_cli.output import table
 
 ROOT = Path(__file__).parents[2]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from specan.data.sensor import gain_of, si_unit
+from specan.data.channel import gain_of, si_unit
 from specan.errors import RequestError
-from specan.io.full_scale import full_scale_of
 from specan.io.roles import identify
+from specan.io.tdms import full_scale_of
 
 
 @pytest.mark.parametrize(

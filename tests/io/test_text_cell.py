@@ -9,10 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from specan.data.recording import ArraySource, Channel, Recording
-from specan.io.export_csv import write_csv
-from specan.io.export_file import Excerpt
-from specan.io.results_text import rows, write_table
-from specan.io.text_cell import cells, harmless, plain, word
+from specan.io.export_file import Excerpt, write_csv
+from specan.io.results_text import cells, harmless, plain, rows, word, write_table
 
 HOSTILE = [
     "Mic #1", "Mic #2", '"quoted', 'a "b" c', "Mic\t1", "Mic 1", "Mic  1", " lead", "trail ", "#2 run.tdms",

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from specan.errors import InputError
-from specan.io import formats
+from specan.io import open as opening
 from specan.io.open import open_recording
 from specan_cli.main import main
 
@@ -187,8 +187,8 @@ def test_uff_of_another_writer_in_ascii(tmp_path):
 def test_a_format_of_an_installed_package(tmp_path, monkeypatch):
     """As an entry point of the group specan.formats brings it."""
     from specan.data.recording import ArraySource
+    from specan.io.array_tree import Signal, recording_of
     from specan.io.sampling_rate import Rate
-    from specan.io.signals import Signal, recording_of
 
     module = types.SimpleNamespace(
         recognises=lambda start: start.startswith(b"ACME"),
@@ -198,7 +198,7 @@ def test_a_format_of_an_installed_package(tmp_path, monkeypatch):
         ),
     )  # fmt: skip
     point = types.SimpleNamespace(name="acme", load=lambda: module)
-    monkeypatch.setattr(formats, "entry_points", lambda group: [point] if group == "specan.formats" else [])
+    monkeypatch.setattr(opening, "entry_points", lambda group: [point] if group == "specan.formats" else [])
     (tmp_path / "run.dat").write_bytes(b"ACME" + bytes(10))
     check(open_recording(tmp_path / "run.dat"))
     (tmp_path / "other.dat").write_bytes(b"EMCA" + bytes(10))

@@ -15,9 +15,9 @@ WORDS = re.compile(
 )
 # What a model brings with it: its own verbs, figures and simulators.
 OWN = {
-    "figures_worm_gear.py", "figures_room.py", "figures_field.py", "figures_planetary_gear.py",
+    "figures_worm_gear.py", "figures_room.py", "figures_planetary_gear.py",
     "simulate_planetary_gear.py", "simulate_worm_gear.py", "simulate_room.py", "study_impedance.py",
-    "simulators.py", "figures_orders.py",
+    "figures_orders.py",
 }  # fmt: skip
 
 

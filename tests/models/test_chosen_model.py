@@ -6,8 +6,7 @@ import pytest
 from specan.errors import RequestError
 from specan.models import conditions_over_limits
 from specan.models.catalogue import example_model
-from specan.models.chosen_model import choose_model
-from specan.models.prediction import grid, outside_validity, predict, to_conditions
+from specan.models.chosen_model import choose_model, grid, outside_validity, predict, to_conditions
 
 MODEL = example_model("worm-gear")
 

@@ -11,10 +11,9 @@ import pytest
 
 from benchmarks.calibration_coverage import STAR, TWICE, campaign, coverage, recording
 from specan.analysis.calibration import join_insertions
+from specan.analysis.calibration_verdict import chain_phases, repeatability
 from specan.analysis.calibrator_tone import CalibrationSettings
 from specan.analysis.insertion import evaluate_insertion
-from specan.analysis.phase_chain import chain_phases
-from specan.analysis.repeatability import repeatability
 
 # The share that 60 campaigns show for a true 95 % scatters: phases of an insertion share the error of Mic 1.
 LOW, HIGH = 0.90, 0.98

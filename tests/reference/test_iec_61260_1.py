@@ -9,7 +9,7 @@ from specan.analysis.band_results import band_levels
 from specan.analysis.octave import Octave
 from specan.data.recording import ArraySource, Channel, Recording
 from specan.dsp import bands
-from specan.dsp.band_limits import BREAKPOINTS, breakpoint_ratio, class_1_limits
+from specan.dsp.bands import BREAKPOINTS, breakpoint_ratio, class_1_limits
 
 LOW, HIGH = 20.0, 20000.0
 RATES = (51200.0, 102400.0)

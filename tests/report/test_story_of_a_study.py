@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from specan.report.figures_change import figure_change
+from specan.report.figures_change import figure_change, figure_history
 from specan.report.figures_diagnosis import figure_diagnosis
-from specan.report.figures_history import figure_history
 from specan.report.study_report import study_report
 from specan.study.create import begin
 from specan.study.edit import add_effect

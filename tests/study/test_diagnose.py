@@ -120,10 +120,31 @@ def test_twins_are_a_group_and_another_measurement_is_proposed(toy):
     assert any("a second instrument" in row["text"] for row in found.next_measurement)
 
 
-def test_two_effects_are_named_together_with_the_doubt(toy):
+def test_two_effects_that_no_one_law_imitates_are_named_without_a_doubt(toy):
     found = diagnose(toy.problem(lambda x, z: 5 * x**2 + 4 * x * z, CATALOGUE, seed=4))
     assert ("cross", "square") in found.alternatives
+    assert not found.unknown_possible
+
+
+def test_two_effects_that_one_law_imitates_are_named_with_that_law(toy):
+    """Half x^2 z in each of two candidates, whose sum is one law of the grammar."""
+
+    @effect("half", adds_to="heat", neutral={"c": 0.0})
+    def half(x, z, *, c=Parameter(1.0, "W", min=-50.0, max=50.0)):
+        "Half of the truth, and a wave beside it."
+        return c * (x**2 * z + np.cos(5 * x) * z)
+
+    @effect("other-half", adds_to="heat", neutral={"c": 0.0})
+    def other_half(x, z, *, c=Parameter(1.0, "W", min=-50.0, max=50.0)):
+        "The other half, and the wave the other way round."
+        return c * (x**2 * z - np.cos(5 * x) * z)
+
+    found = diagnose(
+        toy.problem(lambda x, z: 8 * x**2 * z, ["half", "other-half"], seed=4, also=[half, other_half])
+    )
+    assert found.alternatives == (("half", "other-half"),)
     assert found.unknown_possible
+    assert "one unknown effect (power of x x signed power of z)" in found.reason
 
 
 @pytest.mark.parametrize(
@@ -150,6 +171,7 @@ def test_two_effects_that_hide_each_other_are_found(toy):
     found = diagnose(toy.problem(truth, ["cross", "nearly-cross", "square", "wave"], seed=5))
     assert found.alternatives == (("cross", "nearly-cross"),)
     assert found.unknown_possible
+    assert "largely cancel" in found.reason
 
 
 def test_something_unknown_is_called_unknown_and_described(toy):
@@ -374,6 +396,38 @@ def test_a_rival_with_nearly_the_same_equation_stays_in_the_group(toy):
 def test_a_twin_that_contradicts_what_is_known_is_named_beside_the_verdict(toy):
     found = diagnose(toy.problem(lambda x, z: 6 * x**2, ["square", "timid"], seed=23, also=[timid]))
     assert found.alternatives == (("square",),)
+    assert not found.unknown_possible  # thirty times the largest size known
+
+
+def test_a_twin_of_a_size_beyond_what_is_known_is_a_doubt(toy):
+    found = diagnose(toy.problem(lambda x, z: 6 * x**2, ["square", "timid"], seed=23, also=[known_to(1.5)]))
+    assert found.alternatives == (("square",),)
+    assert found.unknown_possible
+    assert "timid fits as well, with timid.c = 5.5 W, known 0 to 1.5 W" in found.reason
+
+
+def test_a_base_that_fits_with_a_value_beyond_what_is_known_is_a_doubt(toy):
+    """A zero error of 2.5 W under a certificate of 0.5 W; another effect of a known size looks much like it."""
+
+    @effect("step", adds_to="heat", neutral={"c": 0.0})
+    def step(z, *, c=Parameter(1.0, "W", min=-5.0, max=5.0)):
+        "Nearly what the zero error does."
+        return c * np.tanh(8 * z)
+
+    problem = toy.problem(lambda x, z: 2.5 * (z > 0), ["step", "zero-error"], seed=3, also=[step])
+    found = diagnose(replace(problem, nuisances=frozenset()))
+    assert found.alternatives == (("step",),)
+    assert found.unknown_possible
+    assert "the model fits only with zero-error.shift = " in found.reason
+
+
+def test_a_size_beyond_what_is_known_is_found_where_nothing_else_is(toy):
+    """Without the known range it would be named; to go there costs (3 - 0.4) / 0.1 = 26 sigma, more than it gains."""
+    truth = lambda x, z: 3 * x**2  # noqa: E731
+    found = diagnose(toy.problem(truth, ["timid", "cross"], seed=9, also=[known_to(0.4)]))
+    assert found.verdict == "fits-only-if"
+    assert "but only with timid.c = " in found.reason
+    assert found.pulls[0].parameter == "timid.c"
 
 
 def test_a_rival_that_fits_better_is_in_the_sentence(toy):
@@ -609,7 +663,7 @@ def test_a_law_next_to_one_that_the_model_has_is_no_larger_than_all_that_is_lost
     assert 0.6 < law.exponents["x"] < 2.0
     assert 0.0 < law.amplitude <= 1.2 * np.mean(np.abs(problem.observations[0].measured))
     assert "near x" not in law.text
-    assert "next to a term that the model has" in law.text
+    assert "the model has a term of nearly this form" in law.text
 
 
 def test_idle_runs_are_not_the_middle_of_the_data(toy):

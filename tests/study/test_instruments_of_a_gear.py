@@ -5,10 +5,9 @@ import copy
 import numpy as np
 import pytest
 
-from specan.models.chosen_model import ChosenModel
-from specan.models.prediction import grid, predict
+from specan.models.chosen_model import ChosenModel, grid, predict
 from specan.models.worm_gear.build import build
-from specan.models.worm_gear.example import EXAMPLE_RIG
+from specan.models.worm_gear.rig import EXAMPLE_RIG
 from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
@@ -91,6 +90,7 @@ def test_rows_of_two_kinds_that_contradict_each_other_are_named(tmp_path):
     columns = without(campaign(1, -1.5), "elapsed_time_s", "coupled")
     found = diagnose(problem(tmp_path, columns, rig()))
     assert any("rows without load" in remark and "uncoupled" in remark for remark in found.remarks)
+    assert found.unknown_possible
     whole = diagnose(problem(tmp_path, without(campaign(1), "elapsed_time_s", "coupled"), rig()))
     assert whole.verdict == "nothing-missing"
     assert not any("rows without load" in remark for remark in whole.remarks)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from specan.study.estimation.fit import fit
-from specan.study.estimation.prediction_error import held_out_error, observable_errors
-from specan.study.localisation.localise import LeftOut, curve_errors, localise
+from specan.study.estimation.prediction_error import LeftOut, held_out_error, observable_errors
+from specan.study.localisation.localise import curve_errors, localise
 from specan.study.observation.table import TableObservation
 from specan.study.selection.significance import benjamini_yekutieli
 
@@ -145,6 +145,7 @@ def test_an_installed_kind_of_measurement_brings_its_own_view(toy, monkeypatch):
     assert curve_errors(problem, best) == []  # nobody knows that kind: blocks, and no curves
     blocks = localise(problem, best)
     monkeypatch.setattr("specan.study.observation.entry_points", lambda group: [Point()])
+    localise.cache_clear()
     assert localise(problem, best) == "its own places"
     assert curve_errors(problem, best) == [(48, 48)]
     assert localise(problem.over([table]), best).fails_at == blocks.fails_at

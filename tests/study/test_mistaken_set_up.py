@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.study.data.open_recordings import open_data
-from specan.study.diagnose import diagnose
+from specan.study.diagnose import diagnose, mistake_beside
 from specan.study.localisation.mistaken_set_up import mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.selection.candidates import base_problem
+from specan.study.selection.initial_fit import InitialFit
 from truth.room import simulate, write
 
 SEED = 41
@@ -54,6 +56,37 @@ def test_exchanged_positions_are_named_beside_a_lining(lined):
     found = mistaken_set_up(described(lined, exchange))
     assert found.text == "positions of the rig file belong to other channels (Mic 2 and Mic 5 are exchanged)"
     assert found.after_percent < 0.7 * found.before_percent
+
+
+@pytest.fixture(scope="module")
+def deadened(tmp_path_factory):
+    """A room with a lining that makes the larger part of the misfit, and a first fit that has found it."""
+    folder = tmp_path_factory.mktemp("deadened")
+    made = simulate(SEED, {"wall-impedance@z1": 0.8}, n_mics=7, cache=folder)
+    made.rig["band"]["f_max_hz"] = 300.0
+    path, _ = write(made, folder)
+    details = made.truth.details["wall-impedance@z1"]
+    omega, mass = 2 * np.pi * details["frequency_hz"], details["mass_kg_m2"]
+    own = {"conductance": 0.8, "mass": mass, "stiffness": mass * omega**2}
+    uses = frozenset({Use.parse("wall-impedance@z1")})
+    known = {uses: {f"wall-impedance@z1.{name}": value for name, value in own.items()}}
+
+    def near(left):
+        return InitialFit(None, (), known, uses, left)  # type: ignore[arg-type]
+
+    return (path, made.rig), near
+
+
+def test_an_exchange_shows_once_a_strong_lining_is_in_the_model(deadened):
+    recorded, near = deadened
+    problem = described(recorded, exchange)
+    assert not mistaken_set_up(problem).text
+    found = mistake_beside(near(left=20.0), problem)
+    assert found.text == (
+        "beside wall-impedance@z1, positions of the rig file belong to other channels (Mic 2 and Mic 5 are exchanged)"
+    )
+    assert not mistake_beside(near(left=20.0), described(recorded)).text
+    assert not mistake_beside(near(left=0.5), problem).text  # what meets the view is not looked at again
 
 
 def test_a_place_of_a_channel_that_is_held_out_is_found(lined):

@@ -109,7 +109,15 @@ def test_the_unknown_is_looked_for_where_nothing_was_measured(toy):
 def test_a_verdict_carries_its_proposals(toy):
     found = diagnose(toy.problem(lambda x, z: 4 * x**2, ["square", "twin", "cross"], seed=9)).to_json()
     for row in found["next_measurement"]:
-        assert set(row) == {"text", "conditions", "predictions", "unit", "sigma", "separation_sigma"}
+        assert set(row) == {
+            "text",
+            "conditions",
+            "predictions",
+            "unit",
+            "sigma",
+            "separation_sigma",
+            "least_sigma",
+        }
 
 
 def test_no_condition_is_proposed_twice_and_between_measured_ones_where_the_grid_is_too_coarse(tmp_path):

@@ -214,3 +214,48 @@ def test_a_problem_is_made_of_order_lines() -> None:
     problem = base_problem(model, [observed(TRUTH)])
     assert problem.n_effective == 32 - 2 * 4
     assert problem.residual(problem.start()) == pytest.approx(np.zeros(32), abs=1e-9)
+
+
+def test_errors_that_fitted_recordings_show_are_carried_over() -> None:
+    """The mean of normal errors, given noisy logarithms of two recordings, entry by entry as it is declared."""
+    rng = np.random.default_rng(6)
+    apart = 0.2 * rng.normal(size=(2, 8, 2)) @ np.array([1, 1j])
+    told = [
+        observed(TRUTH * np.exp(apart) + 0.1 * rng.normal(size=(2, 8, 2)) @ np.array([1, 1j])) for _ in "ab"
+    ]
+    one = np.ones((2, 8), dtype=complex)
+    declared = (declared_covariance(one) - 0.1**2 * np.eye(16)).real
+    seen, noise = [], []
+    for o in told:
+        predicted = o._with_gains(TRUTH[o.kept])[0]
+        seen.append(np.log(o.amplitude.ravel() / predicted))
+        between = np.abs((o.amplitude.ravel() - predicted) / seen[-1])
+        noise.append(0.1**2 / np.minimum(between, 2 * np.abs(predicted)) ** 2)
+    cross = np.tile(declared, (1, 2))
+    expected = cross @ np.linalg.solve(
+        np.tile(declared, (2, 2)) + np.diag(np.concatenate(noise)), np.concatenate(seen)
+    )
+    got = observed(TRUTH)._learned_errors([(o, TRUTH) for o in told])
+    assert got.ravel() == pytest.approx(expected, rel=1e-9)
+
+
+def test_what_is_carried_over_brings_an_unseen_recording_nearer() -> None:
+    """Two recordings share errors of 0.2: the third is met within its noise, and without them is not."""
+    rng = np.random.default_rng(7)
+    apart = 0.2 * rng.normal(size=(2, 8, 2)) @ np.array([1, 1j])
+    made = [
+        observed(TRUTH * np.exp(apart) + 0.01 * rng.normal(size=(2, 8, 2)) @ np.array([1, 1j]), 0.01)
+        for _ in range(3)
+    ]
+    model = Model(
+        "two", "", {"order": Condition("order", "1", ""), "load": Condition("load", "1", "")},
+        {"lines": replace(constant("lines", TRUTH, "1", ""), axes=())}, {},
+        {"lines": Observable("lines", "lines", "1", "", kind="orders")},
+    )  # fmt: skip
+    assembly = model.assemble([])
+    error = [
+        np.sqrt(np.mean((made[2].plain(assembly, {}, told) - made[2].measured) ** 2))
+        for told in ((), [(o, {}) for o in made[:2]])
+    ]
+    assert error[0] > 0.3
+    assert error[1] < 0.05

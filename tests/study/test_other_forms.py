@@ -71,7 +71,9 @@ def test_the_verdict_says_which_form_it_rests_on_and_doubts_only_where_that_matt
     best.found = Conclusion("nothing-missing", "the model fits")
     sure = with_forms(OfForms(best, "a in place of b", {"": searched(102)}))
     assert not sure.doubt
-    assert sure.reason == "with a in place of b, another published form of the same part: the model fits"
+    assert (
+        sure.reason == "it rests on a in place of b, another published form of the same part; the model fits"
+    )
     unsure = with_forms(OfForms(best, "a in place of b", {"": searched(102, SEAL)}))
     assert unsure.doubt
     assert "seal-drag would be missing" in unsure.reason

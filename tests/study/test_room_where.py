@@ -9,13 +9,14 @@ from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.measurement_kinds import ReceiverErrors
 from specan.models.room import EXAMPLE_RIG
-from specan.models.room.mode_names import mode_names
+from specan.models.room.places import mode_names
 from specan.study.design.operating_points import explore, propose
 from specan.study.design.receiver_places import _separations, _views, best_places
 from specan.study.estimation.fit import fit
+from specan.study.estimation.prediction_error import LeftOut
 from specan.study.localisation.by_band_and_channel import Cells
 from specan.study.localisation.frf_errors import assurance, curve_errors
-from specan.study.localisation.localise import LeftOut, localise
+from specan.study.localisation.localise import localise
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding

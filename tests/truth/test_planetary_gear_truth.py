@@ -48,6 +48,17 @@ def test_a_healthy_set_is_heard_at_66h_and_multiples_of_three_beside_it_only(hea
     assert found[inside & allowed].max() > 1e4 * found[inside & ~allowed].max()
 
 
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_planets_that_are_alike_have_the_same_forces_a_part_of_a_pitch_later(exponent: float) -> None:
+    """Teeth 20/70/25: a third of a pitch lies between the planets, which no steps of a fortieth hold."""
+    made = Machine(z_sun=20, z_planet=25, z_ring=70, exponent=exponent, contact_ratio=(1.6, 1.8))
+    force = ring_forces(made, CARRIER_HZ, TORQUE)[1]
+    harmonic = np.arange(1, 4)
+    line = np.fft.rfft(force)[:, 70 * made.period * harmonic]
+    line *= np.exp(-2j * np.pi * np.outer(np.arange(3) * 70 / 3, harmonic))
+    assert line[1:] == pytest.approx(np.broadcast_to(line[0], (2, 3)), rel=1e-9)
+
+
 def test_a_planet_whose_pin_lies_ahead_carries_less_by_stiffness_times_error(healthy: np.ndarray) -> None:
     """Springs of equal stiffness on a rigid carrier: -k cos(a) e (1 - 1/3), whatever the torque."""
     bent = Machine(hidden={"planet-position-error": {"planet": 2.0, "error_um": 0.5}}, ramp=0.5, drop=0.0)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
 
-STEPS_A_TOOTH = 40
+STEPS_A_TOOTH = 48  # of thirds and quarters of a pitch: planets that are alike are then integrated alike
 SETTLE_TURNS = 3
 SUBSTEPS = 6  # of Runge-Kutta's method, whose steps are bound by the planets' natural frequency
 KNEE_N = 150.0  # load of a mesh at which a mesh of any exponent has the same stiffness

@@ -5,9 +5,18 @@ spectral elements, the walls and what stands in them obey equations of motion, a
 convolution.
 """
 
-from truth.room.case import RoomCase, simulate, write
+from truth.room.case import RoomCase, background, simulate, write
 from truth.room.effects import EFFECTS
 from truth.room.response import impulse_responses
 from truth.room.truth import HiddenRoomEffect, Truth
 
-__all__ = ["EFFECTS", "HiddenRoomEffect", "RoomCase", "Truth", "impulse_responses", "simulate", "write"]
+__all__ = [
+    "EFFECTS",
+    "HiddenRoomEffect",
+    "RoomCase",
+    "Truth",
+    "background",
+    "impulse_responses",
+    "simulate",
+    "write",
+]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ _DRIFT_STEP_K = 0.5
 _DELIVERED_DB, _DELIVERED_DEG = 0.7, 2.0  # standard deviations of an uncalibrated set
 _ADAPTER = 6  # microphones that go into the calibrator at once
 _CALIBRATION_RATE, _CALIBRATION_S = 8192.0, 6.0
+MAINS_HZ = 50.02
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ def simulate(
     duration_s: float = 5.0,
     noise: bool = True,
     tone_hz: float | None = None,
+    hum_Pa: float = 0.0,
     calibrated: bool = True,
     cache: Path | str | None = None,
 ) -> RoomCase:
@@ -92,6 +94,8 @@ def simulate(
         the recording as the bias that it gives to a transfer function.
     tone_hz : float, optional
         A sine of this frequency instead of noise.
+    hum_Pa : float
+        RMS of the hum of the mains, 50 Hz and odd harmonics, at a usual microphone.
     calibrated : bool
         Whether the nominal sensitivities are true but for the errors that a calibration leaves. Otherwise the
         microphones are as they come: some decibels and degrees off, which `write` tells by calibrator recordings.
@@ -122,6 +126,8 @@ def simulate(
     hardware = _hardware(truth, raw[0] + truth.gain_dB, raw[1] - 360.0 * CALIBRATOR_HZ * truth.delay_s)
     rng = np.random.default_rng([seed, 4, take, repeat] if repeat else [seed, 4, take])
     recorded = record(truth, hardware, responses, Session(duration_s, noise, tone_hz), rng)
+    if hum_Pa:
+        recorded = _with_hum(recorded, hardware, hum_Pa, seed)
     return RoomCase(
         take=recorded,
         rig=rooms.rig_file(truth.layout, seed),
@@ -132,6 +138,33 @@ def simulate(
         at_calibration=_hardware(truth, *raw),
         seed=seed,
     )
+
+
+def _with_hum(take: Take, hardware: Rig, level_Pa: float, seed: int) -> Take:
+    """The same with a hum that each microphone hears in its own strength and phase, always the same."""
+    rng = np.random.default_rng([seed, 6])
+    heard = level_Pa * np.exp(0.5 * rng.standard_normal((hardware.n_mics, 3)))
+    phase = 2.0 * np.pi * rng.uniform(size=heard.shape)
+    time = np.arange(take.volts.shape[1]) / take.sampling_rate
+    volts = take.volts.copy()
+    for k, harmonic in enumerate((1, 3, 5)):
+        turn = 2.0 * np.pi * harmonic * MAINS_HZ * time
+        hum = np.sqrt(2.0) / harmonic * heard[:, k, None] * np.sin(turn + phase[:, k, None])
+        volts[: hardware.n_mics] += hardware.sensitivity_V_per_Pa[:, None] * hum
+    return replace(take, volts=volts)
+
+
+def background(case: RoomCase, *, duration_s: float = 5.0, hum_Pa: float = 0.0) -> Take:
+    """What the channels of a case show while the loudspeaker is silent: their noise, and a hum."""
+    n, hardware = round(duration_s * case.take.sampling_rate), case.hardware
+    spread = np.array(
+        [hardware.mic_noise_Pa] * hardware.n_mics
+        + [hardware.vibrometer_noise_m_s, hardware.generator_noise_V]
+    )
+    shown = spread[:, None] * np.random.default_rng([case.seed, 7]).standard_normal((len(spread), n))
+    gain = np.append(hardware.sensitivity_V_per_Pa, [1.0 / hardware.vibrometer_m_s_per_V, 1.0])
+    silent = replace(case.take, truth=np.zeros_like(shown), volts=shown * gain[:, None], properties={})
+    return _with_hum(silent, hardware, hum_Pa, case.seed) if hum_Pa else silent
 
 
 def _over_time(truth: Truth) -> list[Room]:

@@ -14,7 +14,7 @@ from specan.analysis.excitation import CALIBRATOR_WORDS, stated_excitation
 from specan.data.recording import Recording
 from specan.errors import SpecanError, unforeseen
 from specan.io.calibration_file import read_calibration, write_calibration
-from specan.io.tdms_metadata import metadata_of
+from specan.io.tdms_headers import metadata_of
 
 FILE_NAME = "calibration.toml"
 _USED = "calibrator recording: used for the calibration, not analysed"

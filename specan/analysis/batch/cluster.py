@@ -10,11 +10,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from specan.analysis.batch.identity import identify, program_identity
 from specan.analysis.batch.inputs import Input
+from specan.analysis.batch.one_file import Outcome, analyse_unchanged
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.task import Outcome, analyse_unchanged
+from specan.analysis.batch.store import identify, program_identity
 from specan.data.calibration import Calibration
 from specan.errors import RequestError
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from specan.errors import InputError, RequestError
-from specan.io.file_lock import is_the_file, try_lock
 from specan.io.open import find_recordings
-from specan.io.output_file import check_output
+from specan.io.output_file import check_output, is_the_file, try_lock
 
 
 @dataclass(frozen=True)
@@ -86,6 +85,32 @@ def _size(path: str) -> int:
         return 0  # a broken link, or gone already: the analysis says so
 
 
+def is_of_a_batch(path: Path) -> bool:
+    """Whether a file begins as a table of a batch of that name does."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            words = file.readline().split()
+    except OSError:
+        return False
+    return words[:2] == ["#", "specan"] and words[-1] == path.name
+
+
+def check_table(path: Path) -> None:
+    """Refuse a place that holds anything but a table of a batch.
+
+    Raises
+    ------
+    RequestError
+        Something else is there: made by another command, or not by specan.
+    """
+    check_output(path)
+    if path.is_file() and path.stat().st_size and not is_of_a_batch(path):
+        raise RequestError(
+            f"{path} is no table of a batch: another command wrote it",
+            remedy="choose another directory with -o, or move the file",
+        )
+
+
 @contextlib.contextmanager
 def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
     """Make sure before the work that `tables` can be written to `out`, and that no other batch writes there.
@@ -102,7 +127,7 @@ def claim(out: Path, tables: Sequence[str]) -> Iterator[None]:
         for name in tables:
             if (out / name).exists():
                 (out / name).open("a").close()  # a spreadsheet may hold it, or it may be a directory
-                check_output(out / name)
+                check_table(out / name)
     except OSError as fault:
         raise RequestError(
             f"the output directory {out} cannot be written to ({fault.strerror or fault})",

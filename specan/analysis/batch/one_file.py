@@ -2,33 +2,42 @@
 
 from __future__ import annotations
 
+import os
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
-from specan.analysis.accumulator import Reader
-from specan.analysis.batch.band_lines import band_lines, other_lines, rms_lines
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.analysis.accumulator import Reader, feed
 from specan.analysis.batch.inputs import Input
-from specan.analysis.batch.noise_lines import noise_lines
-from specan.analysis.batch.one_pass import feed
-from specan.analysis.batch.order_lines import with_orders
 from specan.analysis.batch.result import FileResult, Kind
-from specan.analysis.batch.rms_pass import RmsPass
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.tone_lines import tone_lines, with_flags
-from specan.analysis.channel_groups import AT_ONCE
+from specan.analysis.batch.store import Identity, identify
+from specan.analysis.batch.table_lines import (
+    band_lines,
+    noise_lines,
+    other_lines,
+    rms_lines,
+    tone_lines,
+    with_flags,
+    with_orders,
+)
 from specan.analysis.excitation import recognise
 from specan.analysis.octave import Octave, OctaveAccumulator
 from specan.analysis.quality import QualityPass
+from specan.analysis.section import AT_ONCE
 from specan.analysis.tone import ToneAccumulator
 from specan.analysis.transfer_function import TransferFunctionAccumulator
 from specan.data.calibration import Calibration, apply
 from specan.data.channel import Channel
-from specan.data.excitation import Excitation
 from specan.data.levels import Quality
 from specan.data.recording import Recording
+from specan.data.tone import Excitation
+from specan.dsp.overlapped_blocks import BlockGrid
 from specan.errors import NoSignalError, SpecanError, unforeseen
 from specan.io.open import open_recording
 
@@ -258,3 +267,85 @@ def _left_out(recording: Recording, taken: Sequence[Sequence[Channel]]) -> list[
         for c in recording.channels
         if id(c) not in ours
     ]
+
+
+_GRID = 1 << 15
+
+
+class RmsPass:
+    """RMS about the mean of `channels`, from samples in pieces of any length.
+
+    Examples
+    --------
+    >>> channel = Channel("Temperature", unit="K", sampling_rate=1.0, n_samples=4)
+    >>> rms = RmsPass((channel,))
+    >>> rms.add(np.array([[299.0, 301.0, 299.0, 301.0]]))
+    >>> rms.result().tolist()
+    [1.0]
+    """
+
+    def __init__(self, channels: tuple[Channel, ...]) -> None:
+        self.channels, self.start = channels, 0
+        self.stop = min(c.n_samples for c in channels)
+        self._grid = BlockGrid(len(channels), _GRID)
+        self._origin: NDArray[np.float64] | None = None
+        self._sum, self._squares = np.zeros(len(channels)), np.zeros(len(channels))
+
+    def add(self, samples: NDArray[np.float64]) -> None:
+        """Take the next samples (channels, m)."""
+        for block in self._grid.add(samples):
+            self._take(block)
+
+    def _take(self, block: NDArray[np.float64]) -> None:
+        if not block.shape[1]:
+            return
+        if self._origin is None:
+            self._origin = block[:, :1].copy()
+        away = block - self._origin  # a large constant part would leave few digits for the rest
+        self._sum += np.add.reduce(away, axis=1)
+        self._squares += np.add.reduce(away * away, axis=1)
+
+    def result(self) -> NDArray[np.float64]:
+        """RMS of each channel; call it once."""
+        self._take(self._grid.rest())
+        n = self.stop - self.start
+        return np.sqrt(np.maximum(self._squares / n - (self._sum / n) ** 2, 0.0))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a file and what the file was then; without an identity the result is not to be kept."""
+
+    result: FileResult
+    identity: Identity | None = None
+
+
+def analyse_unchanged(
+    entry: Input, settings: BatchSettings, calibration: Calibration | None, *, whole: bool = False
+) -> Outcome:
+    """Result of one file; a file that changes while it is read has none.
+
+    Parameters
+    ----------
+    whole : bool
+        Hash all bytes of the file as well.
+    """
+    try:
+        before = identify(entry.path, whole=whole)
+    except Exception:
+        before = None  # the analysis says why
+    result = analyse_file(entry, settings, calibration)
+    if before is None:
+        return Outcome(result)
+    if not before.untouched(entry.path):
+        return Outcome(FileResult(entry.label, "failed", _changed(entry, before)))
+    return Outcome(result, None if result.kind == "failed" else before)
+
+
+def _changed(entry: Input, before: Identity) -> str:
+    try:
+        size = os.stat(entry.path).st_size
+    except OSError:
+        return "it vanished while it was read; put it back and run the batch again"
+    how = f"from {before.size} to {size} bytes" if size != before.size else "in time, not in size"
+    return f"it changed while it was read ({how}); run the batch again when the recording is complete"

@@ -14,20 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from specan.analysis.batch.calibrations import assign_calibrations, fingerprint
-from specan.analysis.batch.inputs import Input, claim, find_inputs
-from specan.analysis.batch.one_file import open_headers
+from specan.analysis.batch.inputs import Input, check_table, claim, find_inputs, is_of_a_batch
+from specan.analysis.batch.one_file import Outcome, analyse_unchanged, open_headers
 from specan.analysis.batch.pool import spread
 from specan.analysis.batch.result import FileResult
-from specan.analysis.batch.resume import context_of, unchanged
 from specan.analysis.batch.settings import BatchSettings
-from specan.analysis.batch.store import Kept, Store
-from specan.analysis.batch.tables import is_of_a_batch, write_tables
-from specan.analysis.batch.task import Outcome, analyse_unchanged
+from specan.analysis.batch.store import Context, Kept, Store, common_context, context_of, unchanged
+from specan.analysis.batch.tables import write_tables
 from specan.data.calibration import Calibration
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import read_channel_table
-from specan.io.output_file import check_output
 from specan.io.results_text import COLUMNS, OPTIONAL, read_table
 from specan.result import Result
 
@@ -158,7 +155,8 @@ def run_batch(
             open_headers,
             lambda entry: earlier[entry.label] is not None,
         )
-        context = context_of(settings)
+        common = common_context(settings)
+        context = context_of(common)
         kept: dict[str, Kept] = {}
         for entry in assigned.inputs:
             found = earlier[entry.label]
@@ -167,9 +165,11 @@ def run_batch(
         resumed, failed = len(kept), list[FileResult]()
         todo = [entry for entry in assigned.inputs if entry.label not in kept]
         for entry, outcome in _watched(
-            todo, _outcomes(todo, settings, jobs, cluster, verify, warn), len(kept), progress
+            todo, _outcomes(todo, settings, jobs, cluster, verify, warn, store, common), len(kept), progress
         ):
-            if outcome.identity is None:
+            if isinstance(outcome, Kept):
+                kept[entry.label] = outcome
+            elif outcome.identity is None:
                 failed.append(outcome.result)
             else:
                 kept[entry.label] = store.put(outcome.result, outcome.identity, context(entry))
@@ -186,10 +186,10 @@ def run_batch(
 
 def _watched(
     todo: Sequence[Input],
-    outcomes: Iterator[tuple[int, Outcome]],
+    outcomes: Iterator[tuple[int, Outcome | Kept]],
     before: int,
     progress: Progress | None,
-) -> Iterator[tuple[Input, Outcome]]:
+) -> Iterator[tuple[Input, Outcome | Kept]]:
     """The outcomes with their inputs; tells the progress of each."""
     begin, left = time.monotonic(), sum(entry.size for entry in todo)
     total, done = max(left, 1), 0
@@ -209,8 +209,10 @@ def _outcomes(
     cluster: str | None,
     verify: bool,
     warn: Callable[[str], None],
-) -> Iterator[tuple[int, Outcome]]:
-    """Position and outcome of every file, in the order in which they are ready."""
+    store: Store,
+    common: str,
+) -> Iterator[tuple[int, Outcome | Kept]]:
+    """Position and outcome of every file, in the order in which they are ready; processes here keep it themselves."""
     if cluster is not None:
         from specan.analysis.batch.cluster import spread_over_cluster
 
@@ -219,7 +221,7 @@ def _outcomes(
     if jobs is None:
         worth = sum(entry.size for entry in todo) // WORTH_A_PROCESS
         jobs = max(1, min(os.cpu_count() or 1, worth))
-    context = (settings.model_dump_json(), _calibrations_of(todo), verify)
+    context = (settings.model_dump_json(), _calibrations_of(todo), verify, store.place, common)
     yield from spread(todo, _one, _prepare, context, jobs, _lost)
 
 
@@ -235,7 +237,7 @@ def _certain(settings: BatchSettings) -> tuple[str, ...]:
 def _publish(ready: Path, out: Path, written: Sequence[str]) -> None:
     """Put tables that are complete in place, one right after the other; those of an earlier batch alone go."""
     for name in OPTIONAL.intersection(written):
-        check_output(out / name)
+        check_table(out / name)
     for path in [*sorted(ready.glob("*.toml")), *(ready / name for name in written)]:
         try:
             path.replace(out / path.name)
@@ -253,20 +255,31 @@ def _publish(ready: Path, out: Path, written: Sequence[str]) -> None:
 _settings = BatchSettings()
 _calibrations: dict[str, Calibration] = {}
 _verify = False
+_store: Store
+_context: Context
 
 
-def _prepare(settings: str, calibrations: dict[str, Calibration], verify: bool) -> None:
-    global _settings, _verify
+def _prepare(
+    settings: str, calibrations: dict[str, Calibration], verify: bool, place: Path, common: str
+) -> None:
+    global _settings, _verify, _store, _context
     _settings, _verify = BatchSettings.model_validate_json(settings), verify
+    _store, _context = Store(place, joined=True), context_of(common)
     _calibrations.clear()
     _calibrations.update(calibrations)
 
 
-def _one(entry: Input) -> Outcome:
-    return analyse_unchanged(entry, _settings, _calibrations.get(entry.calibration), whole=_verify)
+def _one(entry: Input) -> Outcome | Kept:
+    outcome = analyse_unchanged(entry, _settings, _calibrations.get(entry.calibration), whole=_verify)
+    if outcome.identity is None:
+        return outcome
+    try:
+        return _store.put(outcome.result, outcome.identity, _context(entry))
+    except RequestError:  # the first process says it
+        return outcome
 
 
-def _lost(entry: Input) -> Outcome:
+def _lost(entry: Input) -> Outcome | Kept:
     return Outcome(
         FileResult(
             entry.label,

@@ -1,22 +1,122 @@
-"""Results of single files on disk, so that a batch can be interrupted and resumed."""
+"""Results of single files on disk, and how a file is known again, so that a batch can be resumed."""
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import os
+import stat
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from specan.analysis.batch.identity import Identity
+import specan
+from specan.analysis.batch.inputs import Input
 from specan.analysis.batch.result import FileResult
+from specan.analysis.batch.settings import BatchSettings
 from specan.data.tone import ToneTable
-from specan.errors import RequestError
+from specan.errors import RequestError, SpecanError
+from specan.io.open import channel_table_of
 from specan.io.output_file import remove_parts, text_file, write_encoded
+from specan.io.tdms_headers import metadata_of
+
+BLOCK, BLOCKS = 1 << 16, 64
+# What results are computed by; the rest of the package only shows them.
+_COMPUTING = ("data", "dsp", "io", "analysis")
+
+
+@dataclass(frozen=True)
+class Identity:
+    """A file at one moment.
+
+    Attributes
+    ----------
+    size, mtime_ns : int
+        Bytes, and the time of its last change.
+    digest : str
+        SHA-256 of the size, of the metadata and of 64 blocks of 64 KiB that are spread over the file.
+    whole : str
+        SHA-256 of all bytes; empty where that was not asked for.
+    """
+
+    size: int
+    mtime_ns: int
+    digest: str
+    whole: str = ""
+
+    def untouched(self, path: str) -> bool:
+        """Whether size and time are still the same; a file that is gone is not."""
+        try:
+            now = os.stat(path)
+        except OSError:
+            return False
+        return (now.st_size, now.st_mtime_ns) == (self.size, self.mtime_ns)
+
+
+def identify(path: str, *, whole: bool = False) -> Identity:
+    """What a file is now.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    now = os.stat(path)
+    if not stat.S_ISREG(now.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", path)  # a pipe would be waited for
+    return Identity(
+        now.st_size, now.st_mtime_ns, _spread_digest(path, now.st_size), _whole(path) if whole else ""
+    )
+
+
+def _spread_digest(path: str, size: int) -> str:
+    digest = hashlib.sha256(str(size).encode())
+    for part in metadata_of(Path(path)):
+        digest.update(part)
+    with open(path, "rb", buffering=0) as file:
+        for start in _starts(size):
+            file.seek(start)
+            digest.update(file.read(BLOCK))
+    return digest.hexdigest()
+
+
+def _starts(size: int) -> Iterator[int]:
+    """Beginnings of the blocks: without a gap in a small file, else evenly from the first to the last byte."""
+    if size <= BLOCK * BLOCKS:
+        yield from range(0, size, BLOCK)
+        return
+    for number in range(BLOCKS):
+        yield (size - BLOCK) * number // (BLOCKS - 1)
+
+
+def _whole(path: str) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@lru_cache(maxsize=1)
+def program_identity() -> str:
+    """Version of specan with a hash of its source, and of the libraries that compute.
+
+    Results of another program are not mixed with those of this one, not even of one that only a developer has
+    changed.
+    """
+    import scipy
+
+    place = Path(specan.__file__).parent
+    sources = [*place.glob("*.py"), *(path for part in _COMPUTING for path in (place / part).rglob("*.py"))]
+    digest = hashlib.sha256()
+    for path in sorted(sources, key=lambda path: path.relative_to(place).as_posix()):
+        digest.update(path.relative_to(place).as_posix().encode() + b"\0")
+        digest.update(path.read_bytes().replace(b"\r\n", b"\n"))
+    return f"specan {specan.__version__} ({digest.hexdigest()[:12]}), numpy {np.__version__}, scipy {scipy.__version__}"
+
 
 _SCHEMA, _SUFFIX = 3, ".result"
 
@@ -65,10 +165,14 @@ class Store:
     ----------
     place : Path
         Made if it does not exist; what an interrupted write has left there is removed.
+    joined : bool
+        Whether another process has made it, and others may be writing.
     """
 
-    def __init__(self, place: Path) -> None:
+    def __init__(self, place: Path, *, joined: bool = False) -> None:
         self.place = place
+        if joined:
+            return
         try:
             place.mkdir(exist_ok=True)
             remove_parts(place)
@@ -176,3 +280,63 @@ def _restored(value: Any) -> Any:
             return np.array(value["array"], dtype=float)
         return {key: _restored(entry) for key, entry in value.items()}
     return value
+
+
+Context = Callable[[Input], str]
+
+
+def unchanged(entry: Input, store: Store, *, verify: bool) -> Kept | None:
+    """The kept result of a file that is still what it was; None where there is none.
+
+    Size and time unchanged: the same file. Else metadata and spread blocks decide; with `verify` all
+    bytes do, and a result that was kept without their hash does not hold.
+    """
+    kept = store.find(entry.label)
+    if kept is None:
+        return None
+    if kept.identity.untouched(entry.path) and not verify:
+        return kept
+    if verify and not kept.identity.whole:
+        return None
+    try:
+        now = identify(entry.path, whole=verify)
+    except Exception:  # the analysis says why
+        return None
+    before = kept.identity
+    if (now.size, now.digest) != (before.size, before.digest) or (verify and now.whole != before.whole):
+        return None
+    if now.mtime_ns != before.mtime_ns:
+        kept = store.renew(kept, replace(now, whole=before.whole))
+    return kept
+
+
+def common_context(settings: BatchSettings) -> str:
+    """Of what the results of all files are made: the program and the settings."""
+    return f"{program_identity()}\n{settings.as_json()}"
+
+
+def context_of(common: str) -> Context:
+    """A function that says of what else than the recording the result of a file is made.
+
+    That is what is common to all, the calibration, the channel table, and the index file that may be told to belong to
+    another recording.
+    """
+    read: dict[str, str] = {}
+
+    def digest_of(path: str) -> str:
+        if path not in read:
+            read[path] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        return read[path]
+
+    def context(entry: Input) -> str:
+        parts = [common, digest_of(entry.calibration) if entry.calibration else "none"]
+        try:
+            table = entry.channel_table or channel_table_of(Path(entry.path), Path(entry.root))
+            index = Path(entry.path + "_index")
+            parts += [digest_of(str(table)) if table else "none"]
+            parts += [hashlib.sha256(index.read_bytes()).hexdigest() if index.is_file() else "none"]
+        except (SpecanError, OSError) as fault:
+            parts.append(str(fault))  # the analysis fails on it as well, and a failure is not kept
+        return hashlib.sha256("\n".join(parts).encode("utf-8", "surrogatepass")).hexdigest()
+
+    return context

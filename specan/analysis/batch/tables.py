@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 from specan import __version__
 from specan.analysis.batch.result import FileResult
 from specan.analysis.batch.store import Kept
-from specan.analysis.batch.tone_lines import joined_lines
+from specan.analysis.batch.table_lines import joined_lines
 from specan.analysis.stepped_sine import join_stepped_sine, not_steps
 from specan.data.frequency_response import FrequencyResponse
 from specan.data.tone import ToneTable
@@ -72,16 +72,6 @@ def write_tables(
     return tuple(written)
 
 
-def is_of_a_batch(path: Path) -> bool:
-    """Whether a file begins as a table of a batch of that name does."""
-    try:
-        with path.open(encoding="utf-8", errors="replace") as file:
-            words = file.readline().split()
-    except OSError:
-        return False
-    return words[:2] == ["#", "specan"] and words[-1] == path.name
-
-
 def _head(name: str, header: Sequence[str]) -> list[str]:
     references = ", ".join(f"{unit} re {ref.text}" for unit, ref in LEVEL_REFERENCES.items())
     return [
@@ -111,7 +101,7 @@ def _skipped(results: Sequence[FileResult]) -> Iterator[str]:
         if isinstance(joined, InputError):
             rows.append((label, "", "aside", f"no stepped-sine characteristic: {joined}"))
     for row in sorted(rows, key=lambda row: row[0]):
-        yield text.rows([[text.word(cell)] for cell in row])
+        yield text.rows([text.words([cell]) for cell in row])
 
 
 def _directories(results: Sequence[FileResult]) -> dict[str, list[ToneTable]]:

@@ -10,8 +10,8 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, Div, Select
 
+from specan.inspect.look import notice, sheet
 from specan.inspect.plots import plain
-from specan.inspect.sheets import notice, sheet
 from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.study import Study

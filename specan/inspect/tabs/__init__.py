@@ -1,1 +1,1 @@
-"""The tabs of a recording's page, one a file."""
+"""The tabs of a recording's page."""

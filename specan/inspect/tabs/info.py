@@ -8,8 +8,8 @@ from typing import Any
 from bokeh.models import Div, ScrollBox
 
 from specan.data.recording import Recording
+from specan.inspect.look import notice, sheet
 from specan.inspect.opened import Opened
-from specan.inspect.sheets import notice, sheet
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell
 from specan.inspect.view import View
 

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from specan.analysis.orders import Orders
 from specan.data.orders import OrderSpectrum
 from specan.inspect.grouped_lines import GroupedLines
-from specan.inspect.heat_map import HeatMap
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.plots import Curve, Lines, plain
+from specan.inspect.plots import Curve, HeatMap, Lines, plain
 from specan.inspect.tabs.tab import Change, Found, Tab, Tell, nearest_line
 from specan.inspect.view import View
 from specan.report.figure_style import level_label

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from specan.data.recording import Recording
 from specan.errors import RequestError
 from specan.inspect.opened import Chosen, Opened
-from specan.inspect.superseded import Heard, Tell
 from specan.inspect.view import View
+from specan.inspect.work import Heard, Tell
 
 Change = Callable[..., None]
 Found = list[tuple[int, Any]]  # number of the recording, and its result

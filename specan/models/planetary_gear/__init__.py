@@ -4,6 +4,6 @@ Decisions: docs/decisions/orders_and_gears.md.
 """
 
 from specan.models.planetary_gear.build import build
-from specan.models.planetary_gear.example import EXAMPLE_RIG
+from specan.models.planetary_gear.rig import EXAMPLE_RIG
 
 __all__ = ["EXAMPLE_RIG", "build"]

@@ -8,24 +8,36 @@ unknowns that need no product with the Jacobian J (same book, section IV.7):
 (1/(h gamma) - J) u_i = f(t + alpha_i h, y + sum_j a_ij u_j) + sum_j c_ij u_j / h + h gamma_i df/dt,
 y_new = y + sum_i m_i u_i.
 
-Plain loops over floats: the file is compiled where numba is present. All that is compiled together is in this one
-file: numba renews what it keeps on disk when the file of a caller changes, not when that of what is called does.
+Plain loops over floats: the file is compiled where numba is present, and works on lists where it is not, which Python
+reads three times as fast as arrays. All that is compiled together is in this one file: numba renews what it keeps on
+disk when the file of a caller changes, not when that of what is called does.
 Lengths in mm and forces in N within the contact law (its constants are given so), SI elsewhere.
 """
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 
-from specan.models.planetary_gear.compiled import compiled
+from specan.models.planetary_gear.compiled import HAS_NUMBA, compiled
 
 SLOPES = 8  # that mesh_contact gives
+
+
+def _numbers(values: Any) -> Any:
+    """An array for compiled loops, a list for those of Python."""
+    array = np.array(values, dtype=float)
+    return array if HAS_NUMBA else array.tolist()
+
+
 # Coefficients of the authors' program RODAS (METH = 1), their symbols in the equation above.
 _GAMMA = 0.25
-_ALPHA_I = np.array([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
-_GAMMA_I = np.array([0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0])
-_M = np.array([1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1.0, 1.0])
-_A = np.array(
+_ALPHA_I = _numbers([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
+_GAMMA_I = _numbers([0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0])
+_M = _numbers([1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1.0, 1.0])
+_A = _numbers(
     [
         [0.0, 0.0, 0.0, 0.0, 0.0],
         [1.544, 0.0, 0.0, 0.0, 0.0],
@@ -35,7 +47,7 @@ _A = np.array(
         [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1.0],
     ]
 )
-_C = np.array(
+_C = _numbers(
     [
         [0.0, 0.0, 0.0, 0.0, 0.0],
         [-5.6688, 0.0, 0.0, 0.0, 0.0],
@@ -75,9 +87,10 @@ def mesh_contact(phase, frequency, x, v, law, mesh, slopes):
     force, lost, changed, stored : float
         Force, N; power lost and power of the change of contact, W; energy held, J.
     """
-    base = phase - np.floor(phase)
+    base = phase - math.floor(phase)
     force, lost, changed, stored = 0.0, 0.0, 0.0, 0.0
-    slopes[:] = 0.0
+    for k in range(len(slopes)):
+        slopes[k] = 0.0
     speed = mesh[0] * frequency
     for j in range(-1, 4):
         place = base + j
@@ -130,11 +143,11 @@ def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, sta
         v_s = 1e3 * (-(rb_s + rb_p) * carrier_rate + rb_p * planet_rate)
         x_r = 1e3 * ((rb_p - rb_r) * carrier - rb_p * planet)
         v_r = 1e3 * ((rb_p - rb_r) * carrier_rate - rb_p * planet_rate)
-        f_s, d_s, c_s, e_s = mesh_contact(mesh + phases[0, i], sizes[5], x_s, v_s, law, sun_mesh, slopes[i])
+        f_s, d_s, c_s, e_s = mesh_contact(mesh + phases[0][i], sizes[5], x_s, v_s, law, sun_mesh, slopes[i])
         f_r, d_r, c_r, e_r = 0.0, 0.0, 0.0, 0.0
         if rb_r > 0.0:  # a pair has no ring
             f_r, d_r, c_r, e_r = mesh_contact(
-                mesh + phases[1, i], sizes[5], x_r, v_r, law, ring_mesh, slopes[n + i]
+                mesh + phases[1][i], sizes[5], x_r, v_r, law, ring_mesh, slopes[n + i]
             )
         forces[i], forces[n + i] = f_s, f_r
         dissipated += d_s + d_r
@@ -158,14 +171,15 @@ def rates(time, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, sta
 def time_slope(n, sizes, sun_speed, slopes, slope):
     """Derivative of the rates by time alone."""
     rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
-    slope[:] = 0.0
+    for k in range(len(slope)):
+        slope[k] = 0.0
     for i in range(n):
-        f_s, f_r = slopes[i, 2], slopes[n + i, 2]
+        f_s, f_r = slopes[i][2], slopes[n + i][2]
         slope[n + 1] += (f_s * (rb_s + rb_p) + f_r * (rb_r - rb_p)) / sizes[3]
         slope[n + 2 + i] = (f_r - f_s) * rb_p / sizes[4]
         slope[2 * n + 2] += f_s * rb_s * sun_speed
-        slope[2 * n + 4] += slopes[i, 5] + slopes[n + i, 5]
-        slope[2 * n + 5] += slopes[i, 7] + slopes[n + i, 7]
+        slope[2 * n + 4] += slopes[i][5] + slopes[n + i][5]
+        slope[2 * n + 5] += slopes[i][7] + slopes[n + i][7]
 
 
 @compiled
@@ -177,13 +191,13 @@ def factor(n, sizes, slopes, span, matrix):
     rb_s, rb_p, rb_r = sizes[0], sizes[1], sizes[2]
     carrier = sizes[3] / span
     for i in range(n):
-        sun = 1e3 * (slopes[i, 1] + span * slopes[i, 0])
-        ring = 1e3 * (slopes[n + i, 1] + span * slopes[n + i, 0])
+        sun = 1e3 * (slopes[i][1] + span * slopes[i][0])
+        ring = 1e3 * (slopes[n + i][1] + span * slopes[n + i][0])
         own = sizes[4] / span + (sun + ring) * rb_p**2
         coupling = (-sun * (rb_s + rb_p) + ring * (rb_r - rb_p)) * rb_p
         carrier += sun * (rb_s + rb_p) ** 2 + ring * (rb_r - rb_p) ** 2 - coupling**2 / own
-        matrix[0, i], matrix[1, i] = own, coupling
-    matrix[0, n] = carrier
+        matrix[0][i], matrix[1][i] = own, coupling
+    matrix[0][n] = carrier
 
 
 @compiled
@@ -194,17 +208,17 @@ def solve(n, sizes, sun_speed, load, slopes, span, matrix, right):
     # The angles follow from the rates: u_angle = span (right_angle + u_rate).
     carrier = sizes[3] * right[n + 1]
     for i in range(n):
-        sun = 1e3 * span * slopes[i, 0] * (a_s * right[0] + rb_p * right[1 + i])
-        ring = 1e3 * span * slopes[n + i, 0] * (a_r * right[0] - rb_p * right[1 + i])
+        sun = 1e3 * span * slopes[i][0] * (a_s * right[0] + rb_p * right[1 + i])
+        ring = 1e3 * span * slopes[n + i][0] * (a_r * right[0] - rb_p * right[1 + i])
         planet = sizes[4] * right[n + 2 + i] - (sun - ring) * rb_p
-        carrier -= sun * a_s + ring * a_r + planet * matrix[1, i] / matrix[0, i]
+        carrier -= sun * a_s + ring * a_r + planet * matrix[1][i] / matrix[0][i]
         right[n + 2 + i] = planet
-    carrier /= matrix[0, n]
+    carrier /= matrix[0][n]
     right[n + 1] = carrier
     right[0] = span * (right[0] + carrier)
     given, lost, changed = 0.0, 0.0, 0.0
     for i in range(n):
-        planet = (right[n + 2 + i] - matrix[1, i] * carrier) / matrix[0, i]
+        planet = (right[n + 2 + i] - matrix[1][i] * carrier) / matrix[0][i]
         right[n + 2 + i] = planet
         right[1 + i] = span * (right[1 + i] + planet)
         x_s, v_s = a_s * right[0] + rb_p * right[1 + i], a_s * carrier + rb_p * planet
@@ -236,7 +250,6 @@ def store(n, sizes, state, forces, row):
     row[2 * n + 8] = kinetic
 
 
-@compiled
 def advance(
     steps, every, dt, start, planets, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, state, out
 ):
@@ -268,15 +281,36 @@ def advance(
     out : array (stored, 2 planets + 9)
         Forces of sun meshes, of ring meshes, carrier angle and rate, torque of the sun, six energies.
     """
-    n = planets
-    size = 2 * (n + 1) + 4
-    span = dt * _GAMMA
-    stages = _M.size
-    change, slope, trial = np.zeros(size), np.zeros(size), np.zeros(size)
-    u = np.zeros((stages, size))
-    forces, unused = np.zeros(2 * n + 2), np.zeros(2 * n + 2)
-    slopes, other = np.zeros((2 * n, SLOPES)), np.zeros((2 * n, SLOPES))
-    matrix = np.zeros((2, n + 1))
+    n, size = planets, len(state)
+    moving = _numbers(state)
+    given = (sizes, law, sun_mesh, ring_mesh, phases)
+    work = (
+        size,
+        size,
+        size,
+        (len(_M), size),
+        2 * n + 2,
+        2 * n + 2,
+        (2 * n, SLOPES),
+        (2 * n, SLOPES),
+        (2, n + 1),
+    )
+    _advance(
+        steps, every, dt, start, n, *map(_numbers, given), sun_speed, load, moving, out, *map(_zeros, work)
+    )
+    state[:] = moving
+
+
+def _zeros(shape: Any) -> Any:
+    return _numbers(np.zeros(shape))
+
+
+@compiled
+def _advance(
+    steps, every, dt, start, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load, state, out,
+    change, slope, trial, u, forces, unused, slopes, other, matrix,
+):  # fmt: skip
+    size, stages, span = len(state), len(_M), dt * _GAMMA
     row = 0
     for step in range(steps):
         time = start + step * dt
@@ -291,18 +325,22 @@ def advance(
         for i in range(stages):
             if i > 0:
                 for j in range(size):
-                    trial[j] = state[j]
+                    value = state[j]
                     for k in range(i):
-                        trial[j] += _A[i, k] * u[k, j]
+                        value += _A[i][k] * u[k][j]
+                    trial[j] = value
                 rates(
                     time + _ALPHA_I[i] * dt, n, sizes, law, sun_mesh, ring_mesh, phases, sun_speed, load,
                     trial, change, unused, other,
                 )  # fmt: skip
             for j in range(size):
-                u[i, j] = change[j] + dt * _GAMMA_I[i] * slope[j]
+                value = change[j] + dt * _GAMMA_I[i] * slope[j]
                 for k in range(i):
-                    u[i, j] += _C[i, k] / dt * u[k, j]
+                    value += _C[i][k] / dt * u[k][j]
+                u[i][j] = value
             solve(n, sizes, sun_speed, load, slopes, span, matrix, u[i])
         for j in range(size):
+            value = state[j]
             for i in range(stages):
-                state[j] += _M[i] * u[i, j]
+                value += _M[i] * u[i][j]
+            state[j] = value

@@ -12,9 +12,16 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError, RequestError
 from specan.models.planetary_gear import contact_steps
 from specan.models.planetary_gear.compiled import HAS_NUMBA
-from specan.models.planetary_gear.geometry import Mesh, mesh_phases, pair_mesh, planet_angles, set_meshes
+from specan.models.planetary_gear.geometry import (
+    Mesh,
+    disc,
+    mesh_phases,
+    pair_mesh,
+    planet_angles,
+    rotors,
+    set_meshes,
+)
 from specan.models.planetary_gear.rig import Contact, Gear, Rig
-from specan.models.planetary_gear.rotors import disc, rotors
 
 Real = NDArray[np.float64]
 
@@ -24,7 +31,7 @@ STEPS_PER_PERIOD = 25.0
 SETTLE_S = 0.25  # left away before the first sample: transients of the contacts have died away
 _STORED_RATE = 51200.0
 OVERSAMPLED = 4
-_CHUNK = 51200
+_CHUNK = 12800
 
 
 @dataclass(frozen=True)
@@ -214,7 +221,7 @@ def _set(rig: Rig, gear: Gear, contact: Contact) -> _System:
     sun, ring = set_meshes(gear)
     module, cos = 1e-3 * gear.module_mm, math.cos(math.radians(gear.pressure_angle_deg))
     rb_s, rb_p, rb_r = (module * z * cos / 2 for z in (gear.z_sun, gear.z_planet, gear.z_ring))
-    made = rotors(gear)
+    made = rotors(gear, rig.rotors)
     carrier, inertia = made.carrier_inertia, made.planet_inertia
     speed = 2 * np.pi * rig.operation.sun_speed_hz
     relative = speed * gear.z_ring / (gear.z_sun + gear.z_ring)  # of the sun against the carrier

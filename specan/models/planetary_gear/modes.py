@@ -1,4 +1,4 @@
-"""Natural frequencies and modes of a planetary gear whose parts may shift as well as turn."""
+"""Natural frequencies and modes of a planetary gear, whose parts may shift as well as turn or turn only."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from specan.models.model import Model
 
 Real = NDArray[np.float64]
 
@@ -99,6 +101,32 @@ def natural_modes(
     return Modes(
         np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi), tuple(_kind(shape[:, k]) for k in range(size)), shape
     )
+
+
+def torsional_frequencies(model: Model) -> Real:
+    """Natural frequencies, Hz, of the set as it is fitted: parts turn only, the sun turns steadily, the ring is fixed.
+
+    Meshes have their mean stiffness at the rig file's speed and torque. Planets that move alike take the carrier with
+    them (two modes); against each other they leave it where it is (as many modes as planets less one).
+
+    Parameters
+    ----------
+    model : Model
+        Of a planetary set, as `build` makes it.
+    """
+    operation = model.settings["parsed_rig"].operation
+    at = {"order": np.ones(1), "sun_speed": np.full(1, operation.sun_speed_hz),
+          "carrier_torque": np.full(1, operation.carrier_torque_Nm)}  # fmt: skip
+    wanted = ["mesh_stiffness", "carrier_inertia", "planet_inertia", "base_radii"]
+    found = model.assemble(model.base_effects).evaluate(at, None, wanted)
+    stiffness, (sun, planet, ring) = found["mesh_stiffness"][0].mean(axis=-1), found["base_radii"]
+    planets = found["mesh_stiffness"].shape[-1]
+    # Approach of the sun and of the ring mesh by a turn of the carrier and of a planet.
+    geometry = np.array([[sun + planet, planet], [ring - planet, -planet]])
+    one = geometry.T @ (stiffness[:, None] * geometry)  # of one planet with its part of the carrier
+    together = one / np.array([found["carrier_inertia"] / planets, found["planet_inertia"]])[:, None]
+    squares = [*np.linalg.eigvals(together).real, *[one[1, 1] / found["planet_inertia"]] * (planets - 1)]
+    return np.sort(np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi))
 
 
 def _masses(part: Part) -> list[float]:

@@ -127,7 +127,7 @@ def rim_displacement(mesh_force, transfer_path, friction_share):
 
 @quantity(unit="m/s^2", axes=("sensor",))
 def order_lines(rim_displacement, order, sun_speed, point_of_line, carrier_turn, carrier_ratio, housing_response,
-                harmonic_gain, harmonic_of_line, line_coherence, tacho_angle):  # fmt: skip
+                harmonic_gain, harmonic_of_line, line_coherence, tacho_angle, unlike_response, ideal_line):  # fmt: skip
     """Complex peak amplitude of the acceleration at each line, (sensors, lines)."""
     samples = rim_displacement.shape[-1]
     spectra = np.fft.rfft(rim_displacement, axis=-1) * (2.0 / samples)
@@ -137,13 +137,28 @@ def order_lines(rim_displacement, order, sun_speed, point_of_line, carrier_turn,
     lines = spectra[point_of_line, :, np.where(inside, nearest, 0)].T * inside
     omega = 2 * np.pi * np.asarray(order) * sun_speed * carrier_ratio
     turned = np.exp(1j * np.asarray(order) * tacho_angle)
-    return -(omega**2) * lines * housing_response * harmonic_gain[harmonic_of_line] * line_coherence * turned
+    gain = housing_response * harmonic_gain[harmonic_of_line] * line_coherence * turned
+    return -(omega**2) * lines * gain * np.where(ideal_line, 1.0, unlike_response[harmonic_of_line])
 
 
 @quantity(unit="1")
 def harmonic_of_line(order, ring_teeth, harmonic_count):
     """Number (from zero) of the mesh harmonic that each line belongs to."""
     return np.clip(np.rint(np.asarray(order) / ring_teeth), 1, harmonic_count).astype(int) - 1
+
+
+@quantity(unit="1", reference="Inalpolat and Kahraman, J. Sound Vib. 323 (2009) 677")
+def ideal_line(order, planet_angle):
+    """Whether planets that are alike add up to a line at an order: it is whole, and exp(j n psi) does not cancel."""
+    order = np.asarray(order)
+    together = np.abs(np.exp(1j * np.outer(np.rint(order), planet_angle)).mean(axis=1))
+    return (np.abs(order - np.rint(order)) < 1e-6) & (together.reshape(order.shape) > 1e-9)
+
+
+@quantity(unit="1", axes=("harmonic",))
+def unlike_response(harmonic_count):
+    """How much more than computed the set answers to what its planets do not do alike, one a mesh harmonic."""
+    return np.ones(harmonic_count)
 
 
 @quantity(unit="1")
@@ -166,5 +181,5 @@ def harmonic_gain(harmonic_count):
 
 QUANTITIES = (
     mesh_force, rim_displacement, order_lines, harmonic_of_line, housing_response, line_coherence,
-    harmonic_gain,
+    harmonic_gain, ideal_line, unlike_response,
 )  # fmt: skip

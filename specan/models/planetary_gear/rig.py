@@ -77,12 +77,29 @@ class Sensors(Settings):
     tacho_carrier_pulses: Annotated[int, Field(ge=1)] = 1
 
 
+class Rotors(Settings):
+    """Inertias that are known, as they turn with the carrier or about a planet's pin; steel discs otherwise."""
+
+    carrier_kg_m2: Positive | None = None  # with the planets on it
+    load_kg_m2: NotNegative = 0.0  # shaft, coupling and brake behind the carrier
+    planet_kg_m2: Positive | None = None
+
+
 class Uncertainty(Settings):
-    """Standard uncertainties; what is not given is not assumed."""
+    """Standard uncertainties of what a rig file says; percentages of factors are of their natural logarithms.
+
+    ISO 6336-1:2019, clause 9, gives 14 to 20 N/(mm um) for the stiffness of a mesh; at low load and with bodies it is
+    half of that. Brakes and couplings weigh from nothing to several times the carrier. Damping ratios of meshes are
+    0.01 to 0.1 (Kahraman and Singh, J. Sound Vib. 142 (1990) 49). An exponent of 1.3 lies between three published ones.
+    """
 
     model_discrepancy_percent: NotNegative = 10.0
     path_percent: NotNegative = 30.0
     response_percent: NotNegative = 50.0
+    contact_stiffness_percent: Positive = 40.0
+    contact_exponent: Positive = 0.15
+    contact_damping_percent: Positive = 100.0
+    carrier_inertia_percent: Positive | None = None  # 10 where [rotors] says the carrier's, else 100
 
 
 class Rig(Settings):
@@ -93,6 +110,7 @@ class Rig(Settings):
     contact: Contact = Contact()
     operation: Operation = Operation()
     sensors: Sensors = Sensors()
+    rotors: Rotors = Rotors()
     uncertainty: Uncertainty = Uncertainty()
 
 
@@ -111,3 +129,9 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
             expected="one of them",
         )
     return rig
+
+
+EXAMPLE_RIG = {
+    "gear": {"z_sun": 24, "z_planet": 21, "z_ring": 66, "planets": 3, "module_mm": 2.0},
+    "operation": {"sun_speed_hz": 30.0, "carrier_torque_Nm": 60.0},
+}

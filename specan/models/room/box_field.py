@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from specan.models.room.axis_modes import AxisModes, axis_modes
 from specan.models.room.frequency_interpolation import interpolations
 from specan.models.room.modal_sum import Modes
-from specan.models.room.port import Port, point
+from specan.models.room.port import Port, beyond, point
 from specan.models.room.resonances import Resonances, resonances
 from specan.models.room.soft_axis import resonances_across
 from specan.models.room.static_correction import StaticCorrection, join, static_correction
@@ -92,13 +92,20 @@ class BoxField:
         new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
         if new:
             found = self.modes.coupling(source, new)
-            # A ball averages away what lies above the truncation.
+            # A ball averages away what lies above the truncation, but for its own field.
             plain = [i for i, port in enumerate(new) if not port.ball]
             if not source.ball and plain:
                 found[:, plain] += self._rest(source, [new[i] for i in plain])
+            elif source.ball and source in new:
+                found[:, new.index(source)] += beyond(source, self._top)
             found = self._everywhere(source, new, found)
             self._done |= {(source, port): column for port, column in zip(new, found.T, strict=True)}
         return np.stack([self._done[source, port] for port in receivers], axis=1)
+
+    @property
+    def _top(self) -> tuple[float, ...]:
+        """Wave number along each edge half way between the last mode that is kept and the next."""
+        return tuple(np.pi * (n - 0.5) / edge for n, edge in zip(self.counts, self.drawn, strict=True))
 
     def modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """The modes up to the truncation alone, array (lines, receivers): all but the near field, and cheap."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from specan.models.room import air, field, instruments
 from specan.models.room.places import room_receivers
 from specan.models.room.rig import WALLS, Rig, read_rig
 from specan.models.room.shape import RoomShape, mesh_shape
+from specan.models.room.temperature_log import read_temperature_log
 
 WORDS = Words(
     ideal="the ideal room",
@@ -25,6 +27,7 @@ WORDS = Words(
     what_else="Positions that would tell more of the walls: specan study impedance {study}",
 )
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
+LARGEST_M = 100.0  # no room is so large along its shortest edge
 MOST_MODES = 60_000  # about 60 MB a block of lines
 
 
@@ -36,7 +39,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     RequestError
         The rig file has an unknown key, lacks one, says something impossible, or needs too many modes.
     """
-    settings = read_rig(rig)
+    settings, notes = _at_logged_temperature(read_rig(rig))
     shape = _box(settings) if settings.room.mesh is None else mesh_shape(settings)
     microphones = tuple(f"Mic {i}" for i in range(1, len(settings.mics.position_m) + 1))
     cards = settings.mics.cards or ((1, len(microphones)),)
@@ -52,7 +55,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     return Model(
         name="room",
         title=shape.title,
-        notes=shape.notes,
+        notes=(*shape.notes, *notes),
         conditions={
             "frequency": Condition("frequency", "Hz", "Frequency of each line.", "frequency_hz", "Hz"),
             "velocity_psd": Condition(
@@ -85,6 +88,25 @@ def build(rig: Mapping[str, Any]) -> Model:
     )
 
 
+def _at_logged_temperature(rig: Rig) -> tuple[Rig, tuple[str, ...]]:
+    """The rig with the air as a thermometer has logged it, where it has, and what to tell of that."""
+    if rig.air.temperature_log is None:
+        return rig, ()
+    path = Path(rig.air.temperature_log)
+    log = read_temperature_log(path)
+    known = log.uncertainty_K(rig.uncertainty.temperature_K)
+    logged = rig.model_copy(
+        update={
+            "air": rig.air.model_copy(update={"nominal_temperature_C": log.mean_C}),
+            "uncertainty": rig.uncertainty.model_copy(update={"temperature_K": known}),
+        }
+    )
+    said = (
+        f"air of {log.mean_C:.2f} degrees Celsius, {log.span_K:.2g} K from the lowest to the highest reading"
+    )
+    return logged, (f"{path.name}: {said}; standard uncertainty {known:.2g} K with that of the thermometer",)
+
+
 def _box(rig: Rig) -> RoomShape:
     assert rig.room.dims_m is not None
     _check_size(rig, rig.room.dims_m)
@@ -108,6 +130,12 @@ def _check_size(rig: Rig, dims: tuple[float, ...]) -> None:
     k_max = 2 * np.pi * rig.band.f_max_hz / field.COLD
     counts = field.mode_counts(dims, k_max, MODE_MARGIN)
     modes = int(np.prod(counts))
+    if modes > MOST_MODES and min(dims) > LARGEST_M:
+        raise RequestError(
+            f"[room] dims_m says {list(dims)}",
+            expected="edges in metres",
+            remedy="divide them by 1000 if they are millimetres",
+        )
     if modes > MOST_MODES:
         # 16 bytes a mode and line, 64 lines at once
         raise RequestError(

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import ComputationError
-from specan.models.room.mesh_elements import Elements
+from specan.models.room.mesh_elements import Elements, Simplices
 from specan.models.room.mesh_file import RoomMesh, triangle_areas
-from specan.models.room.mesh_places import Simplices
 from specan.models.room.port import Port, ball_mean
 
 Real = NDArray[np.float64]
@@ -72,6 +71,11 @@ class MeshModes:
         self._room = Simplices(corners[self.mesh.tetrahedra])
         self._skin = {name: Simplices(corners[t]) for name, t in self.mesh.walls.items()}
         self._edge = float(np.sqrt(2 * np.median(triangle_areas(corners, _all(self.mesh)))))
+
+    @property
+    def top(self) -> float:
+        """Edge of the cube of wave numbers that is as large as the octant of those of the modes, 1/m."""
+        return MARGIN * self.k_max * float(np.cbrt(np.pi / 6))
 
     def at(self, port: Port) -> Real:
         """Mean of each vector over a port, array (n,); beyond the walls that of the nearest place."""

@@ -85,7 +85,7 @@ class _Lines:
     norm: tuple[Complex, Complex, Complex]
     distance: Complex  # K_N^2 - k^2, array (lines, nx, ny, nz)
     k2: Complex
-    _means: dict[tuple[int, float, bool], NDArray] = field(default_factory=dict)
+    _means: dict[tuple[int, float, bool, tuple[float, float, float]], NDArray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, axes: Sequence[AxisModes], k2: Complex, part: slice) -> _Lines:
@@ -123,10 +123,11 @@ class _Lines:
 
     def _mean(self, port: Port) -> NDArray:
         """Factor that averages the modes over a patch or ball."""
-        key = (port.axis, port.radius, port.ball)
+        key = (port.axis, port.radius, port.ball, port.proportions)
         if key not in self._means:
             if port.ball:
-                self._means[key] = ball_mean(self.distance + self.k2, port.radius)
+                a, b, c = np.square(port.proportions)
+                self._means[key] = ball_mean(a * self.q2[0] + b * self.q2[1] + c * self.q2[2], port.radius)
             else:
                 i, j = (axis for axis in range(3) if axis != port.axis)
                 self._means[key] = disc_mean(self.q2[i] + self.q2[j], port.radius)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.measurement_kinds import (
+    NamedModes,
     PlacedEffects,
     Places,
     ReceiverErrors,
@@ -19,7 +20,6 @@ from specan.models.measurement_kinds import (
 )
 from specan.models.model import Model
 from specan.models.quantity import constant
-from specan.models.room.mode_names import NAMED
 from specan.models.room.port import Port, point
 from specan.models.room.rig import WALLS, Rig, left_out
 
@@ -63,6 +63,7 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
         ),
         block_s=rig.band.block_s,
         left_out_hz=left_out(rig.band),
+        background=rig.background.recording,
         # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
         wave_number=WaveNumberStep("temperature", "offset", STEP_K, -2 * nominal_K, -2.0),
         groups=lambda channels: {} if dims is None else near_walls(dims, positions, names, channels),
@@ -187,3 +188,43 @@ def wall_areas(dims_m: Sequence[float]) -> Mapping[str, float]:
     """
     x, y, z = (float(edge) for edge in dims_m)
     return {"x0": y * z, "x1": y * z, "y0": x * z, "y1": x * z, "z0": x * y, "z1": x * y}
+
+
+_SUFFIXES = {1: "st", 2: "nd", 3: "rd"}
+
+
+def mode_names(dims_m: Any, sound_speed: float, f_max_hz: float) -> list[tuple[float, str]]:
+    """Natural frequency and name of every mode of a box with rigid walls, the lowest first.
+
+    ``f = c / 2 sqrt((l / X)^2 + (m / Y)^2 + (n / Z)^2)`` (Kuttruff, Room Acoustics, 6th ed., eq. 3.17).
+
+    Examples
+    --------
+    >>> mode_names([2.0, 1.0, 0.5], 340.0, 200.0)
+    [(85.0, '1st axial mode along x'), (170.0, '1st axial mode along y'), (170.0, '2nd axial mode along x'), \
+(190.1, 'tangential mode x1 y1')]
+    """
+    edges = np.array(dims_m, dtype=float)
+    most = np.floor(2 * f_max_hz * edges / sound_speed).astype(int)
+    found = []
+    for orders in np.ndindex(*(most + 1)):
+        frequency = sound_speed / 2 * float(np.sqrt(np.sum((np.array(orders) / edges) ** 2)))
+        if any(orders) and frequency <= f_max_hz:
+            found.append((round(frequency, 1), _name(orders)))
+    return sorted(found, key=lambda mode: mode[0])
+
+
+def _name(orders: tuple[int, ...]) -> str:
+    along = [(axis, order) for axis, order in zip("xyz", orders, strict=True) if order]
+    if len(along) == 1:
+        axis, order = along[0]
+        return f"{order}{_SUFFIXES.get(order, 'th')} axial mode along {axis}"
+    family = "tangential" if len(along) == 2 else "oblique"
+    return f"{family} mode " + " ".join(f"{axis}{order}" for axis, order in along)
+
+
+def _of(quantities: Mapping[str, Any], f_max_hz: float) -> list[tuple[float, str]]:
+    return mode_names(quantities["room_dimensions"], float(quantities["sound_speed"]), f_max_hz)
+
+
+NAMED = NamedModes(reads=("room_dimensions", "sound_speed"), names=_of)

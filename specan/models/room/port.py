@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,9 @@ class Port:
     radius : float
         Radius of the patch or ball, m; 0 for a point.
     ball : bool
-        Averaged over a ball instead of a patch.
+        Averaged over an ellipsoid instead of a patch.
+    proportions : tuple of float
+        Its half axes over the radius of the ball of its volume; a mesh takes the ball for means.
     slope : int or None
         Number of the axis along which the field's derivative is meant instead of the field.
     drawn : tuple of float or None
@@ -41,6 +44,7 @@ class Port:
     axis: int
     radius: float = 0.0
     ball: bool = False
+    proportions: tuple[float, float, float] = (1.0, 1.0, 1.0)
     slope: int | None = None
     drawn: tuple[float, float, float] | None = None
 
@@ -74,3 +78,47 @@ def _series(x: NDArray, divisor: Callable[[int], float]) -> NDArray:
         total *= x / divisor(n)
         total += 1
     return total
+
+
+def beyond(port: Port, top: Sequence[float]) -> float:
+    """What modes above a truncation add to an ellipsoid's coupling with itself, 1/m; of slopes 1/m^3.
+
+    There the room is free space, where modes are plane waves. All of them give ``(2 pi)^-3 int b^2 / k^2 d^3k``, with
+    ``b`` from `ball_mean`, or ``3 R_F / (10 pi)``; with ``k_i^2`` for a slope along i, ``L_i / V`` with the
+    depolarisation factor ``L_i = (a b c / 3) R_D`` and the volume V, 1 / (3 V) for a ball (Lamb, Hydrodynamics, 114).
+    R_F and R_D are Carlson's integrals of the squared half axes. The part below the truncation is taken off.
+
+    Parameters
+    ----------
+    port : Port
+        An ellipsoid.
+    top : sequence of float
+        Largest wave number along each axis that the modes have, 1/m.
+    """
+    from scipy.special import elliprd, elliprf
+
+    squares, weights = _waves_below(tuple(top))
+    half = np.square(port.proportions)
+    mean = ball_mean(half @ squares, port.radius)
+    a, b, c = half * port.radius**2
+    if port.slope is None:
+        return float(0.3 / np.pi * elliprf(a, b, c) - weights @ mean**2)
+    along = (a, b, c)[port.slope]
+    others = [(b, c), (a, c), (a, b)][port.slope]
+    whole = elliprd(*others, along) / (4 * np.pi)
+    return float(whole - (weights * squares[port.slope]) @ mean**2)
+
+
+@lru_cache(maxsize=12)
+def _waves_below(top: tuple[float, ...], order: int = 10) -> tuple[Real, Real]:
+    """Plane waves up to a top along each axis: squared wave numbers (3, waves), and weights of ``1 / k^2``.
+
+    Three pyramids ``k = u K (1, v, w)``, whose volume element holds the ``u^2`` of ``k^2``.
+    """
+    points, weights = np.polynomial.legendre.leggauss(order)
+    u, v, w = (a.ravel() for a in np.meshgrid(*3 * [(points + 1) / 2], indexing="ij"))
+    each = np.prod(np.meshgrid(*3 * [weights / 2], indexing="ij"), axis=0).ravel()
+    parts = [np.roll([np.ones_like(u), v, w], axis, axis=0) * np.array(top)[:, None] for axis in range(3)]
+    squares = np.concatenate([(u * part) ** 2 for part in parts], axis=1)
+    inverse = np.concatenate([each / np.sum(part**2, axis=0) for part in parts])
+    return squares, inverse * np.prod(top) / np.pi**3

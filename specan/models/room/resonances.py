@@ -69,7 +69,8 @@ class Shapes:
             return found
         q2 = [w / length**2 for w, length in zip(self.w, self.lengths, strict=True)]
         if port.ball:
-            return found * ball_mean(q2[0] + q2[1] + q2[2], port.radius)
+            a, b, c = np.square(port.proportions)
+            return found * ball_mean(a * q2[0] + b * q2[1] + c * q2[2], port.radius)
         i, j = (axis for axis in range(3) if axis != port.axis)
         return found * disc_mean(q2[i] + q2[j], port.radius)
 

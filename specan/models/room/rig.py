@@ -38,6 +38,7 @@ class Air(Settings):
     nominal_temperature_C: Annotated[float, Field(gt=-50, lt=80)] = 20.0
     nominal_pressure_Pa: Annotated[float, Field(gt=5e4, lt=2e5)] = 101325.0
     relative_humidity_percent: Annotated[float, Field(ge=0, le=100)] = 50.0
+    temperature_log: str | None = None
 
 
 class Band(Settings):
@@ -45,7 +46,7 @@ class Band(Settings):
 
     f_max_hz: Positive
     f_min_hz: NotNegative = 20.0
-    block_s: Annotated[float, Field(ge=0.5, le=20)] = 1.0
+    block_s: Annotated[float, Field(ge=0.5, le=20)] | None = None
     hum_hz: Positive | None = None
     left_out_hz: tuple[tuple[NotNegative, Positive], ...] = ()
 
@@ -63,7 +64,7 @@ def left_out(band: Band) -> tuple[tuple[float, float], ...]:
     """
     if band.hum_hz is None:
         return band.left_out_hz
-    reach = HUM_LINES / band.block_s
+    reach = HUM_LINES / (band.block_s or 1.0)
     harmonics = np.arange(1, int(band.f_max_hz / band.hum_hz) + 1) * band.hum_hz
     return (*band.left_out_hz, *((float(f - reach), float(f + reach)) for f in harmonics))
 
@@ -71,7 +72,7 @@ def left_out(band: Band) -> tuple[tuple[float, float], ...]:
 class Mics(Settings):
     """Microphones in the order of their channels."""
 
-    position_m: tuple[Point, ...]
+    position_m: Annotated[tuple[Point, ...], Field(min_length=1)]
     nominal_sensitivity_mV_per_Pa: Positive = 50.0
     cards: tuple[tuple[int, int], ...] = ()
 
@@ -81,6 +82,12 @@ class Vibrometer(Settings):
 
     sensitivity_mm_s_per_V: Positive = 50.0
     point: str = "diaphragm centre"
+
+
+class Background(Settings):
+    """What is heard while the loudspeaker is silent."""
+
+    recording: str | None = None
 
 
 class Identity(Settings):
@@ -116,6 +123,7 @@ class Rig(Settings):
     band: Band
     mics: Mics
     vibrometer: Vibrometer = Vibrometer()
+    background: Background = Background()
     rig: Identity = Identity()
     uncertainty: Uncertainty = Uncertainty()
 
@@ -173,7 +181,15 @@ def _check_apart(points: np.ndarray) -> None:
 
 
 def _check_box(rig: Rig, dims: np.ndarray) -> None:
-    for number, point in enumerate(np.array(rig.mics.position_m), 1):
+    places = np.array(rig.mics.position_m)
+    for size, unit in ((100, "centimetres"), (1000, "millimetres")):
+        if np.any(places > dims) and np.all((places >= 0) & (places / size <= dims)):
+            raise RequestError(
+                f"[mics] position_m goes up to {places.max():g}, in a room of {dims.tolist()} m",
+                expected="metres",
+                remedy=f"divide the positions by {size}: they look like {unit}",
+            )
+    for number, point in enumerate(places, 1):
         if np.any(point < 0) or np.any(point > dims):
             raise microphone_outside(number, point, f"coordinates between 0 and {dims.tolist()} m")
     if rig.piston.wall not in WALLS:
@@ -208,3 +224,20 @@ def _check_cards(rig: Rig) -> None:
                 expected="ranges that do not overlap",
             )
         seen |= numbers
+
+
+EXAMPLE_RIG = {
+    "room": {"dims_m": [0.9, 0.6, 0.7]},
+    "piston": {"wall": "x0", "centre_m": [0.0, 0.246, 0.3229], "radius_m": 0.05},
+    "air": {"nominal_temperature_C": 20.0},
+    "band": {"f_min_hz": 40.0, "f_max_hz": 600.0},
+    "mics": {
+        "position_m": [
+            [0.1548, 0.0931, 0.1376],
+            [0.1709, 0.228, 0.5666],
+            [0.62, 0.41, 0.29],
+            [0.8, 0.12, 0.6],
+        ],
+        "cards": [[1, 2], [3, 4]],
+    },
+}

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import factorial
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
 from specan.models.quantity import Quantity, constant
 from specan.models.room.field import COLD
-from specan.models.room.mesh_field import MeshRoom, room_modes
-from specan.models.room.mesh_file import RoomMesh, read_room_mesh
-from specan.models.room.mesh_places import Simplices
-from specan.models.room.mesh_size import degree_for, expected_cost, unknowns
+from specan.models.room.mesh_elements import Simplices
+from specan.models.room.mesh_field import Lines, MeshRoom, room_modes
+from specan.models.room.mesh_file import RoomMesh, read_room_mesh, triangle_areas
+from specan.models.room.mesh_modes import MARGIN, expected_modes
 from specan.models.room.rig import Rig, microphone_outside
 
 _TOLERANCE = 1e-3  # m, between a curved wall and its triangles
@@ -127,3 +130,152 @@ def _check_places(mesh: RoomMesh, rig: Rig) -> np.ndarray:
             remedy="correct [piston] centre_m or radius_m",
         )
     return np.asarray(place[0])
+
+
+Real = NDArray[np.float64]
+
+DEGREES = (2, 3, 4, 5, 6)
+ACCURACY = 1e-5  # of the highest natural frequency: rooms of 0.5 % admittance have modes 1e-3 wide
+MOST_UNKNOWNS = 40_000  # about 1 GB and a minute for the modes
+ADVISED = 5  # degree for which an edge is advised
+AT_PISTON = 0.6  # of the radius: distance between nodes under the piston
+
+
+def frequency_error(mesh: RoomMesh, degree: int, k: float) -> float:
+    """Relative error of natural frequencies at a wave number, to leading order.
+
+    ``1/2 (p! / (2p)!)^2 (k h)^(2p) / (2p + 1)`` for elements of degree p and edge h (Ainsworth 2004, SIAM
+    J. Numer. Anal. 42, 553-575), averaged over the room.
+    """
+    corners = mesh.points[mesh.tetrahedra]
+    volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+    longest = np.max(
+        [np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i in range(4) for j in range(i)], axis=0
+    )
+    # The cube of which the element is a sixth; of a sliver its edge counts.
+    edge = np.maximum((6 * volume) ** (1 / 3), longest / np.sqrt(3))
+    return _dispersion(degree) * float((volume * (k * edge) ** (2 * degree)).sum() / volume.sum())
+
+
+def _dispersion(degree: int) -> float:
+    return 0.5 * (factorial(degree) / factorial(2 * degree)) ** 2 / (2 * degree + 1)
+
+
+def _longest_edge(degree: int, k: float) -> float:
+    """Edge at which elements of a degree are just fine enough, m."""
+    found: float = (ACCURACY / _dispersion(degree)) ** (1 / (2 * degree)) / k
+    return found
+
+
+def unknowns(mesh: RoomMesh, degree: int) -> int:
+    """Number of nodes: on corners, edges, faces and inside."""
+    cells = mesh.tetrahedra
+    edges = np.unique(np.concatenate([cells[:, [i, j]] for j in range(4) for i in range(j)]), axis=0)
+    faces = (4 * len(cells) + sum(len(t) for t in mesh.walls.values())) // 2
+    p = degree - 1
+    inside = p * (p - 1) // 2 * faces + p * (p - 1) * (p - 2) // 6 * len(cells)
+    return len(mesh.points) + p * len(edges) + inside
+
+
+def degree_for(mesh: RoomMesh, k_max: float, f_max_hz: float, piston: tuple[Real, float]) -> int:
+    """Lowest degree that is fine enough for the band and for the piston (centre, radius).
+
+    Raises
+    ------
+    RequestError
+        None is, or it makes too many unknowns.
+    """
+    edge = 0.8 * _longest_edge(ADVISED, k_max)  # elements are never all alike
+    advice = f"mesh it with elements of about {edge:.2g} m, {2 * piston[1]:.2g} m around the piston"
+    needed = DEGREES[-1] ** 3 * mesh.volume / _longest_edge(DEGREES[-1], k_max) ** 3
+    if needed > MOST_UNKNOWNS:
+        lower = f_max_hz * (MOST_UNKNOWNS / needed) ** (1 / 3)
+        raise RequestError(
+            f"a room of {mesh.volume:.3g} m^3 takes about {needed:.2g} unknowns up to {f_max_hz:.0f} Hz",
+            expected=f"at most {MOST_UNKNOWNS}",
+            remedy=f"lower [band] f_max_hz to about {lower:.2g}",
+        )
+    under = _edge_under(mesh, *piston)
+    if under > DEGREES[-1] * AT_PISTON * piston[1]:
+        raise RequestError(
+            f"the mesh's triangles under the piston have edges of {under:.2g} m, its radius is {piston[1]:.3g} m",
+            expected=f"edges of at most {DEGREES[-1] * AT_PISTON:.2g} times the radius",
+            remedy=advice,
+        )
+    fit = [
+        p
+        for p in DEGREES
+        if p * AT_PISTON * piston[1] >= under and frequency_error(mesh, p, k_max) <= ACCURACY
+    ]
+    if not fit:
+        raise RequestError(
+            f"the mesh is too coarse for {f_max_hz:.0f} Hz: natural frequencies would be off by "
+            f"{frequency_error(mesh, DEGREES[-1], k_max):.1g}",
+            expected=f"at most {ACCURACY:g}",
+            remedy=advice,
+        )
+    if unknowns(mesh, fit[0]) > MOST_UNKNOWNS:
+        raise RequestError(
+            f"the mesh takes {unknowns(mesh, fit[0])} unknowns, its {len(mesh.tetrahedra)} tetrahedra being of "
+            f"degree {fit[0]}",
+            expected=f"at most {MOST_UNKNOWNS}",
+            remedy=advice,
+        )
+    return fit[0]
+
+
+def _edge_under(mesh: RoomMesh, centre: Real, radius: float) -> float:
+    """Longest edge of the wall's triangles around a patch."""
+    triangles = np.concatenate(list(mesh.walls.values()))
+    angle = 2 * np.pi * np.arange(12) / 12
+    circle = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(12)])
+    turned = np.concatenate([np.roll(circle, i, axis=0).T for i in range(3)])
+    places = np.concatenate([centre[None], centre + turned])
+    number, _, distance = Simplices(mesh.points[triangles]).nearest(places)
+    chosen = triangles[np.unique(number[distance < 1e-3])]
+    return float(np.sqrt(2 * triangle_areas(mesh.points, chosen).max()))
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a mesh will cost, before anything is solved.
+
+    Attributes
+    ----------
+    vectors : int
+        Modes and answers of walls that the room is reduced to.
+    preparation_s : float
+        Time in which they are found, once.
+    line_s : float
+        Time of one line of an evaluation.
+    """
+
+    vectors: int
+    preparation_s: float
+    line_s: float
+
+
+def expected_cost(mesh: RoomMesh, degree: int, k_max: float) -> Cost:
+    """Estimate the cost, by Weyl's law in the room and on its walls and by a system of that size tried here."""
+    modes = expected_modes(mesh, MARGIN * k_max)
+    areas = np.array([triangle_areas(mesh.points, t).sum() for t in mesh.walls.values()])
+    traces = (areas * k_max**2 / (4 * np.pi) + 4.2 * np.sqrt(areas) * k_max / (4 * np.pi) + 1).sum()
+    part = (
+        unknowns(mesh, degree) / 33_000
+    )  # as measured with so many unknowns: factors 3 s, a solution 0.05 s
+    preparation = 1 + 3 * part**2 + 0.05 * part ** (4 / 3) * (3 * modes + traces)
+    vectors = int(modes + traces)
+    return Cost(vectors, float(preparation), _seconds_a_line(vectors, mesh.surface / mesh.volume, k_max))
+
+
+def _seconds_a_line(vectors: int, exposure: float, k_max: float) -> float:
+    """Time a line takes on this machine: a few lines with walls drawn at random, one of them soft."""
+    random = np.random.default_rng(1)
+    felt = random.standard_normal((2, vectors, 1 + vectors // 4)) / np.sqrt(1 + vectors // 4)
+    walls = exposure / 2 * felt @ felt.transpose(0, 2, 1)
+    k = np.linspace(0.3, 1, 48) * k_max
+    soft = 1j * k * np.array([[0.005], [0.1]])
+    lines = Lines(np.linspace(0, (MARGIN * k_max) ** 2, vectors), walls, k**2 - 1e-3j * k, soft)
+    start = perf_counter()
+    lines.solve(np.ones((vectors, 1)))
+    return (perf_counter() - start) / len(k)

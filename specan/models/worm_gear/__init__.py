@@ -4,6 +4,6 @@ Decisions: docs/decisions/worm_gear.md.
 """
 
 from specan.models.worm_gear.build import build
-from specan.models.worm_gear.example import EXAMPLE_RIG
+from specan.models.worm_gear.rig import EXAMPLE_RIG
 
 __all__ = ["EXAMPLE_RIG", "build"]

@@ -14,12 +14,12 @@ from specan.models.catalogue import effects_in
 from specan.models.measurement_kinds import Completed, TableFault, TableRules
 from specan.models.model import LawSpace, Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, RigStatement, SettingError
-from specan.models.worm_gear.article import article_quantities
 from specan.models.worm_gear.bearings import bearing_quantities, force_quantities
 from specan.models.worm_gear.power import (
     IDLE,
     MESH_QUANTITIES,
     POWER_QUANTITIES,
+    article_quantities,
     brake_quantity,
     geometry,
     viscosity_quantities,

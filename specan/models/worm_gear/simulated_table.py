@@ -7,9 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.models.chosen_model import ChosenModel
-from specan.models.prediction import Columns
-from specan.models.prediction import simulated_table as measured_table
+from specan.models.chosen_model import ChosenModel, Columns
+from specan.models.chosen_model import simulated_table as measured_table
 
 
 def simulated_table(

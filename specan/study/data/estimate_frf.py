@@ -16,12 +16,15 @@ from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.models import Model, Receivers
+from specan.study.data.background_noise import Background, background_noise
+from specan.study.data.block_length import block_length
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import fold
 
 SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
 SETTLE_SHARE = 0.2  # of the record, in between
+LISTENING = 4  # receivers that the decay is taken from
 LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
 
 Complex = Any
@@ -29,6 +32,7 @@ Complex = Any
 Real = NDArray[np.float64]
 
 ORDER = 3  # of the polynomial
+SMOOTHED = 15  # lines over which the logarithm of the noise is averaged
 HALF = 5  # lines of the whole record to either side; 11 equations for 8 unknowns
 
 
@@ -36,10 +40,11 @@ def observe_recording(
     recording: Recording,
     model: Model,
     *,
-    channels: Sequence[str] = (),
     estimator: str = "H1",
     f_min_hz: float,
     f_max_hz: float,
+    background: Recording | None = None,
+    u_calibrator_percent: float = 0.0,
 ) -> FrfObservation:
     """Transfer functions of the receivers against the reference channel, ready for a study.
 
@@ -49,11 +54,17 @@ def observe_recording(
         Calibrated; its receivers in the order of the rig file.
     model : Model
         Its `receivers` name them.
-    channels : sequence of str, optional
-        Receivers to use; all by default.
     estimator : {"H1", "H3c"}
     f_min_hz, f_max_hz : float
         Band.
+    background : Recording, optional
+        The receivers while the source is silent.
+    u_calibrator_percent : float
+        Part of the uncertainty of the sensitivities that all receivers have in common.
+
+    Returns
+    -------
+    FrfObservation
 
     Raises
     ------
@@ -64,12 +75,17 @@ def observe_recording(
 
     receivers = _receivers_of(model)
     reference, channels_of_all = _channels_of(recording, model, receivers)
-    rate, settle = reference.sampling_rate, settling_s(reference.duration_s, receivers.block_s)
+    rate, block_s = reference.sampling_rate, receivers.block_s
+    if block_s is None:
+        looked_at = channels_of_all[:: max(1, len(channels_of_all) // LISTENING)]
+        heard = (recording.read([channel])[0] for channel in looked_at)
+        block_s = block_length(recording.read([reference])[0], heard, rate, (f_min_hz, f_max_hz))
+    settle = settling_s(reference.duration_s, block_s)
     settings = TransferFunction(
         reference=reference.name,
         channels=tuple(m.name for m in channels_of_all),
         estimator=estimator,  # type: ignore[arg-type]
-        lines=round(rate * receivers.block_s / 2.56),
+        lines=round(rate * block_s / 2.56),
         window="hann",
         overlap=0.5,
         align=False,
@@ -88,12 +104,18 @@ def observe_recording(
     helper = recording.by_role(receivers.helper_role)[0] if estimator == "H3c" else None
     signals = recording.read([reference, *([helper] if helper else [])])
     folding = fold(signals[0], rate, block, hop, start, lines, signals[1] if helper else None)
-    wanted = np.array([not channels or m.name in channels for m in channels_of_all])
     conditions = {
         "frequency": folding.nodes,
         "velocity_psd": _density_at(signals[0], rate, block, reference, folding.nodes),
     }
-    noise = noise_of_lines(recording, reference, channels_of_all, signals, found.frequency_hz, block, start)
+    quiet = (
+        background_noise(background, recording, channels_of_all, block / rate, found.frequency_hz)
+        if background
+        else None
+    )
+    noise = noise_of_lines(
+        recording, reference, channels_of_all, signals, found.frequency_hz, block, start, quiet
+    )
     plain = FrfObservation(
         name=recording.label,
         recording=recording.label,
@@ -107,9 +129,11 @@ def observe_recording(
         folding=folding,
         conditions_at_nodes=conditions,
         shared=np.empty((*found.response.shape, 0), dtype=complex),
-        kept=wanted[:, None] & _looked_at(receivers, found.frequency_hz),
+        kept=np.tile(_looked_at(receivers, found.frequency_hz), (len(channels_of_all), 1)),
+        notes=(quiet.text,) if quiet else (),
     )
-    return replace(plain, **_before_a_fit(_as_calibrated(receivers, channels_of_all), plain))
+    calibrated = _as_calibrated(receivers, channels_of_all, u_calibrator_percent)
+    return replace(plain, **_before_a_fit(calibrated, plain))
 
 
 def settling_s(duration_s: float, block_s: float = 1.0) -> float:
@@ -135,14 +159,30 @@ def _looked_at(receivers: Receivers, frequency_hz: Any) -> Any:
     return found
 
 
-def _as_calibrated(receivers: Receivers, channels: Sequence[Channel]) -> Receivers:
-    """Receivers with the uncertainties that their calibration states, where it states any."""
-    stated = np.array([20 * np.log10(1 + c.u_gain_percent / 100) for c in channels])
+def _as_calibrated(receivers: Receivers, channels: Sequence[Channel], common_percent: float) -> Receivers:
+    """Receivers with the uncertainties that their calibration states, where it states any.
+
+    The level of the calibrator is common to them and is taken off what each has for itself. A phase that is known at
+    the calibrator's tone only counts with the mean square of its uncertainty over the band, or as the rig file has it
+    where that is more: phases are relative to one receiver, not to the reference channel.
+    """
+    given, band = receivers.errors, np.linspace(*receivers.band_hz)
+    stated = np.array([c.u_gain_percent for c in channels])[:, None]
+    phase = np.array([np.sqrt(np.mean(c.u_phase_deg(band) ** 2)) for c in channels])[:, None]
     if not stated.any():
         return receivers
-    given = np.broadcast_to(receivers.errors.calibration_dB, stated.shape)
-    level = np.where(stated > 0, stated, given)[:, None]
-    return replace(receivers, errors=replace(receivers.errors, calibration_dB=level))
+    own = np.sqrt(np.clip(stated**2 - common_percent**2, 0.0, None))
+    changed = replace(
+        given,
+        calibration_dB=np.where(stated > 0, _in_dB(own), given.calibration_dB),
+        calibration_phase_deg=np.maximum(given.calibration_phase_deg, phase),
+        common_dB=_in_dB(common_percent) if common_percent else given.common_dB,
+    )
+    return replace(receivers, errors=changed)
+
+
+def _in_dB(percent: Any) -> Any:
+    return percent / 100 * 20 / np.log(10)
 
 
 def _before_a_fit(receivers: Receivers, plain: FrfObservation) -> dict[str, Any]:
@@ -162,19 +202,20 @@ def noise_of_lines(
     frequency: Any,
     block: int,
     start: int,
+    background: Background | None = None,
 ) -> Any:
     """Random uncertainty of the real part of every line, from the noise that no leakage enlarges.
 
     ``sigma^2 = G_nn sum w^2 rate / (2 n_eff mean |V_b|^2) / 2`` for each real component.
     """
-    from scipy.signal import welch
-
-    from specan.dsp.welch import effective_averages
+    from specan.dsp.welch import effective_averages, power_density
 
     rate = reference.sampling_rate
     responses = (recording.read([channel])[0] for channel in channels)
     density_of_noise = noise_density(signals[0], responses, rate, frequency)
-    f, density = welch(signals[0][start:], rate, "hann", block)
+    if background is not None:
+        density_of_noise = background.beside(density_of_noise)
+    f, density = power_density(signals[0][start:], rate, block)
     blocks = (reference.n_samples - start - block) // (block // 2) + 1
     averages = effective_averages(blocks, "hann", 0.5)
     drive = np.interp(frequency, f, density)
@@ -225,9 +266,9 @@ def _check_coherence(
 
 
 def _density_at(signal: Any, rate: float, block: int, reference: Channel, nodes: Any) -> Any:
-    from scipy.signal import welch
+    from specan.dsp.welch import power_density
 
-    f, density = welch(signal, rate, "hann", block)
+    f, density = power_density(signal, rate, block)
     per_velocity = np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
     return np.interp(nodes, f, density * per_velocity)
 
@@ -283,7 +324,7 @@ def noise_density(reference: Real, responses: Iterable[Real], rate: float, frequ
     return _smooth(density, freedom)
 
 
-def _smooth(density: Real, freedom: float, width: int = 15) -> Real:
+def _smooth(density: Real, freedom: float) -> Real:
     """Mean of the logarithm over neighbouring lines, freed of its bias; a peak does not lift its neighbours."""
     from scipy.ndimage import uniform_filter1d
     from scipy.special import digamma
@@ -291,6 +332,6 @@ def _smooth(density: Real, freedom: float, width: int = 15) -> Real:
     logarithm = np.log(np.maximum(density, np.finfo(float).tiny))
     bias = float(digamma(freedom)) - np.log(freedom)
     smooth: Real = np.exp(
-        uniform_filter1d(logarithm, min(width, density.shape[1]), axis=1, mode="nearest") - bias
+        uniform_filter1d(logarithm, min(SMOOTHED, density.shape[1]), axis=1, mode="nearest") - bias
     )
     return smooth

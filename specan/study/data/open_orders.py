@@ -5,21 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.analysis.order_settings import Shaft, tracked_shaft
 from specan.analysis.orders import Orders
-from specan.analysis.shaft import Shaft, tracked_shaft
 from specan.data.channel import Channel
 from specan.data.orders import OrderLines as FoundLines
+from specan.data.orders import TachoReport
 from specan.data.recording import Recording
-from specan.errors import InputError, RequestError, nearest
+from specan.errors import InputError, RequestError
 from specan.io.open import open_recording
 from specan.models import Model
 from specan.models.measurement_kinds import OrderLines, Stated
-from specan.study.data.open_recordings import reads  # noqa: F401  a recording is one by its content
+from specan.study.data.open_recordings import put_aside, reads  # noqa: F401  a recording is one by its content
 from specan.study.observation import DataFile, MeasuredFiles, OpenedData, Variable
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
 from specan.units import convert
@@ -28,9 +30,9 @@ TITLE = "a recording"
 NEIGHBOURS = 2  # lines to either side over which the noise is averaged
 # Of that noise: medians of 24 bins (48 real values, of which a median of powers is worth a half: ln(2)^2) over 5 lines.
 NOISE_DOF = 100.0
-# Of the strongest line about the same harmonic, that reaches others: its level drifts while it is recorded, where a
-# resonance is near. Lines 3e-4 of it were seen with a shaft that wanders by 0.1 %.
-LEAKAGE = 1e-3
+# Of the strongest line about the same harmonic, and of the strongest of all: what converters and resampling put
+# elsewhere (lines of simulated recordings without noise have 1e-7 to 1e-4 of the one, up to 3e-5 of the other).
+LEAKAGE, RANGE = 1e-4, 3e-5
 SHOWN = 1e-6  # of a harmonic's strongest line: less is rounding
 LIKE_ENOUGH = 25.0  # chi-square that turning a recording by whole turns must gain; 1e-5 for the best of 28
 
@@ -61,7 +63,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         if file in wanted.validations:
             held_out.append(whole)
             continue
-        aside = _put_aside(whole, file, wanted, model)
+        aside = put_aside(whole, file, wanted, partial(_label, whole=whole, model=model))
         if not np.all(aside):
             fitted.append(whole.take(~aside))
         if np.any(aside):
@@ -125,9 +127,7 @@ def observe(
         harmonic=known.harmonic,
         family=np.array(known.family),
         amplitude=amplitude,
-        noise=np.hypot(
-            _smooth(_noise(lines)[place], known.harmonic), LEAKAGE * _strongest(amplitude, known.harmonic)
-        ),
+        noise=_with_leakage(_smooth(_noise(lines)[place], known.harmonic), amplitude, known, found.tacho),
         relative=declared_errors(known.order, known.offset, known.discrepancy, known.path),
         common=response_errors(beyond, known.harmonic, known.response),
         kept=np.ones(amplitude.shape, dtype=bool),
@@ -161,6 +161,20 @@ def _strongest(amplitude: NDArray[np.complex128], harmonic: NDArray[np.intp]) ->
     """Largest line about each line's harmonic, (sensors, lines)."""
     size = np.abs(amplitude)
     return np.stack([size[:, harmonic == h].max(axis=1) for h in harmonic], axis=1)
+
+
+def _with_leakage(
+    noise: NDArray[np.float64], amplitude: NDArray[np.complex128], known: OrderLines, tacho: TachoReport
+) -> NDArray[np.float64]:
+    """Noise of lines, with what strong lines put there: by the instruments, and by jitter of the pulses.
+
+    White jitter of N pulses has sqrt(2 / N) of it in either part of every line of the angle; an angle that turns by b
+    modulates order o by o b, half of which lies at either side.
+    """
+    jitter = 2 * np.pi * known.order * tacho.mean_hz * tacho.jitter_s / np.sqrt(2 * max(tacho.pulses, 1))
+    beside = np.hypot(LEAKAGE, jitter) * _strongest(amplitude, known.harmonic)
+    far = RANGE * np.abs(amplitude).max(axis=1, keepdims=True)
+    return np.asarray(np.sqrt(noise**2 + beside**2 + far**2))
 
 
 def _turn_zero(recording: Recording, index: str, shaft: Shaft) -> float:
@@ -282,35 +296,10 @@ def _stated(
     return stated.default, "as the rig file says"
 
 
-def _put_aside(
-    whole: OrderLinesObservation, file: DataFile, wanted: MeasuredFiles, model: Model
-) -> NDArray[np.bool_]:
-    """Rows that ``channel=Acc 2`` or ``CONDITION=60`` names."""
-    aside = np.zeros(whole.n, dtype=bool)
-    for file_name, where in wanted.hold_out:
-        if file_name not in (None, file.name):
-            continue
-        given, _, levels = where.partition("=")
-        key = _label(given.strip(), whole, model)
-        labels = whole.labels[key]
-        for level in levels.split(","):
-            if labels.dtype.kind == "f":
-                chosen = np.isclose(labels, float(level), rtol=0.02)
-            else:
-                chosen = labels == level.strip()
-            if labels.dtype.kind != "f" and not chosen.any():
-                raise RequestError(
-                    f"{file.name} has no {key} {level.strip()!r}",
-                    remedy=nearest(level.strip(), [str(v) for v in np.unique(labels)]),
-                )
-            aside |= chosen
-    return aside
-
-
 def _label(given: str, whole: OrderLinesObservation, model: Model) -> str:
     """The label that a key means: its name, the column of a condition, or the last word of its name."""
     for name in whole.labels:
         condition = model.conditions.get(name)
         if given in (name, name.rpartition("_")[2], condition.column if condition else name):
             return name
-    raise RequestError(f"{given!r} is not known for a recording", remedy=nearest(given, whole.labels))
+    return given

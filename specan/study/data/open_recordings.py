@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError, nearest
+from specan.io.calibration_file import read_calibration
 from specan.io.open import open_recording
 from specan.models import Model, Receivers
 from specan.study.data.estimate_frf import observe_recording, settling_s
-from specan.study.observation import DataFile, MeasuredFiles, OpenedData
+from specan.study.observation import DataFile, MeasuredFiles, Observation, OpenedData
 from specan.study.observation.frf import FrfObservation
 
 TITLE = "a recording"
+SAME_LEVEL = 0.02  # relative, of a level that a user writes: conditions are printed to three digits
 
 
 def reads(path: Path) -> bool:
     """Whether a file is a recording by its content."""
-    from specan.io.content import format_of
+    from specan.io.open import format_of
 
     try:
         format_of(path)
@@ -58,20 +62,25 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
         whole, said = _observe(model, receivers, wanted, file)
         held_out.append(whole)
         statements += said
-    given = receivers.errors
-    place, level = (
-        _range(np.asarray(v)) for v in (1000 * np.asarray(given.position_m), given.calibration_dB)
+    declared = fitted[0].declared
+    given = (declared.receivers if declared else receivers).errors
+    place, level, phase = (
+        _range(np.asarray(v))
+        for v in (1000 * np.asarray(given.position_m), given.calibration_dB, given.calibration_phase_deg)
     )
+    source = f"of {wanted.calibration.name}, others " if wanted.calibration else ""
     common = (
-        f"every {receivers.noun}: place {place} mm, calibration {level} dB "
-        f"and {given.calibration_phase_deg:.3g} degrees, model discrepancy "
-        f"{100 * given.discrepancy:.3g} % (from the rig file or its defaults)"
+        f"every {receivers.noun}: place {place} mm, calibration {level} dB and {phase} degrees, model discrepancy "
+        f"{100 * given.discrepancy:.3g} % ({source}from the rig file or its defaults)"
     )
-    if given.frame_m or given.frame_tilt_deg or given.common_dB:
-        common += (
-            f"; in common: {1000 * given.frame_m:.3g} mm and {given.frame_tilt_deg:.3g} degrees of their frame, "
-            f"{given.common_dB:.3g} dB of the calibrator"
-        )
+    shared = [
+        f"{1000 * given.frame_m:.3g} mm and {given.frame_tilt_deg:.3g} degrees of their frame"
+        if given.frame_m or given.frame_tilt_deg
+        else "",
+        f"{given.common_dB:.3g} dB of the calibrator" if given.common_dB else "",
+    ]
+    if any(shared):
+        common += f"; in common: {', '.join(filter(None, shared))}"
     return OpenedData(
         fitted=tuple(fitted),
         held_out=tuple(held_out),
@@ -83,6 +92,7 @@ def open_data(model: Model, wanted: MeasuredFiles) -> OpenedData:
 def _observe(
     model: Model, receivers: Receivers, wanted: MeasuredFiles, file: DataFile
 ) -> tuple[FrfObservation, list[str]]:
+    background = Path(receivers.background) if receivers.background else None
     recording = open_recording(file.path, calibration=wanted.calibration, label=file.name)
     found = observe_recording(
         recording,
@@ -90,28 +100,36 @@ def _observe(
         estimator=file.estimator or "H1",
         f_min_hz=receivers.band_hz[0],
         f_max_hz=receivers.band_hz[1],
+        background=open_recording(background, calibration=wanted.calibration) if background else None,
+        u_calibrator_percent=read_calibration(wanted.calibration).u_calibrator_percent
+        if wanted.calibration
+        else 0.0,
     )
-    settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s, receivers.block_s)
+    block_s = receivers.block_s or 1 / found.line_hz
+    settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s, block_s)
     return found, [
         f"{file.name}: {len(found.channels)} {receivers.plural}, {found.frequency_hz.size} lines of "
-        f"{1 / receivers.block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {receivers.block_s:.3g} s "
+        f"{1 / block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {block_s:.3g} s "
         f"after {settle:.3g} s; "
         "the model filters the recorded velocity and goes through the same blocks",
-        *_calibrated(recording, receivers),
+        *_sensitivities(recording, receivers),
+        *found.notes,
     ]
 
 
-def _calibrated(recording: Recording, receivers: Receivers) -> list[str]:
-    channels = recording.by_role(receivers.role)
-    reason = channels[0].decisions.get("sensitivity", "")
-    stated = np.array([c.u_gain_percent for c in channels])
-    said = [f"{recording.label}: sensitivities {reason}"] if reason else []
-    if stated.any():
-        said.append(
-            f"{recording.label}: uncertainty of the sensitivities as calibrated, {_range(stated[stated > 0])} %, "
-            "not as the rig file has it"
+def _sensitivities(recording: Recording, receivers: Receivers) -> list[str]:
+    """Where sensitivities come from; a receiver of another origin is named."""
+    by_source: dict[str, list[str]] = {}
+    for channel in recording.by_role(receivers.role):
+        reason = channel.decisions.get("sensitivity", "")
+        by_source.setdefault(reason.partition(": ")[0], []).append(
+            f"{channel.name}: {reason.partition(': ')[2]}"
         )
-    return said
+    return [
+        f"{recording.label}: sensitivities from {source} ({', '.join(told[:2])}{' ...' if len(told) > 2 else ''})"
+        for source, told in by_source.items()
+        if source
+    ]
 
 
 def _range(values: NDArray[np.float64]) -> str:
@@ -119,29 +137,49 @@ def _range(values: NDArray[np.float64]) -> str:
     return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
-def put_aside(whole: FrfObservation, file: DataFile, wanted: MeasuredFiles) -> NDArray[np.bool_]:
-    """Rows of the channels that ``channel=Mic 19,Mic 20`` names."""
+def put_aside(
+    whole: Observation, file: DataFile, wanted: MeasuredFiles, label_of: Callable[[str], str] = str
+) -> NDArray[np.bool_]:
+    """Rows that ``channel=Mic 19,Mic 20`` names.
+
+    Parameters
+    ----------
+    whole : Observation
+        Of a recording.
+    file, wanted
+        What it was read from, and what is to be held out.
+    label_of : callable
+        Name of the label that a user's key means.
+    """
     aside = np.zeros(whole.n, dtype=bool)
     for file_name, where in wanted.hold_out:
         if file_name not in (None, file.name):
             continue
-        key, _, names = where.partition("=")
-        if key.strip() not in whole.labels:
+        given, _, levels = where.partition("=")
+        key = label_of(given.strip())
+        if key not in whole.labels:
             raise RequestError(
-                f"{key!r} in {where!r} is not known for a recording", remedy=nearest(key, whole.labels)
+                f"{given!r} in {where!r} is not known for a recording", remedy=nearest(given, whole.labels)
             )
-        labels = whole.labels[key.strip()]
-        for name in names.split(","):
-            chosen = np.array([_alike(label, name.strip()) for label in labels.tolist()])
-            if not chosen.any():
+        labels = whole.labels[key]
+        # a condition that is the same in a whole recording may be that of another recording
+        elsewhere = labels.dtype.kind == "f" and np.ptp(labels) == 0
+        for level in map(str.strip, levels.split(",")):
+            chosen = _alike(labels, level)
+            if not chosen.any() and not elsewhere:
                 raise RequestError(
-                    f"{file.name} has no {key.strip()} {name.strip()!r}",
-                    remedy=nearest(name.strip(), [str(v) for v in np.unique(labels)]),
+                    f"{file.name} has no {key} {level!r}",
+                    remedy=nearest(level, [str(v) for v in np.unique(labels)]),
                 )
             aside |= chosen
     return aside
 
 
-def _alike(label: object, name: str) -> bool:
-    """Whether a label is what a user wrote: ``25`` is the third octave 25.0."""
-    return f"{label:g}" == name if isinstance(label, float) else str(label) == name
+def _alike(labels: NDArray[Any], level: str) -> NDArray[np.bool_]:
+    """Which labels are what a user wrote: ``25`` is the third octave 25.0."""
+    if labels.dtype.kind != "f":
+        return np.asarray(labels == level)
+    try:
+        return np.isclose(labels, float(level), rtol=SAME_LEVEL)
+    except ValueError:
+        return np.zeros(labels.size, dtype=bool)

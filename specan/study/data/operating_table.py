@@ -228,6 +228,7 @@ THOUSAND = 1000.0  # a point that parts thousands, read as a decimal point
 SCATTER = 3.0  # standard deviations of setting by which a limit may be passed
 OF_RANGE = 0.05  # and the share of the limits' range
 IDLE = 0.05  # share of the upper limit below which a condition that `idles` does so
+OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
 MOST_NAMED = 5  # lines in one message
 
 
@@ -346,3 +347,32 @@ def _named(places: Sequence[str], rows: NDArray[np.bool_]) -> str:
     first = found[0]
     lines = [place.rpartition("line ")[2] for place in found[1:MOST_NAMED]]
     return first + "".join(f", {line}" for line in lines) + more
+
+
+def check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array, declared: Array) -> None:
+    """Refuse repeats that no scatter explains; where the time is given they may drift, which an effect may explain."""
+    _, index, counts = np.unique(part.replicate_group, return_inverse=True, return_counts=True)
+    if TIME in part.conditions:
+        return
+    centre = np.array([np.median(rest[index == k]) for k in range(counts.size)])
+    off = np.abs(rest - centre[index])
+    repeated = counts[index] > 1
+    if not np.any(repeated):
+        return
+    size = np.maximum(np.abs(part.measured), 1e-300)
+    limit = np.maximum(0.1 * size, OUTRAGEOUS * np.sqrt(declared))
+    moved = repeated & (off > 0)  # the one in the middle of three is not a measure of their scatter
+    if np.sum(counts > 1) >= 4 and np.any(moved):
+        usual, usual_share = np.median(off[moved]), np.median((off / size)[moved])
+        limit = np.maximum(limit, OUTRAGEOUS * 1.4826 * np.maximum(usual, usual_share * size))
+    bad = repeated & (off > limit)
+    if np.any(bad):
+        k = int(np.argmax(np.where(bad, np.abs(rest), -1.0)))
+        others = [i for i in np.flatnonzero(index == index[k]) if i != k]
+        other = others[int(np.argmax(np.abs(part.measured[others] - part.measured[k])))]
+        raise InputError(
+            f"repeats contradict each other: {rows.place(where[k])} gives {part.measured[k]:g}, "
+            f"{rows.place(where[other])} gives {part.measured[other]:g} at the same condition",
+            expected="repeats that differ by their scatter",
+            remedy="correct or remove the wrong one",
+        )

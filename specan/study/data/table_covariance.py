@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.errors import InputError
 from specan.models import Model
-from specan.study.data.operating_table import Rows
+from specan.study.data.operating_table import Rows, check_repeats
 from specan.study.data.replicate_variance import Reference, VarianceFunction, crude, pooled, reference
 from specan.study.data.setpoints import ENOUGH, TIME
 from specan.study.observation import Array
@@ -31,7 +30,6 @@ COARSE = 1e-3  # rounding below this share of the reading is no account of a mea
 SETTING = "the scatter of setting that the rig declares"
 CONDITIONS = "the reading noise of conditions that the rig declares"
 CORNERS = 7  # of a course over time
-OUTRAGEOUS = 8.0  # standard deviations beyond which a repeat is no scatter
 REACH = 0.5  # correlation length of the discrepancy, in ranges of each operating variable
 
 
@@ -276,7 +274,7 @@ def _noise_of(
     mean = _SetupMeans(part.setup)
     means = np.stack([mean(c) for c in slopes.T], axis=1) if slopes.shape[1] else np.empty((first.size, 0))
     declared = declared_reading(model, centre, part)
-    _check_repeats(rows, np.flatnonzero(mine), part, rest, declared + grows[SETTING])
+    check_repeats(rows, np.flatnonzero(mine), part, rest, declared + grows[SETTING])
     reading = pooled(rest, part.setup, slopes[:, :0], {n: c for n, c in grows.items() if n == "the reading"})
     told = is_declared(model, str(part.observable[0]))
     instrument = mean(declared) / np.bincount(mean.index) if told else None
@@ -360,35 +358,6 @@ def _piecewise_linear_basis(time: Array) -> list[Array]:
     span = max(float(np.ptp(time)), 1e-300)
     corners = time.min() + span * np.linspace(0, 1, CORNERS) ** 2
     return [np.interp(time, corners, unit) for unit in np.eye(CORNERS)]
-
-
-def _check_repeats(rows: Rows, where: NDArray[np.intp], part: Rows, rest: Array, declared: Array) -> None:
-    """Refuse repeats that no scatter explains; where the time is given they may drift, which an effect may explain."""
-    _, index, counts = np.unique(part.replicate_group, return_inverse=True, return_counts=True)
-    if TIME in part.conditions:
-        return
-    centre = np.array([np.median(rest[index == k]) for k in range(counts.size)])
-    off = np.abs(rest - centre[index])
-    repeated = counts[index] > 1
-    if not np.any(repeated):
-        return
-    size = np.maximum(np.abs(part.measured), 1e-300)
-    limit = np.maximum(0.1 * size, OUTRAGEOUS * np.sqrt(declared))
-    moved = repeated & (off > 0)  # the one in the middle of three is not a measure of their scatter
-    if np.sum(counts > 1) >= 4 and np.any(moved):
-        usual, usual_share = np.median(off[moved]), np.median((off / size)[moved])
-        limit = np.maximum(limit, OUTRAGEOUS * 1.4826 * np.maximum(usual, usual_share * size))
-    bad = repeated & (off > limit)
-    if np.any(bad):
-        k = int(np.argmax(np.where(bad, np.abs(rest), -1.0)))
-        others = [i for i in np.flatnonzero(index == index[k]) if i != k]
-        other = others[int(np.argmax(np.abs(part.measured[others] - part.measured[k])))]
-        raise InputError(
-            f"repeats contradict each other: {rows.place(where[k])} gives {part.measured[k]:g}, "
-            f"{rows.place(where[other])} gives {part.measured[other]:g} at the same condition",
-            expected="repeats that differ by their scatter",
-            remedy="correct or remove the wrong one",
-        )
 
 
 def _stretched(x: Array, low: float, high: float) -> Array:

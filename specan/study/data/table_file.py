@@ -14,6 +14,7 @@ import numpy as np
 from specan.errors import InputError, RequestError
 from specan.study.observation import Array
 
+MOST_NAMED = 5  # lines in one message
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 
 
@@ -42,10 +43,12 @@ class TableFile:
     cell_units: dict[str, str] = field(default_factory=dict)
     words: dict[str, list[str]] = field(default_factory=dict)
 
-    def rows(self, mask: np.ndarray, most: int = 5) -> str:
+    def rows(self, mask: np.ndarray) -> str:
         """The lines of some rows in words: ``line 4, 7 and 12 more``."""
         found = [str(n) for n in self.lines[mask]]
-        text = ", ".join(found[:most]) + (f" and {len(found) - most} more" if len(found) > most else "")
+        text = ", ".join(found[:MOST_NAMED]) + (
+            f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+        )
         return f"line{'s' if len(found) > 1 else ''} {text}"
 
 

@@ -136,11 +136,14 @@ def _names(table: TableFile, axis: str, constants: dict[str, Any]) -> tuple[str,
     if words is None:
         return (str(said),) * table.lines.size
     empty = np.array([not word for word in words])
-    if np.any(empty):
-        raise InputError(
-            f"{table.path}, {table.rows(empty)}: no name in the column {axis!r}", remedy="fill it"
-        )
+    _refuse(table, empty, f"no name in the column {axis!r}", remedy="fill it")
     return tuple(words)
+
+
+def _refuse(table: TableFile, rows: NDArray[np.bool_], found: str, **more: str) -> None:
+    """Refuse a table for some of its rows, if there are any."""
+    if np.any(rows):
+        raise InputError(f"{table.path}, {table.rows(rows)}: {found}", **more)
 
 
 def _complete(table: TableFile, rules: TableRules, steps: dict[str, Array]) -> tuple[str, ...]:
@@ -211,11 +214,7 @@ def _choose(
         if observable.column_unit not in ("", observable.unit):
             measured[rows] = convert(values[rows], observable.column_unit, observable.unit)
             step[rows] *= scale_to(observable.column_unit, observable.unit)
-    if np.any(np.isnan(measured)):
-        raise InputError(
-            f"{table.path}, {table.rows(np.isnan(measured))}: no measured value",
-            expected="one of " + ", ".join(measurable),
-        )
+    _refuse(table, np.isnan(measured), "no measured value", expected="one of " + ", ".join(measurable))
     return chosen, measured, step
 
 
@@ -229,11 +228,8 @@ def _conditions(
         values = table.columns[column]
         if np.all(np.isnan(values)) and condition.default is not None:
             continue
-        if np.any(np.isnan(values)):
-            raise InputError(
-                f"{table.path}, {table.rows(np.isnan(values))}: no value in the column {column!r}",
-                remedy="fill it or leave the rows out",
-            )
+        lacking = f"no value in the column {column!r}"
+        _refuse(table, np.isnan(values), lacking, remedy="fill it or leave the rows out")
         found[condition.name] = np.asarray(convert(values, condition.column_unit, condition.unit))
         its_steps[condition.name] = steps.get(column, np.zeros(values.size)) * scale_to(
             condition.column_unit, condition.unit
@@ -243,13 +239,9 @@ def _conditions(
 
 def _mark(table: TableFile, name: str) -> Array | None:
     values = table.columns.get(name)
-    if values is None:
-        return None
-    if np.any(np.isnan(values)):
-        raise InputError(
-            f"{table.path}, {table.rows(np.isnan(values))}: no value in the column {name!r}",
-            remedy="number every row, or leave the column out",
-        )
+    if values is not None:
+        lacking = f"no value in the column {name!r}"
+        _refuse(table, np.isnan(values), lacking, remedy="number every row, or leave the column out")
     return values
 
 

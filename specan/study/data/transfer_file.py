@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import InputError, RequestError
-from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, DataSet, is_uff, read_uff
+from specan.io.uff import COHERENCE, TRANSFER_FUNCTION, is_uff, read_uff
 from specan.study.data.table_file import TableFile, read_table
 from specan.study.observation import Array
 from specan.units import convert
@@ -150,7 +150,8 @@ def _from_uff(path: Path) -> list[MeasuredFrf]:
     for one in sets:
         if one.kind != TRANSFER_FUNCTION:
             continue
-        beside = next((c for c in coherences if _same_ends(c, one)), None)
+        ends = (one.response, one.reference)
+        beside = next((c for c in coherences if (c.response, c.reference) == ends), None)
         found.append(
             MeasuredFrf(
                 one.response,
@@ -163,10 +164,6 @@ def _from_uff(path: Path) -> list[MeasuredFrf]:
             )
         )
     return found
-
-
-def _same_ends(one: DataSet, other: DataSet) -> bool:
-    return (one.response, one.reference) == (other.response, other.reference)
 
 
 # --- tables ------------------------------------------------------------------------------------------

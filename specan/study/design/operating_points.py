@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 LEAST_WEIGHT = 0.02  # a wrong leader must not freeze the design
 NEAR = 0.15  # share of the ranges within which a point is a near duplicate
 SAME = 1e-6  # share of the ranges within which two points are one
+EXPLORED = 2  # measurements that are proposed for something unknown
 SEPARATES = 2.0  # sigma that a measurement must promise to be worth proposing
 
 
@@ -53,6 +54,8 @@ class Proposal:
         Standard uncertainty of a reading there.
     separation_sigma : float
         Largest difference of two rivals over its standard uncertainty.
+    least_sigma : float or None
+        The smallest one: a reading with two or more tells all rivals apart.
     """
 
     text: str
@@ -61,6 +64,7 @@ class Proposal:
     unit: str
     sigma: float | None
     separation_sigma: float | None
+    least_sigma: float | None = None
 
 
 def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True) -> tuple[Proposal, ...]:
@@ -96,7 +100,7 @@ def propose(rivals: Sequence[Refit], count: int = 3, *, other_kinds: bool = True
     return tuple(found)
 
 
-def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Proposal, ...]:
+def explore(start: Refit, blocks: Sequence[Block]) -> tuple[Proposal, ...]:
     """Where to look at something unknown: far from what was measured, in the corner where the model fails.
 
     Parameters
@@ -110,7 +114,7 @@ def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Prop
     if blocks and receivers is not None and can_place(start.problem):
         noun = _noun(start.problem.assembly.model)
         return tuple(
-            _position_to_explore(p, blocks[0], noun) for p in where_it_fails(start, blocks[0], count)
+            _position_to_explore(p, blocks[0], noun) for p in where_it_fails(start, blocks[0], EXPLORED)
         )
     grid = operating_grid(start.problem, blocks[0] if blocks else None)
     if grid is None or not blocks:
@@ -120,7 +124,7 @@ def explore(start: Refit, blocks: Sequence[Block], count: int = 2) -> tuple[Prop
     place, measured = _places(planned), _measured_places(start.problem, planned)
     usable = np.isfinite(predicted) & inside_block(start.problem, planned, blocks[0])
     found = []
-    for _ in range(count):
+    for _ in range(EXPLORED):
         gap = np.min(np.linalg.norm(place[:, None] - measured[None], axis=2), axis=1)
         row = int(np.argmax(np.where(usable, gap, -1.0)))
         if not usable[row] or gap[row] < SAME:
@@ -256,7 +260,7 @@ def _proposal(
         else (f"one reading separates some of them, by up to {apart:.1f} sigma")
     )
     text = f"{where}: {said}; sigma there is {sigma:.2g}{unit}, {told}"
-    return Proposal(text, conditions, predictions, observable.unit, sigma, apart)
+    return Proposal(text, conditions, predictions, observable.unit, sigma, apart, least)
 
 
 def _shown(model: Model, name: str, value: float) -> float | str:

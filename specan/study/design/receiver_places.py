@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from specan.models.measurement_kinds import Places, Receivers
+from specan.study.estimation.linear import chi2_beside, covariance_root
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.frf_errors import DB
 from specan.study.localisation.localise import Block
@@ -205,23 +206,16 @@ def _separations(
     found = {}
     for a, b in combinations(range(len(views)), 2):
         gap = views[a].white[place] - views[b].white[place]
-        root = np.hstack([views[k].slopes[place] @ _root(covariances[k]) for k in (a, b)])
-        inner = root.T @ gap
-        open_ = inner @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ root, inner)
-        found[a, b] = max(float(gap @ gap - open_), 0.0)
+        root = np.hstack([views[k].slopes[place] @ covariance_root(covariances[k]) for k in (a, b)])
+        found[a, b] = max(chi2_beside(gap, root), 0.0)
     return found
-
-
-def _root(covariance: Array) -> Array:
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _after(covariance: Array, slopes: Array) -> Array:
     """Covariance of the parameters once a receiver with these whitened slopes has been there."""
     if not covariance.size:
         return covariance
-    root = _root(covariance)
+    root = covariance_root(covariance)
     seen = slopes @ root
     return np.asarray(root @ np.linalg.solve(np.eye(seen.shape[1]) + seen.T @ seen, root.T))
 

@@ -15,6 +15,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
 NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
+LEVEL = 0.95  # confidence of profile intervals
 NORMAL_95 = 1.96  # standard deviations on either side of 95 % of a normal law
 FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
@@ -289,10 +290,8 @@ def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_erro
     return float(fdtrc(own, noise_dof, max(lack, 0.0) / own))
 
 
-def profile_interval(
-    problem: Problem, best: Fit, name: str, level: float = 0.95, inflate: bool = False
-) -> tuple[float, float]:
-    """Interval {x : min chi2(x) - chi2_min < quantile}, all other parameters refitted (Raue et al. 2009).
+def profile_interval(problem: Problem, best: Fit, name: str, *, inflate: bool = False) -> tuple[float, float]:
+    """95 % interval {x : min chi2(x) - chi2_min < quantile}, all other parameters refitted (Raue et al. 2009).
 
     An end that lies beyond the domain is the end of the domain: the interval is then one-sided.
 
@@ -300,24 +299,19 @@ def profile_interval(
     ----------
     name : str
         Element of `problem.names`.
-    level : float
-        Confidence.
     inflate : bool
         Widen by the root of the reduced chi-square where that exceeds one.
     """
     if name not in problem.names:
         raise RequestError(f"{name!r} is not a free parameter", remedy=nearest(name, problem.names))
-    quantile = _quantile(level, problem.noise_dof)
+    from scipy.special import chdtri, fdtri
+
+    noise_dof = problem.noise_dof
+    quantile = float(chdtri(1, 1 - LEVEL) if np.isinf(noise_dof) else fdtri(1, noise_dof, LEVEL))
     if inflate and best.dof > 0:
         quantile *= max(1.0, best.reduced_chi2)
     ends = [_profile_end(problem, best, name, side, quantile) for side in (-1, 1)]
     return ends[0], ends[1]
-
-
-def _quantile(level: float, noise_dof: float) -> float:
-    from scipy.special import chdtri, fdtri
-
-    return float(chdtri(1, 1 - level) if np.isinf(noise_dof) else fdtri(1, noise_dof, level))
 
 
 def _profile_end(problem: Problem, best: Fit, name: str, side: int, quantile: float) -> float:

@@ -142,3 +142,22 @@ def orthonormal(columns: Array, tolerance: float = 1e-9) -> Array:
         return np.zeros((columns.shape[0], 0))
     left, values, _ = np.linalg.svd(columns, full_matrices=False)
     return np.asarray(left[:, values > tolerance * values[0]])
+
+
+def covariance_root(covariance: Array) -> Array:
+    """A matrix R with R R' the covariance, of rounding's negative eigenvalues freed."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def chi2_beside(gap: Array, root: Array) -> float:
+    """g' (I + R R')^-1 g by Woodbury's formula: R has few columns, g may be long.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> chi2_beside(np.array([2.0, 1.0]), np.array([[1.0], [0.0]]))
+    3.0
+    """
+    inner = root.T @ gap
+    return float(gap @ gap - inner @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ root, inner))

@@ -1,18 +1,32 @@
-"""How far a model is from what was measured, in the unit of the observable."""
+"""How far a model is from what was measured: errors in the unit of the observable, and left-out residuals.
+
+For a block b of rows the left-out residual - what the model, fitted to all other rows, says of b - and its covariance
+follow from one fit without a refit. With R = W'(I - QQ')W, where W whitens and Q spans the whitened Jacobian, they are
+R_bb^-1 (R r)_b and R_bb^-1, so that S_b = (R r)_b' R_bb^-1 (R r)_b is chi-square. The same algebra gives the mean
+relative error of a block with its z: nuisance parameters cannot hide a failure in either.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit
+from specan.study.estimation.linear import chi2_beside, covariance_root, orthonormal
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.observation.frf import FrfObservation
+from specan.study.observation.order_lines import OrderLinesObservation
+
+ABOVE_NOISE = 10.0  # times its noise that a line's power must be for its level to count
+
+AT_ONCE = 256  # blocks whose directions are computed together
+LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
 
 
 @dataclass(frozen=True)
@@ -26,7 +40,10 @@ class ObservableError:
     relative_rms, relative_max : float
         Root mean square and largest magnitude of the same over the measured value, percent.
     level_dB : float or None
-        Of transfer functions: RMS over channels and third octaves of the error of their levels.
+        RMS of the error of levels: of transfer functions over channels and third octaves, of order lines over sensors,
+        families and harmonics, each line weighing the same.
+    level_of : str
+        What these are levels of.
     """
 
     observable: str
@@ -37,6 +54,7 @@ class ObservableError:
     relative_rms: float
     relative_max: float
     level_dB: float | None = None
+    level_of: str = ""
 
     def as_error(self) -> dict[str, Any]:
         """The form in which a history keeps it."""
@@ -49,7 +67,9 @@ class ObservableError:
             "unit": self.unit, "relative_rms_percent": self.relative_rms,
             "relative_max_percent": self.relative_max,
         }  # fmt: skip
-        return found if self.level_dB is None else found | {"level_dB": self.level_dB}
+        return (
+            found if self.level_dB is None else found | {"level_dB": self.level_dB, "level_of": self.level_of}
+        )
 
 
 def observable_errors(
@@ -63,31 +83,33 @@ def observable_errors(
         np.concatenate(list(predictions)),
         np.concatenate([o.measured for o in observations]),
     )
-    of_curves = [
-        (o, p) for o, p in zip(observations, predictions, strict=True) if isinstance(o, FrfObservation)
-    ]
-    if not of_curves or len(found) > 1:
+    levels = [_levels_dB(o, p) for o, p in zip(observations, predictions, strict=True) if type(o) in _CELLS]
+    if not levels or len(found) > 1:
         return found
-    levels = np.concatenate([_levels_dB(o, p) for o, p in of_curves])
-    return [replace(found[0], level_dB=float(np.sqrt(np.mean(levels**2))))]
+    what = _CELLS[type(observations[0])][0]
+    return [replace(found[0], level_dB=float(np.sqrt(np.mean(np.concatenate(levels) ** 2))), level_of=what)]
 
 
-def _levels_dB(observation: FrfObservation, predicted: Array) -> Array:
-    """Level of the prediction over what was measured, of every channel and third octave."""
-    _, cell = np.unique(
-        np.stack(
-            [
-                observation.labels["third_octave_hz"],
-                np.unique(observation.labels["channel"], return_inverse=True)[1],
-            ]
-        ),
-        axis=1,
-        return_inverse=True,
-    )
+# What the levels of complex values are of, and the labels of the rows whose powers are added up.
+_CELLS: dict[type, tuple[str, tuple[str, ...]]] = {
+    FrfObservation: ("third-octave levels", ("third_octave_hz", "channel")),
+    OrderLinesObservation: ("levels of lines", ("orders", "harmonic", "channel")),
+}
+
+
+def _levels_dB(observation: Any, predicted: Array) -> Array:
+    """Level of the prediction over what was measured, of every cell; of order lines above their noise, beside that."""
+    own = [
+        np.unique(observation.labels[name], return_inverse=True)[1] for name in _CELLS[type(observation)][1]
+    ]
+    _, cell = np.unique(np.stack(own), axis=1, return_inverse=True)
+    lines = isinstance(observation, OrderLinesObservation)
+    floor = np.bincount(cell.ravel(), weights=observation.sigma**2) if lines else 0.0
     power = [np.bincount(cell.ravel(), weights=values**2) for values in (predicted, observation.measured)]
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = 10 * np.log10(power[0] / power[1])
-    return np.asarray(found[np.isfinite(found)])
+        found = 10 * np.log10((power[0] + floor) / (power[1] + floor))
+    seen = np.isfinite(found) & (power[1] > ABOVE_NOISE * floor)
+    return np.asarray(found[seen])
 
 
 def errors_of(
@@ -154,22 +176,14 @@ def held_out_error(problem: Problem, best: Fit, observations: Sequence[Observati
     slopes = joint.sensitivities(theta)[seen:]
     white = np.concatenate([o.whiten(s) for o, s in zip(observations, slopes, strict=True)])
     gap = np.concatenate([o.whiten(p - o.measured) for o, p in zip(observations, predictions, strict=True)])
-    # (I + A C A')^-1 by Woodbury: theta has few elements, the data may have many.
-    root = white @ _root(covariance)
-    inner = root.T @ gap
-    chi2 = float(gap @ gap - inner @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ root, inner))
+    chi2 = chi2_beside(gap, white @ covariance_root(covariance))
     sigma = [
         np.sqrt(o.sigma**2 + np.einsum("ij,jk,ik->i", s, covariance, s))
         for o, s in zip(observations, slopes, strict=True)
     ]
-    shown = joint.plain(theta)[seen:]
+    shown = joint.plain(theta, problem.observations)[seen:]
     errors = observable_errors(problem, observations, shown)
     return HeldOut(tuple(errors), chi2, int(gap.size), tuple(shown), tuple(sigma))
-
-
-def _root(covariance: Array) -> Array:
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _carried_over(problem: Problem, best: Fit, joint: Problem) -> tuple[Array, Array]:
@@ -191,3 +205,72 @@ def _carried_over(problem: Problem, best: Fit, joint: Problem) -> tuple[Array, A
             fitted = [best.theta[i] for n, i in place.items() if n.whole == name.whole]
             theta[k], covariance[k, k] = np.mean(fitted), np.var(fitted)
     return theta, covariance
+
+
+class LeftOut:
+    """The algebra of left-out rows of one fit.
+
+    Without a block the other rows may leave a parameter open; the linear refit then must not run out of
+    its domain. Parameters at a bound stay there, the others are held by half their domain's width.
+    """
+
+    def __init__(self, problem: Problem, best: Fit) -> None:
+        self.problem = problem
+        low, high = problem.bounds()
+        free = np.array([name not in best.at_bound for name in problem.names], dtype=bool)
+        hold = np.diag(2 / (high - low))[free]  # zero where the domain has no end
+        jacobian = np.vstack([best.jacobian, hold])[:, free]
+        residual = np.concatenate([best.residual, np.zeros(hold.shape[0])])
+        self.basis = orthonormal(jacobian)
+        self.projected = residual - self.basis @ (self.basis.T @ residual)
+        self.predicted = np.concatenate(problem.predictions(best.theta))
+        self._other_rows = residual.size - problem.n_data
+
+    @cached_property
+    def observables(self) -> dict[str, NDArray[np.bool_]]:
+        """Rows of each observable."""
+        names = [np.broadcast_to(getattr(o, "observable", o.name), (o.n,)) for o in self.problem.observations]
+        whole = np.concatenate(names)
+        return {name: whole == name for name in dict.fromkeys(whole.tolist())}
+
+    def columns(self, raw: Array) -> Array:
+        """Columns over the data rows, whitened, with everything taken out that the parameters absorb."""
+        return self._taken_out(self.problem.whiten(raw))
+
+    def _taken_out(self, white: Array) -> Array:
+        whole = np.vstack([white, np.zeros((self._other_rows, white.shape[1]))])
+        return whole - self.basis @ (self.basis.T @ whole)
+
+    @cached_property
+    def _unit_columns(self) -> Array:
+        """Columns of single rows, each in units of its own uncertainty."""
+        return self.columns(np.diag(np.concatenate([o.sigma for o in self.problem.observations])))
+
+    def direction(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
+        """Mean relative error of the prediction over some rows, and its z."""
+        return self.directions([rows])[0]
+
+    def directions(self, blocks: Sequence[NDArray[np.bool_]]) -> list[tuple[float, float]]:
+        """The same of several blocks: one product with the root of the covariance instead of one a block."""
+        found = []
+        for first in range(0, len(blocks), AT_ONCE):
+            raw = np.stack(
+                [np.where(rows, self.predicted, 0.0) for rows in blocks[first : first + AT_ONCE]], 1
+            )
+            white = self.problem.whiten(raw)
+            columns = self._taken_out(white)
+            sizes, wholes = np.sum(columns**2, axis=0), np.sum(white**2, axis=0)
+            for size, whole, along in zip(sizes, wholes, columns.T @ self.projected, strict=True):
+                open_ = size <= LEAST_SHARE * whole
+                found.append(
+                    (float("nan"), 0.0) if open_ else (float(along / size), float(along / np.sqrt(size)))
+                )
+        return found
+
+    def statistic(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
+        """S_b and its degrees of freedom: directions that only the block determines do not count."""
+        columns = self._unit_columns[:, rows]
+        values, vectors = np.linalg.eigh(columns.T @ columns)
+        kept = values > LEAST_SHARE * max(values[-1], 1e-300)
+        along = vectors[:, kept].T @ (columns.T @ self.projected)
+        return float(np.sum(along**2 / values[kept])), float(np.sum(kept))

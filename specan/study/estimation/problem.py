@@ -128,8 +128,8 @@ class Problem:
         ``{name: other}``: the parameter always has the other's value.
     nuisances : frozenset of Use
         Uses that stand for instrument errors held by a prior.
-    ranges : bool
-        False: parameters are not held by their known ranges, to see what the data alone would take.
+    unheld : frozenset of str
+        Parameters that are not held by their known ranges, to see what the data alone would take.
     """
 
     assembly: Assembly
@@ -140,7 +140,7 @@ class Problem:
     domains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     links: Mapping[str, str] = field(default_factory=dict)
     nuisances: frozenset[Use] = frozenset()
-    ranges: bool = True
+    unheld: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         known, links = self.assembly.parameters, self.links
@@ -169,11 +169,8 @@ class Problem:
     @cached_property
     def names(self) -> tuple[ParameterName, ...]:
         """Name of every element of theta: ``churning.exponent``, ``gain-error.gain[Channel 3]``."""
-        return tuple(
-            ParameterName(name).at(element)
-            for name in self.free
-            for element in self.elements.get(name, ("",))
-        )
+        known = self.elements
+        return tuple(ParameterName(name).at(e) for name in self.free for e in known.get(name, ("",)))
 
     @cached_property
     def _owner(self) -> tuple[str, ...]:
@@ -248,12 +245,12 @@ class Problem:
 
     def start(self, values: Mapping[str, Any] | None = None) -> Array:
         """Theta at the start values (declared defaults, a study's own), or at `values` where they have it."""
-        parts = []
+        parts = [np.empty(0)]
         for name in self.free:
             value = (values or {}).get(name, self._held[name])
             size = len(self.elements.get(name, ("",)))
             parts.append(np.broadcast_to(np.asarray(value, dtype=float), (size,)))
-        theta = np.concatenate(parts) if parts else np.empty(0)
+        theta = np.concatenate(parts)
         low, high = self.bounds()
         return np.clip(theta, low, high)
 
@@ -338,19 +335,24 @@ class Problem:
         values = self.values_at(theta)
         return [o.predict(self.assembly, self.seen_by(o, values)) for o in self.observations]
 
-    def plain(self, theta: Array) -> list[Array]:
-        """Predictions as they are shown: where `predict` allows for errors of the model itself, without them."""
+    def plain(self, theta: Array, fitted: Sequence[Observation] | None = None) -> list[Array]:
+        """Predictions as they are shown: where `predict` allows for errors of the model itself, without them.
+
+        What `fitted` observations (by default all) tell of these errors is taken into account.
+        """
         values = self.values_at(theta)
+        told = [(o, self.seen_by(o, values)) for o in (self.observations if fitted is None else fitted)]
         return [
-            getattr(o, "plain", o.predict)(self.assembly, self.seen_by(o, values)) for o in self.observations
+            o.plain(self.assembly, self.seen_by(o, values), told)
+            if hasattr(o, "plain")
+            else o.predict(self.assembly, self.seen_by(o, values))
+            for o in self.observations
         ]
 
     def whiten(self, array: Array) -> Array:
         """V^(-1/2) of all observations on an array over the `n_data` measured rows (no priors)."""
-        edges = np.cumsum([o.n for o in self.observations])[:-1]
-        return np.concatenate(
-            [o.whiten(part) for o, part in zip(self.observations, np.split(array, edges), strict=True)]
-        )
+        *parts, _ = self.split(array)
+        return np.concatenate([o.whiten(part) for o, part in zip(self.observations, parts, strict=True)])
 
     def split(self, array: Array) -> list[Array]:
         """Rows of a residual or Jacobian: one part an observation, the priors' last."""
@@ -376,9 +378,12 @@ class Problem:
         held = [i for i, owner in enumerate(self._owner) if owner in self.priors]
         ranged = [i for i, owner in enumerate(self._owner) if owner not in self.priors]
         prior = np.array([self.priors[self._owner[i]] for i in held]).reshape(-1, 2)
-        ends = np.array([self.plausible(self._owner[i]) for i in ranged]).reshape(-1, 2)
-        if not self.ranges:
-            ends = np.tile([-np.inf, np.inf], (len(ranged), 1))
+        ends = np.array(
+            [
+                (-np.inf, np.inf) if o in self.unheld else self.plausible(o)
+                for o in (self._owner[i] for i in ranged)
+            ]
+        ).reshape(-1, 2)
         return PseudoMeasurements(
             np.array(held, dtype=np.intp), np.array(ranged, dtype=np.intp), prior[:, 0], prior[:, 1],
             KnownRanges.of(ends[:, 0], ends[:, 1], self.scale[ranged]), len(self._owner),
@@ -399,12 +404,8 @@ class Problem:
         if self.n_data <= SUBSAMPLE_ROWS:
             return self
         values, share = self.values_at(theta), SUBSAMPLE_ROWS / self.n_data
-        return self.over(
-            [
-                o.subsample(self.assembly, self.seen_by(o, values), round(share * o.n))
-                for o in self.observations
-            ]
-        )
+        seen = [(o, self.seen_by(o, values), round(share * o.n)) for o in self.observations]
+        return self.over([o.subsample(self.assembly, own, rows) for o, own, rows in seen])
 
     def with_uses(self, uses: Iterable[Use | str]) -> Problem:
         """Add effects, their parameters free as far as declared and varied; a nuisance loses its prior."""

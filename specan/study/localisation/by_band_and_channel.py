@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 
 from specan.models import Model
 from specan.study.estimation.fit import Fit, misfit_p_value
+from specan.study.estimation.prediction_error import LEAST_SHARE, LeftOut
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.frf_errors import curve_errors  # also offered to `localise`
 from specan.study.localisation.localise import (
     CLEAR,
-    LEAST_SHARE,
     LEVEL,
     Block,
-    LeftOut,
     Localisation,
     Trend,
     level_and_phase,
+    tested,
 )
 from specan.study.observation import Array, Variable
 from specan.study.observation.frf import FrfObservation
@@ -253,11 +253,10 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     }
     places = list(_places(cells, near, grouping.label))
     blocks = [_block(cells, words, problem, where, m, b, variables) for where, m, b in places]
-    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
     marked = []
-    for block, ok, (_, m, b) in zip(blocks, passed, places, strict=True):
-        between, most_at = words.details(m, b) if ok else ("", "")
-        marked.append(replace(block, significant=bool(ok), between=between, most_at=most_at))
+    for block, (_, m, b) in zip(tested(blocks), places, strict=True):
+        between, most_at = words.details(m, b) if block.significant else ("", "")
+        marked.append(replace(block, between=between, most_at=most_at))
     fails = any(b.significant for b in marked)
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: (b.p_value, -b.statistic))),
@@ -346,7 +345,8 @@ def _sentences(cells: Cells, words: Words, near: Mapping[str, list[int]], groupi
         z = failure.z if abs(failure.z) >= abs(failure.z_phase) else failure.z_phase
         band = "all frequencies" if len(bands) == count else _edges(cells.bands[bands])
         where = f"{band}, {text}"
-        found.append(f"{where}: {_text(failure)} (z = {z:.1f}), {words.details(channels, bands)[1]}")
+        text = level_and_phase(failure.level_dB, failure.z, failure.phase_deg, failure.z_phase)
+        found.append(f"{where}: {text} (z = {z:.1f}), {words.details(channels, bands)[1]}")
     return found
 
 
@@ -354,7 +354,3 @@ def _edges(bands: Array) -> str:
     """Lower and upper edge of a run of third octaves: ``178-224 Hz``."""
     exact = 1000 * 10 ** (np.round(10 * np.log10(bands / 1000)) / 10)
     return f"{exact[0] * 10**-0.05:.0f}-{exact[-1] * 10**0.05:.0f} Hz"
-
-
-def _text(found: Failure) -> str:
-    return level_and_phase(found.level_dB, found.z, found.phase_deg, found.z_phase)

@@ -8,24 +8,17 @@ measurement there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.estimation.fit import Fit, misfit_p_value
+from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
-from specan.study.localisation.localise import (
-    LEVEL,
-    Block,
-    LeftOut,
-    Localisation,
-    Trend,
-)
+from specan.study.localisation.localise import Block, Localisation, Trend, tested
 from specan.study.observation import Array
 from specan.study.observation.order_lines import OrderLinesObservation
-from specan.study.selection.significance import benjamini_yekutieli
 
 LOUDER = 2.0  # dB between the first and the last level from which a failure is said to grow or fall
 MOST_SENTENCES = 3  # that are told
@@ -37,11 +30,7 @@ def localise(problem: Problem, best: Fit) -> Localisation:
     algebra = LeftOut(problem, best)
     lines = _Lines(problem, np.concatenate(problem.plain(best.theta)))
     blocks = [_block(algebra, lines, where, rows) for where, rows in _places(lines.labels)]
-    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
-    marked = sorted(
-        (replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)),
-        key=lambda b: b.p_value,
-    )
+    marked = sorted(tested(blocks), key=lambda b: b.p_value)
     fails = [b for b in marked if b.significant and set(b.where) == {"orders"}]
     whole = [b for b in marked if set(b.where) == {"orders"}]
     trend = Trend("orders", min((b.p_value for b in whole), default=1.0), bool(fails), "", "orders")

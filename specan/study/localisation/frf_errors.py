@@ -225,19 +225,3 @@ def assurance(measured: Complex, model: Complex, axis: int) -> Array:
             np.sum(np.abs(measured) ** 2, axis=axis) * np.sum(np.abs(model) ** 2, axis=axis)
         )
     return found
-
-
-def summary(found: Sequence[FrfErrors]) -> list[list[str]]:
-    """Rows of a table: third octave, mean and range of the level error, phase error, CSAC, the worst receiver."""
-    rows = []
-    for one in found:
-        for b, band in enumerate(one.bands):
-            level, phase = one.level_dB[:, b], one.phase_deg[:, b]
-            used = np.flatnonzero(np.isfinite(level))
-            worst = used[np.argmax(np.abs(level[used]) / one.u_level_dB[used, b])]
-            rows.append([
-                f"{band:g}", f"{level[used].mean():+.2f}", f"{level[used].min():+.2f}..{level[used].max():+.2f}",
-                f"{np.abs(phase[used]).mean():.1f}", f"{one.csac[b]:.4f}",
-                f"{one.channels[worst]}: {level[worst]:+.2f} +-{2 * one.u_level_dB[worst, b]:.2f}",
-            ])  # fmt: skip
-    return rows

@@ -1,12 +1,7 @@
 """Where a fitted model fails, looked for in the way that suits the kind of measurement.
 
-Rows of tables are looked at by left-out blocks over every operating variable, with false discoveries controlled.
-
-For a block b of rows the left-out residual - what the model, fitted to all other rows, says of b - and
-its covariance follow from one fit without a refit. With R = W'(I - QQ')W, where W whitens and Q spans
-the whitened Jacobian, they are R_bb^-1 (R r)_b and R_bb^-1, so that S_b = (R r)_b' R_bb^-1 (R r)_b is
-chi-square. The same algebra gives the mean relative error of a block with its z: nuisance parameters
-cannot hide a failure in either.
+Rows of tables are looked at by left-out blocks (`LeftOut`) over every operating variable, with false discoveries
+controlled.
 
 Other kinds have a module of their own, with a function ``localise(problem, best) -> Localisation`` and, where they hold
 curves, ``curve_errors(observation, predicted)``. So may an installed kind (an entry point of the group
@@ -18,7 +13,6 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import combinations
 from typing import Any
 
@@ -28,15 +22,15 @@ from numpy.typing import NDArray
 from specan.errors import RequestError
 from specan.study.estimation.fit import Fit, misfit_p_value
 from specan.study.estimation.linear import orthonormal
+from specan.study.estimation.prediction_error import LeftOut
 from specan.study.estimation.problem import Problem
-from specan.study.observation import KINDS, Array, Variable, kind_named, variable_named
+from specan.study.observation import KINDS, Variable, kind_named, variable_named
 from specan.study.selection.significance import benjamini_yekutieli
 
 LEVEL = 0.05  # false discovery rate
 CLEAR = 3.0  # |z| from which a mean error is named
 
 MOST_ROWS = 3000  # of data; beyond it blocks are tested by their direction only
-LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
 
 
 @dataclass(frozen=True)
@@ -189,63 +183,8 @@ def level_and_phase(
     if abs(z) >= CLEAR and level_dB is not None:
         parts.append(f"{abs(level_dB):.2g} dB {'high' if level_dB > 0 else 'low'}")
     if z_phase is not None and abs(z_phase) >= CLEAR and phase_deg is not None:
-        parts.append(f"{abs(phase_deg):.2g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
+        parts.append(f"{float(f'{abs(phase_deg):.2g}'):g} degrees {'ahead' if phase_deg > 0 else 'behind'}")
     return "model " + (" and ".join(parts) or between or "off by as much up as down")
-
-
-class LeftOut:
-    """The algebra of left-out rows of one fit.
-
-    Without a block the other rows may leave a parameter open; the linear refit then must not run out of
-    its domain. Parameters at a bound stay there, the others are held by half their domain's width.
-    """
-
-    def __init__(self, problem: Problem, best: Fit) -> None:
-        self.problem = problem
-        low, high = problem.bounds()
-        free = np.array([name not in best.at_bound for name in problem.names], dtype=bool)
-        hold = np.diag(2 / (high - low))[free]  # zero where the domain has no end
-        jacobian = np.vstack([best.jacobian, hold])[:, free]
-        residual = np.concatenate([best.residual, np.zeros(hold.shape[0])])
-        self.basis = orthonormal(jacobian)
-        self.projected = residual - self.basis @ (self.basis.T @ residual)
-        self.predicted = np.concatenate(problem.predictions(best.theta))
-        self._other_rows = residual.size - problem.n_data
-
-    @cached_property
-    def observables(self) -> dict[str, NDArray[np.bool_]]:
-        """Rows of each observable."""
-        names = [np.broadcast_to(getattr(o, "observable", o.name), (o.n,)) for o in self.problem.observations]
-        whole = np.concatenate(names)
-        return {name: whole == name for name in dict.fromkeys(whole.tolist())}
-
-    def columns(self, raw: Array) -> Array:
-        """Columns over the data rows, whitened, with everything taken out that the parameters absorb."""
-        whole = np.vstack([self.problem.whiten(raw), np.zeros((self._other_rows, raw.shape[1]))])
-        return whole - self.basis @ (self.basis.T @ whole)
-
-    @cached_property
-    def _unit_columns(self) -> Array:
-        """Columns of single rows, each in units of its own uncertainty."""
-        return self.columns(np.diag(np.concatenate([o.sigma for o in self.problem.observations])))
-
-    def direction(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
-        """Mean relative error of the prediction over some rows, and its z."""
-        raw = np.where(rows, self.predicted, 0.0)
-        column = self.columns(raw[:, None])[:, 0]
-        size, whole = float(column @ column), float(np.sum(self.problem.whiten(raw) ** 2))
-        if size <= LEAST_SHARE * whole:
-            return float("nan"), 0.0
-        along = float(column @ self.projected)
-        return along / size, along / np.sqrt(size)
-
-    def statistic(self, rows: NDArray[np.bool_]) -> tuple[float, float]:
-        """S_b and its degrees of freedom: directions that only the block determines do not count."""
-        columns = self._unit_columns[:, rows]
-        values, vectors = np.linalg.eigh(columns.T @ columns)
-        kept = values > LEAST_SHARE * max(values[-1], 1e-300)
-        along = vectors[:, kept].T @ (columns.T @ self.projected)
-        return float(np.sum(along**2 / values[kept])), float(np.sum(kept))
 
 
 # kind of measurement -> module with its own way; the others are looked at by blocks
@@ -309,18 +248,27 @@ def by_blocks(problem: Problem, best: Fit) -> Localisation:
     """
     algebra = LeftOut(problem, best)
     labels, variables = _labels(problem), dict(problem.observations[0].variables)
-    blocks = [
-        _block(algebra, where, name, rows & mine, variables)
+    places = [
+        (where, name, rows & mine)
         for where, rows in _places(labels)
         for name, mine in algebra.observables.items()
         if np.any(rows & mine)
     ]
-    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
-    marked = [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
+    directions = algebra.directions([rows for _, _, rows in places])
+    blocks = [
+        _block(algebra, *place, along, variables) for place, along in zip(places, directions, strict=True)
+    ]
+    marked = tested(blocks)
     return Localisation(
         blocks=tuple(sorted(marked, key=lambda b: b.p_value)),
         trends=tuple(sorted(_trends(algebra, labels, marked, variables), key=lambda t: t.p_value)),
     )
+
+
+def tested(blocks: Sequence[Block]) -> list[Block]:
+    """The blocks, told which of them are significant among all."""
+    passed = benjamini_yekutieli([b.p_value for b in blocks], LEVEL)
+    return [replace(b, significant=bool(ok)) for b, ok in zip(blocks, passed, strict=True)]
 
 
 def _labels(problem: Problem) -> dict[str, NDArray[Any]]:
@@ -357,9 +305,10 @@ def _block(
     where: Mapping[str, Any],
     observable: str,
     rows: NDArray[np.bool_],
+    direction: tuple[float, float],
     variables: Mapping[str, Variable],
 ) -> Block:
-    error, z = algebra.direction(rows)
+    error, z = direction
     if rows.size <= MOST_ROWS:
         statistic, dof = algebra.statistic(rows)
     else:
@@ -410,12 +359,14 @@ def _sentence(
         tried += [(f"from {variable.spoken(level)} up", values >= level) for level in levels[1:-1]]
         tried += [(f"up to {variable.spoken(level)}", values <= level) for level in levels[1:-1]]
     # Two observables may be off to opposite sides for one reason: each by itself.
-    found = [
-        (text, what, *algebra.direction(rows & mine))
+    places = [
+        (text, what, rows & mine)
         for text, rows in tried
         for what, mine in algebra.observables.items()
         if np.any(rows & mine)
     ]
+    directions = algebra.directions([rows for _, _, rows in places])
+    found = [(text, what, *along) for (text, what, _), along in zip(places, directions, strict=True)]
     text, what, error, z = max(found, key=lambda f: abs(f[3]))
     if abs(z) >= CLEAR:
         whose = f"{what.replace('_', ' ')} of the model" if len(algebra.observables) > 1 else "model"

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -262,6 +262,26 @@ class Observation(Protocol):
 
         What is held out may not be `seen`: then the measured values themselves must not enter.
         """
+
+
+class Fixed:
+    """What an observation shares whose rows are cheap to predict, and whose covariance was found without the model."""
+
+    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> Self:
+        """All of it."""
+        return self
+
+    def down_weighted(self, percent: float) -> Self:
+        """Itself."""
+        return self
+
+    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Self:
+        """Itself."""
+        return self
+
+    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> Self:
+        """Itself."""
+        return self
 
 
 # kind -> module with `reads(path) -> bool`, `TITLE` and `open_data(model, wanted) -> OpenedData`

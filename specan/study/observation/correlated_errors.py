@@ -58,9 +58,9 @@ class CommonErrors:
         response, moved, detuned = _with_slopes(self.receivers, responses, assembly, values)
         errors = self.receivers.errors
         found = [
-            *(errors.position_m * slope for slope in moved),
-            response * (np.log(10) / 20 * errors.calibration_dB),
-            1j * response * np.radians(errors.calibration_phase_deg),
+            *(_of_all(errors.position_m, response) * slope for slope in moved),
+            response * (np.log(10) / 20 * _of_all(errors.calibration_dB, response)),
+            1j * response * np.radians(_of_all(errors.calibration_phase_deg, response)),
         ]
         of_all = _of_frame(self.receivers, np.stack(moved))
         if errors.common_dB:
@@ -71,6 +71,15 @@ class CommonErrors:
             found += [part * size * turn for size in of for turn in (1, 1j)]
             of_all += [part * errors.detuning * detuned * turn for turn in (1, 1j)]
         return np.stack(found, axis=-1), np.stack(of_all, axis=-1), np.stack(moved)
+
+
+def _of_all(uncertainty: float | Array, response: Complex) -> float | Array:
+    """Uncertainties of the receivers; of places where one may stand some day, those of the usual receiver."""
+    if np.ndim(uncertainty) == 0:
+        return uncertainty
+    known = np.asarray(uncertainty)
+    further = len(response) - len(known)
+    return np.concatenate([known, np.full((further, 1), np.median(known))])
 
 
 def _of_frame(receivers: Receivers, slopes: Complex) -> list[Complex]:

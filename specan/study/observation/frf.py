@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from specan.models import Assembly, Evaluation
 from specan.study.observation import NO_VERDICT, Strategy, Variable
 from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to
+from specan.study.observation.kept_lines import KeptLines
 from specan.study.observation.window_leakage import Folding
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ FARTHEST = 3.5  # standard uncertainties that a receiver may be found away
 
 
 @dataclass(frozen=True, eq=False)
-class FrfObservation:
+class FrfObservation(KeptLines):
     """Measured transfer functions, one recording.
 
     Attributes
@@ -75,6 +76,8 @@ class FrfObservation:
         Correlation of the random errors of lines 0, 1, 2 ... apart; (1,) where lines are independent.
     rough : bool
         Down-weighted: nothing is concluded from its exact minimum.
+    notes : tuple of str
+        What was found about the recording, for a person.
     """
 
     name: str
@@ -98,12 +101,8 @@ class FrfObservation:
     observables: tuple[str, ...] = ("frf",)
     line_correlation: tuple[float, ...] = LINE_CORRELATION
     rough: bool = False
+    notes: tuple[str, ...] = ()
     kind: ClassVar[str] = "frf"
-
-    @property
-    def n(self) -> int:
-        """Number of real values."""
-        return 2 * int(self.kept.sum())
 
     @property
     def n_effective(self) -> float:
@@ -119,11 +118,6 @@ class FrfObservation:
     def pure_error_dof(self) -> float:
         """Degrees of freedom that only repeats have; the lines have none."""
         return 0.0
-
-    @property
-    def recordings(self) -> tuple[str, ...]:
-        """The one recording."""
-        return (self.recording,)
 
     @property
     def available(self) -> frozenset[str]:
@@ -144,29 +138,24 @@ class FrfObservation:
     @cached_property
     def measured(self) -> Array:
         """Real parts, then imaginary parts."""
-        return self._stack(self.response)
+        return self.stack(self.response)
 
     @cached_property
     def conditions(self) -> Mapping[str, Array]:
         """Frequency of every row."""
-        return {"frequency": self._rows(np.broadcast_to(self.frequency_hz, self.kept.shape))}
+        return {"frequency": self.rows(self.frequency_hz)}
 
     @cached_property
     def observable(self) -> NDArray[np.str_]:
         """Observable of every row."""
-        names = np.array(self.observables)[:, None]
-        return self._rows(np.broadcast_to(names, self.kept.shape))
+        return self.rows(np.array(self.observables)[:, None])
 
     @cached_property
     def labels(self) -> Mapping[str, NDArray[Any]]:
         """Third octave and receiver of every row."""
         band = np.round(10 * np.log10(self.frequency_hz / 1000.0)).astype(int)
         thirds = np.array([nominal_third(b) for b in band])
-        names = np.array(self.channels)[:, None]
-        return {
-            "third_octave_hz": self._rows(np.broadcast_to(thirds, self.kept.shape)),
-            "channel": self._rows(np.broadcast_to(names, self.kept.shape)),
-        }
+        return {"third_octave_hz": self.rows(thirds), "channel": self.channel_of_row}
 
     @property
     def variables(self) -> Mapping[str, Variable]:
@@ -175,11 +164,11 @@ class FrfObservation:
 
     def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """What the model expects in place of `measured`."""
-        return self._stack(self.responses(assembly, [values])[0])
+        return self.stack(self.responses(assembly, [values])[0])
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values; what does not depend on what changed is kept."""
-        return np.stack([self._stack(response) for response in self.responses(assembly, many)], axis=1)
+        return np.stack([self.stack(response) for response in self.responses(assembly, many)], axis=1)
 
     def responses(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> list[Complex]:
         """Transfer functions (receivers, lines) as the analysis would see them, for several sets of values."""
@@ -226,14 +215,6 @@ class FrfObservation:
             return np.empty((self.n, 0)), np.empty(0)
         columns = np.concatenate([self.modal.real[self.kept], self.modal.imag[self.kept]])
         return widened(self.whiten_each(columns))
-
-    def take(self, mask: NDArray[np.bool_]) -> FrfObservation:
-        """Some of the rows; a line stays where either of its parts does."""
-        half = self.n // 2
-        wanted = mask[:half] | mask[half:]
-        kept = self.kept.copy()
-        kept[self.kept] = wanted
-        return replace(self, kept=kept)
 
     @property
     def strategy(self) -> Strategy:
@@ -360,12 +341,6 @@ class FrfObservation:
     def _conditions_at(self, frequency: Array) -> dict[str, Array]:
         known = self.conditions_at_nodes.items()
         return {name: np.interp(frequency, self.folding.nodes, value) for name, value in known}
-
-    def _stack(self, response: Complex) -> Array:
-        return np.concatenate([response.real[self.kept], response.imag[self.kept]])
-
-    def _rows(self, array: NDArray[Any]) -> NDArray[Any]:
-        return np.tile(array[self.kept], 2)
 
     @cached_property
     def _spans(self) -> list[tuple[int, int]]:

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models import Assembly
-from specan.study.observation import TABLE, Strategy, Variable, frugal
+from specan.study.observation import TABLE, Fixed, Strategy, Variable, frugal
+from specan.study.observation.kept_lines import KeptLines
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -36,7 +37,7 @@ START = 0.3  # relative error that all lines are given for the first gains
 
 
 @dataclass(frozen=True, eq=False)
-class OrderLinesObservation:
+class OrderLinesObservation(Fixed, KeptLines):
     """Measured order lines, one recording.
 
     Attributes
@@ -89,19 +90,9 @@ class OrderLinesObservation:
     strategy: ClassVar[Strategy] = replace(frugal(TABLE), exact_minimum=True, explained_limit=1.0)
 
     @property
-    def n(self) -> int:
-        """Number of real values."""
-        return 2 * int(self.kept.sum())
-
-    @property
     def n_effective(self) -> float:
         """Number of real values less two for every gain that is eliminated."""
         return float(self.n - 2 * len(self.of_one_gain))
-
-    @property
-    def recordings(self) -> tuple[str, ...]:
-        """The one recording."""
-        return (self.recording,)
 
     @property
     def available(self) -> frozenset[str]:
@@ -128,18 +119,17 @@ class OrderLinesObservation:
     @cached_property
     def conditions(self) -> Mapping[str, Array]:
         """Order of every row; the other conditions are the same in all."""
-        order = self._rows(np.broadcast_to(self.order, self.kept.shape))
+        order = self.rows(self.order)
         return {self.order_condition: order, **{c: np.full(self.n, v) for c, v in self.point.items()}}
 
     @cached_property
     def labels(self) -> Mapping[str, NDArray[Any]]:
-        """MultipleTestingFamily, harmonic and sensor of every row; level of each other condition."""
-        names = np.array(self.channels)[:, None]
+        """Family, harmonic and sensor of every row; level of each other condition."""
         number = np.array([f"h = {h}" for h in self.harmonic])
         return {
-            "orders": self._rows(np.broadcast_to(self.family, self.kept.shape)),
-            "harmonic": self._rows(np.broadcast_to(number, self.kept.shape)),
-            "channel": self._rows(np.broadcast_to(names, self.kept.shape)),
+            "orders": self.rows(self.family),
+            "harmonic": self.rows(number),
+            "channel": self.channel_of_row,
             **{name: np.full(self.n, level) for name, (level, _) in self.levels.items()},
         }
 
@@ -175,16 +165,54 @@ class OrderLinesObservation:
         """What the model expects in place of `measured`, as far as it is declared to know it."""
         return self.predict_many(assembly, [values])[:, 0]
 
-    def plain(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
-        """What the model expects in place of `measured`, with the gains that leave the least error."""
-        own = {n: v[0] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
-        lines = np.asarray(assembly.evaluate(self._conditions, own, wanted=[self.quantity])[self.quantity])
+    def plain(
+        self,
+        assembly: Assembly,
+        values: Mapping[str, Any],
+        told: Sequence[tuple[OrderLinesObservation, Mapping[str, Any]]] = (),
+    ) -> Array:
+        """What the model expects in place of `measured`, with the gains that leave the least error.
+
+        Parameters
+        ----------
+        told : sequence of (observation, values)
+            Fitted recordings. What they say of the relative errors of path and model, which are the machine's and not
+            the recording's, is taken into account: by its mean, given their lines and the declared covariance.
+        """
+        lines = self._lines(assembly, values)
+        lines = lines * np.exp(self._learned_errors([(o, o._lines(assembly, v)) for o, v in told]))
         predicted = np.zeros(self.kept.shape, dtype=complex)
         for group in self.of_one_gain:
             size = np.vdot(lines[group], lines[group]).real
             if size > 0:
                 predicted[group] = lines[group] * np.vdot(lines[group], self.amplitude[group]) / size
         return self.stack(predicted)
+
+    def _lines(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
+        own = {n: v[0] if self._is_vector(assembly, n, v) else v for n, v in values.items()}
+        return np.asarray(assembly.evaluate(self._conditions, own, wanted=[self.quantity])[self.quantity])
+
+    def _learned_errors(self, told: Sequence[tuple[OrderLinesObservation, Complex]]) -> Complex:
+        """Mean of log(line / predicted line), (sensors, lines), given the lines of other recordings.
+
+        Errors e are normal with the declared covariance K, log(y / p) = e + noise / m with the mean m of y and p:
+        K* (K + noise^2 / m^2)^-1 log(y / p). Lines that are not predicted tell nothing.
+        """
+        places, seen, noise = [], [], []
+        for o, lines in told:
+            predicted, _ = o._with_gains(lines[o.kept])
+            mean = _between(predicted, o.amplitude[o.kept])
+            known = mean > 0
+            places.append(np.flatnonzero(o.kept)[known])
+            seen.append(np.log(o.amplitude[o.kept][known] / predicted[known]))
+            noise.append((o.noise[o.kept][known] / mean[known]) ** 2)
+        if not sum(map(len, seen)):
+            return np.zeros(self.kept.shape, dtype=complex)
+        whole = replace(self, kept=np.ones(self.kept.shape, dtype=bool))._relative_covariance
+        place = np.concatenate(places)
+        inner = whole[np.ix_(place, place)] + np.diag(np.concatenate(noise))
+        found = whole[:, place] @ np.linalg.solve(inner, np.concatenate(seen))
+        return np.asarray(found.reshape(self.kept.shape))
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values; what does not depend on what changed is kept."""
@@ -278,40 +306,6 @@ class OrderLinesObservation:
 
     def _is_vector(self, assembly: Assembly, name: str, value: Any) -> bool:
         return np.ndim(value) == 1 and assembly.parameters[name].per == "recording"
-
-    # --- the same with other rows ---------------------------------------------------------------
-
-    def take(self, mask: NDArray[np.bool_]) -> OrderLinesObservation:
-        """Some of the rows; a line stays where either of its parts does."""
-        half = self.n // 2
-        kept = self.kept.copy()
-        kept[self.kept] = mask[:half] | mask[half:]
-        return replace(self, kept=kept)
-
-    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> OrderLinesObservation:
-        """All of it: lines are few."""
-        return self
-
-    def down_weighted(self, percent: float) -> OrderLinesObservation:
-        """Itself."""
-        return self
-
-    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> OrderLinesObservation:
-        """Itself."""
-        return self
-
-    def about(
-        self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True
-    ) -> OrderLinesObservation:
-        """Itself: the covariance was found without the model."""
-        return self
-
-    def stack(self, lines: Complex) -> Array:
-        """Rows of complex lines (sensors, lines, ...)."""
-        return np.concatenate([lines.real[self.kept], lines.imag[self.kept]])
-
-    def _rows(self, array: NDArray[Any]) -> NDArray[Any]:
-        return np.tile(array[self.kept], 2)
 
 
 def _between(predicted: Complex, measured: Complex) -> Array:

@@ -8,7 +8,7 @@ readings before, an effect may ask ``if parameter > 0``. Nothing declares this, 
 from __future__ import annotations
 
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -18,11 +18,15 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError, InputError
 from specan.models import Assembly, Use
-from specan.study.observation import TABLE, Array, Strategy, Variable
+from specan.models.evaluation import Evaluation
+from specan.study.observation import TABLE, Array, Fixed, Strategy, Variable
+
+KEPT = 8  # evaluations, one an assembly: a search goes back and forth between few
+WORTH_A_PASS = 2000  # values for which calling a model's functions costs less than what they compute
 
 
 @dataclass(frozen=True, eq=False)
-class TableObservation:
+class TableObservation(Fixed):
     """Rows of one or several tables as an `Observation`.
 
     Attributes
@@ -87,8 +91,8 @@ class TableObservation:
         return np.sqrt(np.diag(self.covariance))
 
     @cached_property
-    def _root(self) -> Array:
-        """C^(-1/2) D^(-1) for V = D C D with the correlations C: of all roots of V^(-1) the one whose
+    def _root(self) -> InverseRoot:
+        """C^(-1/2) for V = D C D with the correlations C: of all roots of V^(-1), C^(-1/2) D^(-1) is the one whose
         rows stay closest to the rows of the table."""
         correlation = self.covariance / np.outer(self.sigma, self.sigma)
         if not np.all(self.sigma > 0) or not np.all(np.isfinite(correlation)):
@@ -96,14 +100,16 @@ class TableObservation:
                 f"{self.name}: the uncertainty of some rows is zero or not a number",
                 remedy="give a standard uncertainty above zero for what is measured",
             )
-        values, vectors = np.linalg.eigh(correlation)
-        if values[0] < 1e-10:
+        root = InverseRoot(
+            correlation, np.arange(self.n) if self.replicate_group is None else self.replicate_group
+        )
+        if root.least < 1e-10:
             raise InputError(
                 f"{self.name}: {self._alike(correlation)} so strongly correlated that they cannot be distinguished",
                 remedy="remove rows that are copies; or declare a smaller model discrepancy or a larger reading "
                 "uncertainty",
             )
-        return (vectors / np.sqrt(values)) @ vectors.T / self.sigma
+        return root
 
     def _alike(self, correlation: Array) -> str:
         """The two rows that are correlated most, by their lines."""
@@ -119,25 +125,8 @@ class TableObservation:
 
     def whiten(self, array: Array) -> Array:
         """Apply V^(-1/2) along axis 0."""
-        if self._diagonal:
-            return array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
-        return self._root @ array
-
-    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> TableObservation:
-        """Itself."""
-        return self
-
-    def subsample(self, assembly: Assembly, values: Mapping[str, Any], rows: int) -> TableObservation:
-        """All of it: a table's rows are cheap."""
-        return self
-
-    def down_weighted(self, percent: float) -> TableObservation:
-        """Itself."""
-        return self
-
-    def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> TableObservation:
-        """Itself."""
-        return self
+        scaled = array / (self.sigma if array.ndim == 1 else self.sigma[:, None])
+        return scaled if self._diagonal else self._root(scaled)
 
     def take(self, mask: NDArray[np.bool_]) -> TableObservation:
         """Keep some of the rows; effects that look at earlier readings still see those left out.
@@ -177,20 +166,21 @@ class TableObservation:
     def _rows(self) -> dict[str, NDArray[np.bool_]]:
         return {name: self.observable == name for name in sorted(set(self.observable.tolist()))}
 
-    def predict(self, assembly: Assembly, values: Mapping[str, Any], times: int = 1) -> Array:
-        """What the model expects in every row; the table repeated `times` times, with values for each of its rows."""
+    def predict(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
+        """What the model expects in every row."""
         if rows_are_coupled(assembly, self.conditions):
             return self._in_order(assembly, values)
-        quantities = self._quantities(assembly)
-        conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
-        values = self.by_row(assembly, values, times)
+        last = self._last(assembly)
+        after, changed = (last.found, last.changed(values)) if last else (None, ())
+        conditions = {name: column.copy() for name, column in self.conditions.items()}
+        wanted, prepared = list(self._quantities(assembly).values()), self.by_row(assembly, values)
         with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
-            found = assembly.evaluate(conditions, values, list(quantities.values()))
-        predicted = np.empty(self.n * times)
-        for name, rows in self._rows.items():
-            rows = np.tile(rows, times)
-            predicted[rows] = np.broadcast_to(np.asarray(found[quantities[name]], float), rows.shape)[rows]
-        return predicted
+            found = assembly.evaluate(conditions, prepared, wanted, after, changed)
+        self._evaluated.pop(assembly.uses, None)
+        self._evaluated[assembly.uses] = _Evaluated(assembly, values, found)
+        if len(self._evaluated) > KEPT:
+            del self._evaluated[next(iter(self._evaluated))]
+        return self._picked(assembly, found, 1)
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
         """Predictions for several sets of values, all in one pass where the model's parts allow it.
@@ -205,8 +195,7 @@ class TableObservation:
         together = len(many) > 1 and all(vector.get(name, True) for name in varying)
         if together and not rows_are_coupled(assembly, self.conditions):
             try:
-                table = self.predict(assembly, self._spread(many, varying), len(many))
-                table = table.reshape(len(many), self.n).T
+                table = self._together(assembly, many)
             except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
                 vector.update(dict.fromkeys(varying, False))
         if table is not None and all(name in vector for name in varying):
@@ -216,6 +205,49 @@ class TableObservation:
             same = np.allclose(table, single, rtol=1e-9, atol=0, equal_nan=True)
             vector.update(dict.fromkeys(varying, same))
         return single
+
+    def _together(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
+        """Predictions for several sets of values: sets that change the same quantities in one pass."""
+        before = self._last(assembly)
+        if before is None:
+            self.predict(assembly, many[0])
+            before = self._evaluated[assembly.uses]
+        changed = [before.changed(values) for values in many]
+        alike: dict[frozenset[str], list[int]] = {}
+        for k, names in enumerate(changed):
+            alike.setdefault(frozenset(assembly.downstream(names)), []).append(k)
+        small = [touched for touched, members in alike.items() if len(members) * self.n < WORTH_A_PASS]
+        merged = [k for touched in small for k in alike.pop(touched)]
+        if merged:
+            alike.setdefault(frozenset().union(*small), []).extend(merged)
+        table, wanted = np.empty((self.n, len(many))), list(self._quantities(assembly).values())
+        for touched, members in alike.items():
+            sets, times = [many[k] for k in members], len(members)
+            after = before.repeated(assembly.model.quantities.keys() - touched, self.n, times)
+            moved = sorted({name for k in members for name in changed[k]})
+            conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+            values = self.by_row(assembly, self._spread(sets, moved), times)
+            with np.errstate(all="ignore"):
+                found = assembly.evaluate(conditions, values, wanted, after, moved)
+            table[:, members] = self._picked(assembly, found, times).reshape(times, self.n).T
+        return table
+
+    def _picked(self, assembly: Assembly, found: Evaluation, times: int) -> Array:
+        """The observable of every row."""
+        quantities, predicted = self._quantities(assembly), np.empty(self.n * times)
+        for name, rows in self._rows.items():
+            rows = np.tile(rows, times)
+            predicted[rows] = np.broadcast_to(np.asarray(found[quantities[name]], float), rows.shape)[rows]
+        return predicted
+
+    def _last(self, assembly: Assembly) -> _Evaluated | None:
+        last = self._evaluated.get(assembly.uses)
+        return last if last is not None and last.assembly is assembly else None
+
+    @cached_property
+    def _evaluated(self) -> dict[tuple[Use, ...], _Evaluated]:
+        """The last evaluation of some assemblies, the one that was used last at the end."""
+        return {}
 
     def _in_order(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Predictions of an effect that looks at earlier rows: whole recordings, one after the other."""
@@ -237,11 +269,15 @@ class TableObservation:
             predicted[mine] = [whole[name][k] for name, k in zip(self.observable[mine], rows, strict=True)]
         return predicted
 
-    def _spread(self, many: Sequence[Mapping[str, Any]], varying: frozenset[str]) -> dict[str, Any]:
+    def _spread(self, many: Sequence[Mapping[str, Any]], varying: Iterable[str]) -> dict[str, Any]:
         """One set of values whose varying members hold one value a row of the repeated table."""
         spread = dict(many[0])
         for name in varying:
-            spread[name] = np.concatenate([self._per_row(values[name]) for values in many])
+            values = [one[name] for one in many]
+            if all(isinstance(value, float) for value in values):
+                spread[name] = np.repeat(values, self.n)
+            else:
+                spread[name] = np.concatenate([self._per_row(value) for value in values])
         return spread
 
     def _per_row(self, value: Any) -> Array:
@@ -252,7 +288,11 @@ class TableObservation:
         """Values with one element a row for parameters of each recording, rows repeated `times` times."""
         prepared = dict(values)
         for name, value in values.items():
-            if np.ndim(value) != 1 or assembly.parameters[name].per != "recording":
+            if (
+                isinstance(value, float)
+                or np.ndim(value) != 1
+                or assembly.parameters[name].per != "recording"
+            ):
                 continue
             if np.size(value) != self.n * times:
                 prepared[name] = np.tile(np.asarray(value, dtype=float)[self._recording], times)
@@ -263,14 +303,47 @@ class TableObservation:
         return {name: assembly.model.observables[name].quantity for name in self._rows}
 
 
+@dataclass(frozen=True)
+class _Evaluated:
+    """Quantities at some values of the parameters, from which others at the same conditions are worked out."""
+
+    assembly: Assembly
+    values: Mapping[str, Any]
+    found: Evaluation
+
+    def changed(self, values: Mapping[str, Any]) -> tuple[str, ...]:
+        """Parameters that have other values."""
+        own = self.values
+        return tuple(n for n, v in values.items() if n not in own or (v is not own[n] and _differ(v, own[n])))
+
+    def repeated(self, names: Iterable[str], rows: int, times: int) -> Evaluation | None:
+        """Some of the quantities for the rows repeated; None where it is not clear which axis is that of the rows."""
+        repeated, known = {}, self.found.values
+        for name in names:
+            if name not in known:
+                continue
+            value, axes = known[name], len(self.assembly.model.quantities[name].axes)
+            if np.ndim(value) > axes:
+                if np.ndim(value) != axes + 1 or value.shape[-1] != rows:
+                    return None
+                value = np.tile(value, times)
+            repeated[name] = value
+        return Evaluation(repeated, {})
+
+
 def _varying(many: Sequence[Mapping[str, Any]]) -> frozenset[str]:
     first = many[0]
     return frozenset(
         name
-        for values in many[1:]
-        for name, value in values.items()
-        if value is not first[name] and not np.array_equal(value, first[name])
+        for name, value in first.items()
+        if any(other[name] is not value and _differ(other[name], value) for other in many[1:])
     )
+
+
+def _differ(one: Any, other: Any) -> bool:
+    if isinstance(one, float) and isinstance(other, float):
+        return one != other  # a twentieth of the time of what follows, and there are many
+    return not np.array_equal(one, other)
 
 
 @dataclass
@@ -318,3 +391,72 @@ def rows_are_coupled(assembly: Assembly, conditions: Mapping[str, Array]) -> boo
             if one.ndim
         )
     return any(known[use] for use in assembly.uses)
+
+
+class InverseRoot:
+    """C^(-1/2) for a correlation matrix C, the symmetric one.
+
+    Rows i, j are alike where C_ik = C_jk for every other row k, and C_ij is the same for all pairs of a set. With S,
+    whose columns are the indicators of the sets over the root of their sizes m, C is S A S' on their span, A = S' C S,
+    and 1 - C_ij on the contrasts of each set. So its root is S A^(-1/2) S' and a number for each contrast: of m
+    repeats of each row an eighth of the work for m = 2, a quarter of the numbers to multiply with.
+
+    Parameters
+    ----------
+    correlation : array, shape (n, n)
+    sets : array of int, shape (n,)
+        Rows that may be alike share a number; those that are not alike after all are taken one by one.
+
+    Attributes
+    ----------
+    least : float
+        Least eigenvalue of C.
+    """
+
+    def __init__(self, correlation: Array, sets: NDArray[np.intp]) -> None:
+        _, self._set, counts = np.unique(_alike(correlation, sets), return_inverse=True, return_counts=True)
+        self._order = np.argsort(self._set, kind="stable")
+        self._starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+        self._share = (1 / np.sqrt(counts))[self._set]
+        self._single = bool(np.all(counts == 1))
+        values, vectors = np.linalg.eigh(self._together(self._together(correlation).T))
+        first, second = self._order[self._starts], self._order[self._starts + (counts > 1)]
+        contrasts = np.where(counts > 1, 1 - correlation[first, second], 1.0)
+        self.least = float(min(values[0], contrasts.min()))
+        if self.least > 0:
+            self._root = (vectors / np.sqrt(values)) @ vectors.T
+            self._of_contrast = (1 / np.sqrt(contrasts))[self._set]
+
+    def __call__(self, array: Array) -> Array:
+        """The root on an array, shape (n,) or (n, k)."""
+        if self._single:
+            return np.asarray(self._root @ array)
+        shape = (-1,) + (1,) * (array.ndim - 1)
+        share = self._share.reshape(shape)
+        common = self._together(array)
+        apart = (array - share * common[self._set]) * self._of_contrast.reshape(shape)
+        return np.asarray(share * (self._root @ common)[self._set] + apart)
+
+    def _together(self, array: Array) -> Array:
+        """S' on an array."""
+        if self._single:
+            return array
+        share = self._share.reshape((-1,) + (1,) * (array.ndim - 1))
+        return np.asarray(np.add.reduceat((share * array)[self._order], self._starts, axis=0))
+
+
+def _alike(correlation: Array, sets: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Number of the set of each row; a row in a set that is not of alike ones gets its own."""
+    own = np.arange(sets.size)
+    _, first, index = np.unique(sets, return_index=True, return_inverse=True)
+    if first.size == sets.size:
+        return own
+    same = sets[:, None] == sets
+    inside = np.where(same & (own[:, None] != own), correlation, np.nan)
+    unlike = np.any(~same & (correlation != correlation[first[index]]), axis=1)
+    with np.errstate(invalid="ignore"):
+        low, high = np.fmin.reduce(inside, axis=1), np.fmax.reduce(inside, axis=1)
+    unlike |= (low != high) & ~np.isnan(low)
+    unlike |= low != low[first[index]]
+    spoiled = np.bincount(index, unlike) > 0
+    return np.where(spoiled[index], first.size + own, index)

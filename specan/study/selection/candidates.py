@@ -198,7 +198,8 @@ def candidates(problem: Problem) -> tuple[list[Candidate], dict[str, str]]:
             not_testable[use.name] = "all of its amplitudes are held fixed"
             continue
         found.append(candidate)
-    return found, {name: why for name, why in sorted(not_testable.items()) if not _has(problem, name)}
+    have = {use.name for use in problem.assembly.uses if use not in problem.nuisances}
+    return found, {name: why for name, why in sorted(not_testable.items()) if name not in have}
 
 
 def _can_be_seen(problem: Problem, use: Use) -> bool:
@@ -223,10 +224,6 @@ def confounded_with(model: Model, use: Use) -> list[Use]:
         for name, effect in model.effects.items()
         if effect.at == own.at and (name in own.aliases or use.name in effect.aliases)
     ]
-
-
-def _has(problem: Problem, name: str) -> bool:
-    return any(use.name == name and use not in problem.nuisances for use in problem.assembly.uses)
 
 
 def grid(low: float, high: float, count: int) -> np.ndarray:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.data.operating_table import IDLE
 from specan.study.estimation.fit import fit
-from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
-from specan.study.selection.refits import Refit
+from specan.study.selection.refits import Refit, kept_with_refit
 from specan.study.selection.significance import LACK_OF_FIT, lack_of_fit_probability
 from specan.units import printed_unit
 
@@ -30,21 +31,30 @@ TIME = "elapsed_time"
 LEAST_DOF = 8.0  # of the differences between repeats, below which no drift is told
 
 
+class _Table(TableObservation):
+    """Rows that know their line and their replicate group, as those of a file do."""
+
+    lines: NDArray[np.int_]
+    replicate_group: NDArray[np.intp]
+
+
+def _table(refit: Refit) -> _Table | None:
+    """The rows of a problem over one table of files; None where it is over something else."""
+    first, *others = refit.problem.observations
+    if others or not isinstance(first, TableObservation):
+        return None
+    return None if first.lines is None or first.replicate_group is None else cast("_Table", first)
+
+
+@kept_with_refit  # a conclusion asks, and what is printed beside it
 def suspect_rows(refit: Refit) -> str:
     """A sentence on the one condition, or the one reading, without which the model meets the data.
 
     The chi-square that rows b take with them is S_b = r_b' (I - H_bb)^-1 r_b, the fall of the minimum when they are
     left out, by linear algebra. Empty where the model meets the data, where nothing stands out, and where rows are few.
     """
-    problem = refit.problem
-    observation = problem.observations[0]
-    if (
-        len(problem.observations) > 1
-        or not isinstance(observation, TableObservation)
-        or observation.replicate_group is None
-    ):
-        return ""
-    if not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT or observation.lines is None:
+    problem, observation = refit.problem, _table(refit)
+    if observation is None or not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT:
         return ""
     readings = [np.array([k]) for k in range(observation.n)]
     conditions = [
@@ -59,7 +69,7 @@ def suspect_rows(refit: Refit) -> str:
             continue
         # Refitted: a large error bends the fit out of the reach of linear algebra. What repeats of the other rows
         # hold is no longer known by number, and counts as fit.
-        rest = _without(refit.problem, observation, block)
+        rest = problem.over([observation.take(~np.isin(np.arange(observation.n), block))])
         if Refit(frozenset(), rest, fit(rest, start=refit.fit.theta, starts=2)).lack_of_fit > WHOLE:
             where = _where(observation, block)
             return f"one {kind} carries the misfit ({where}): without it the model fits; check it before anything else"
@@ -72,10 +82,8 @@ def odd_repeat(refit: Refit) -> str:
     Deviations from the mean of a replicate group, in units of 1.4826 times the median of their sizes (a scale that
     a few outliers do not move); what the model predicts for the conditions that were read is taken off before.
     """
-    problem, observation = refit.problem, refit.problem.observations[0]
-    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
-        return ""
-    if observation.lines is None or observation.replicate_group is None:
+    problem, observation = refit.problem, _table(refit)
+    if observation is None:
         return ""
     _, index, counts = np.unique(observation.replicate_group, return_inverse=True, return_counts=True)
     repeated = counts[index] > 1
@@ -102,10 +110,8 @@ def copied_rows(refit: Refit) -> str:
     Chance does not where repeats seldom have the same conditions (these are readings then), and where the observable is
     printed in steps that are small beside its scatter.
     """
-    observation = refit.problem.observations[0]
-    if len(refit.problem.observations) > 1 or not isinstance(observation, TableObservation):
-        return ""
-    if observation.lines is None or observation.replicate_group is None or not observation.conditions:
+    observation = _table(refit)
+    if observation is None or not observation.conditions:
         return ""
     conditions = np.stack([*observation.conditions.values()], axis=1)
     table = np.column_stack([conditions, observation.measured])
@@ -148,9 +154,8 @@ def _finely_printed(observation: TableObservation) -> bool:
     return True
 
 
-def _line(observation: TableObservation, row: int) -> str:
+def _line(observation: _Table, row: int) -> str:
     """Line of a row, with its file where there are several."""
-    assert observation.lines is not None
     line = str(observation.lines[row])
     if observation.recording is None or len(observation.recordings) < 2:
         return line
@@ -163,10 +168,8 @@ def rows_of_two_kinds(refit: Refit) -> str:
     The model is refitted without the rows near zero of a condition that `idles`. Empty where the model meets the data,
     where one kind is missing, and where the table tells the kinds apart already (a column ``coupled`` that varies).
     """
-    problem, observation = refit.problem, refit.problem.observations[0]
-    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
-        return ""
-    if not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT:
+    problem, observation = refit.problem, _table(refit)
+    if observation is None or not problem.strategy.secondary_refits or refit.lack_of_fit >= STANDS_OUT:
         return ""
     conditions = problem.assembly.model.conditions
     told = KINDS in conditions and np.ptp(observation.conditions.get(KINDS, np.ones(1))) > 0
@@ -190,22 +193,14 @@ def rows_of_two_kinds(refit: Refit) -> str:
     return ""
 
 
-def _without(problem: Problem, observation: TableObservation, rows: NDArray[np.intp]) -> Problem:
-    """The problem of the other rows."""
-    kept = np.ones(observation.n, dtype=bool)
-    kept[rows] = False
-    return problem.over([observation.take(kept)])
-
-
 def _fall(refit: Refit, rows: NDArray[np.intp]) -> float:
     basis, residual = refit.linear.basis[rows], refit.linear.residual[rows]
     left = np.eye(rows.size) - basis @ basis.T
     return float(residual @ np.linalg.lstsq(left, residual, rcond=1e-9)[0])
 
 
-def _where(observation: TableObservation, rows: NDArray[np.intp]) -> str:
+def _where(observation: _Table, rows: NDArray[np.intp]) -> str:
     """Conditions and lines."""
-    assert observation.lines is not None
     place = ", ".join(
         f"{name} {values[rows[0]]:g}"
         for name, values in observation.labels.items()
@@ -213,12 +208,8 @@ def _where(observation: TableObservation, rows: NDArray[np.intp]) -> str:
     )
     lines = [str(line) for line in observation.lines[rows]]
     more = " and more" if len(lines) > MOST_LINES else ""
-    word = "line" if len(lines) == 1 else "lines"
-    return (
-        f"{place}; {word} {', '.join(lines[:MOST_LINES])}{more}"
-        if place
-        else f"{word} {', '.join(lines[:MOST_LINES])}{more}"
-    )
+    named = f"line{'s' if len(lines) > 1 else ''} {', '.join(lines[:MOST_LINES])}{more}"
+    return f"{place}; {named}" if place else named
 
 
 def drift_over_rows(base: Refit) -> str:
@@ -229,10 +220,8 @@ def drift_over_rows(base: Refit) -> str:
     test. Empty where the table holds the time (then a drift is an effect like any other), where nothing is repeated
     and where nothing drifts.
     """
-    problem, observation = base.problem, base.problem.observations[0]
-    if len(problem.observations) > 1 or not isinstance(observation, TableObservation):
-        return ""
-    if observation.lines is None or observation.replicate_group is None or TIME in observation.available:
+    problem, observation = base.problem, _table(base)
+    if observation is None or TIME in observation.available:
         return ""
     from scipy.special import stdtr
 

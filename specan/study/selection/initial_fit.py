@@ -43,6 +43,9 @@ CLEAR = 0.7  # share of the base's chi-square on the down-weighted view that may
 MOST_REFITTED = 7  # with those that are easily taken for the best so far
 SURE = 0.05  # reduced chi-square on the down-weighted view below which nothing else is tried
 MOST = 2  # effects
+# Shares of a diagnosis that are over when this begins, when it refits and when it ends: of its time for two fields
+# with a damped boundary, of six and of twelve receivers
+BEGINS, REFITS, NEAR = 0.08, 0.6, 0.7
 LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
 SUBSAMPLE_JACOBIANS = 5  # Jacobians of a subsample
 JACOBIANS = 3  # of all lines, from where a subsample leads
@@ -62,20 +65,27 @@ class InitialFit:
         SI values that led near the data, by the set of effects that was added.
     found : set of Use
         The set that the covariances are about.
+    left : float
+        Reduced chi-square that the nearest set leaves on the down-weighted view.
     """
 
     base: Refit
     likely: tuple[Use, ...] = ()
     known: Mapping[EffectSet, Mapping[str, Any]] = field(default_factory=dict)
     found: EffectSet = frozenset()
+    left: float = 0.0
 
 
-def initial_fit(start: Refit, progress: Callable[[str], None]) -> InitialFit:
+def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> InitialFit:
     """Look for a field near the measured one, where the base is far from it."""
     if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
         return InitialFit(start)
-    progress("looking for a field that is near the measured one")
-    tried = _tried(start.problem)
+
+    def trying(text: str, share: float) -> None:
+        progress(f"looking for a field that is near the measured one{text}", share)
+
+    trying("", BEGINS)
+    tried = _tried(start.problem, trying)
     bare = next(r for r in tried if not r.uses)
     near = min(tried, key=lambda r: r.bic(1.0))
     if near.chi2 > CLEAR * bare.chi2:  # the base is as near as the view can tell
@@ -86,7 +96,11 @@ def initial_fit(start: Refit, progress: Callable[[str], None]) -> InitialFit:
     single = sorted((uses for uses in values if len(uses) == 1), key=lambda uses: uses != found)
     likely = dict.fromkeys(use for uses in [*single, near.uses] for use in sorted(uses))
     return InitialFit(
-        with_covariances_about(start, found, values[found]), tuple(likely), {**known, **values}, found
+        with_covariances_about(start, found, values[found]),
+        tuple(likely),
+        {**known, **values},
+        found,
+        near.reduced,
     )
 
 
@@ -126,7 +140,7 @@ def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, A
     return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
 
 
-def _tried(problem: Problem) -> list[Refit]:
+def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit]:
     """Sets of up to two effects that a greedy search on a down-weighted view fits, the empty one included."""
     values = continuation_fit(problem)
     view = down_weighted(problem, values=values)
@@ -139,14 +153,20 @@ def _tried(problem: Problem) -> list[Refit]:
         scored = best_of_each(
             score(best.linear, signatures(best.problem, best.fit, found, points, known), best.weights)
         )
-        better = _best_of_few(refits, best, scored)
+
+        def say(use: Use) -> None:
+            trying(f": with {use}", REFITS)
+
+        better = _best_of_few(refits, best, scored, say)
         if better is best or better.reduced < 1:  # within the few per cent of the view
             break
         best = better
     return list(refits.done.values())
 
 
-def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]]) -> Refit:
+def _best_of_few(
+    refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]], trying: Callable[[Use], None]
+) -> Refit:
     """The best set with one effect more, of those that promise most and of what is easily taken for the best."""
     closer = scan_promising(best, scored, SCANNED)
     queue = _of_several_names(sorted(closer, key=lambda use: best.promised(closer[use][0])))
@@ -158,6 +178,7 @@ def _best_of_few(refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scor
         if use in looked_at or use not in scored or not _may_win(best, better, use):
             continue
         looked_at.add(use)
+        trying(use)
         items = closer.get(use) or scan_shapes(best, [use]).get(use) or scored[use][:1]
         refit = refits.fit(best, [[item] for item in items])
         if refit is not None and refit.bic(1.0) < better.bic(1.0):

@@ -31,7 +31,6 @@ MOST_LAWS = 4  # that are proposed
 STARTS = 3  # places of the scan from which shapes are fitted: an onset has a minimum in every gap of the plan
 REFINED = 40  # formulas whose shapes are fitted after the scan
 SIMULATIONS = 200  # of data without a law, for the family-wise level
-MOST_VALUES = 4_000_000  # of columns held at a time
 STEP = 1e-3  # of a quantity's typical size: by how much it is changed to see what the observables do
 LEAST_ROWS = 12  # below which no law is looked for
 NAME = "proposed-shift"

@@ -73,7 +73,11 @@ class Pull:
 def pulls(refit: Refit) -> tuple[Pull, ...]:
     """Every value outside of what was known of it, the worst first."""
     found = [_pull(refit, name) for name in refit.fit.names]
-    return tuple(sorted((p for p in found if abs(p.pull) > 0 or p.at_bound), key=_worst_first))
+    return tuple(
+        sorted(
+            (p for p in found if abs(p.pull) > 0 or p.at_bound), key=lambda p: (not p.too_far, -abs(p.pull))
+        )
+    )
 
 
 def too_far(refit: Refit, base: Refit) -> tuple[Pull, ...]:
@@ -128,10 +132,6 @@ def what_would_tell(refit: Refit) -> str:
         if all(np.ptp(v) <= 1e-9 * np.max(np.abs(v), initial=0.0) for v in values):
             constant.append(condition.column.rpartition("_")[0].replace("_", " ") or name)
     return ", ".join(f"a second {name}" for name in constant[:MOST_NAMED])
-
-
-def _worst_first(pull: Pull) -> tuple[bool, float]:
-    return not pull.too_far, -abs(pull.pull)
 
 
 def _pull(refit: Refit, name: ParameterName) -> Pull:
@@ -218,7 +218,7 @@ def data_alone(base: Refit) -> DataAlone:
     held = sum(1 for pull in pulls(base) if pull.pull != 0 and pull.parameter.whole not in problem.priors)
     if not problem.strategy.secondary_refits or not held:
         return DataAlone()
-    free = replace(problem, ranges=False)
+    free = replace(problem, unheld=frozenset(problem.free))
     alone = Refit(frozenset(), free, fit(free, start=base.fit.theta, starts=STARTS))
     gain = base.chi2 - alone.chi2
     there = Refit(frozenset(), problem, describe(problem, alone.fit.theta))

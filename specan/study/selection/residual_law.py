@@ -23,7 +23,7 @@ from specan.study.estimation.fit import NORMAL_95
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import noise_dof
-from specan.study.selection.refits import Refit
+from specan.study.selection.refits import Refit, kept_with_refit
 from specan.study.selection.signatures import residuals
 from specan.study.selection.significance import improvement_probability
 
@@ -64,6 +64,7 @@ class ResidualLaw:
     p_value: float
 
 
+@kept_with_refit  # a conclusion asks, and what is printed beside it
 def residual_law(start: Refit) -> ResidualLaw | None:
     """Fit a law to what a fitted model leaves; None where the model offers no variables or they do not vary."""
     space = start.problem.assembly.model.law
@@ -218,9 +219,10 @@ def _describe(
     as_large_as_all = abs(fitted.multiple) > 0.999 / STEP
     if not as_large_as_all and all(value is not None for value in simple.values()):
         text += " (near " + " ".join(f"{s}^{simple[s]}" for s in symbols) + ")"
-    text += f", {amplitude:.3g} {unit} in the middle of the data"
+    meant = ", ".join(f"{s}: {space.variables[s].replace('_', ' ')}" for s in symbols)
+    text += f", {amplitude:.3g} {unit} in the middle of the data ({meant})"
     if as_large_as_all:
-        text += ": next to a term that the model has, and only as sure as that one's form"
+        text += "; the model has a term of nearly this form, so that the exponents are not sure"
     p_value = improvement_probability(
         float(start.linear.residual @ start.linear.residual) - fitted.left,
         1 + len(symbols),

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 INVISIBLE = 1e-6  # share of a signature, in chi-square, below which it is collinear with the base's Jacobian
 WORTH_A_TEST = 1.0  # chi-square that a signature must be able to leave at some size in its domain
+PER_CANDIDATE = 12  # signatures of a candidate that are tried in pairs
 SAME_GAIN = 0.95  # of the gain of another start: too near to it to lead elsewhere
 
 
@@ -147,14 +148,14 @@ class ScoredPair:
         return frozenset({self.first.use, self.second.use})
 
 
-def score_pairs(fit: Projection, scored: Sequence[Scored], per_candidate: int = 12) -> list[ScoredPair]:
+def score_pairs(fit: Projection, scored: Sequence[Scored]) -> list[ScoredPair]:
     """Best pair of signatures for every two candidates, best first.
 
     Two effects of opposite sign can each be invisible alone, so that a search that adds one at a time
     never starts; all pairs are tried. Of each candidate the signatures that differ most in direction are
-    taken, `per_candidate` at most, the best one always.
+    taken, `PER_CANDIDATE` at most, the best one always.
     """
-    kept = [s for items in best_of_each(scored).values() for s in _spread(items, per_candidate)]
+    kept = [s for items in best_of_each(scored).values() for s in _spread(items, PER_CANDIDATE)]
     single = [s for s in kept if s.amplitudes == 1]
     best: dict[frozenset[Use], ScoredPair] = {}
     if len(single) > 1:

@@ -1,6 +1,8 @@
 """The integration in time against scipy's Radau method, and its linear equations against dense ones."""
 
 import math
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -150,3 +152,22 @@ def test_linear_equations_are_those_of_the_differences(side):
     contact_steps.time_slope(n, sizes, system.sun_speed, slopes, slope)
     in_time = (rates(time + 1e-8, state) - rates(time - 1e-8, state)) / 2e-8
     assert slope == pytest.approx(in_time, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["pair", "rig"])
+def test_loops_of_python_give_what_compiled_ones_do(name) -> None:
+    rig = read_rig(tomllib.loads((DATA / f"{name}.toml").read_text()))
+    code = f"""
+import sys
+from specan.models.planetary_gear import compiled
+compiled.HAS_NUMBA = False
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from test_contact_steps import advanced, dynamics, read_rig, tomllib
+rig = read_rig(tomllib.loads(open({str(DATA / name)!r} + ".toml").read()))
+print(*advanced(dynamics._system(rig), 2e-4).ravel())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    plain = np.array(done.stdout.split(), dtype=float)
+    compiled = advanced(dynamics._system(rig), 2e-4).ravel()
+    assert plain.size == compiled.size > 400
+    assert plain == pytest.approx(compiled, rel=1e-12, abs=1e-18)

@@ -7,8 +7,8 @@ import pytest
 
 from specan.models.catalogue import example_model, load_model
 from specan.models.check import check_effect
-from specan.models.planetary_gear.example import EXAMPLE_RIG
-from specan.models.planetary_gear.lines import line_conditions
+from specan.models.planetary_gear.kinematics import line_conditions
+from specan.models.planetary_gear.rig import EXAMPLE_RIG
 
 MODEL = example_model("planetary-gear")
 ORDERS = line_conditions(MODEL)
@@ -38,6 +38,7 @@ def test_all_effects_of_the_catalogue_are_there():
         "torque-ripple", "speed-fluctuation", "tooth-friction", "housing-resonance", "shaft-flexibility",
         "harmonic-gain",
         "tacho-angle", "contact-exponent", "contact-stiffness", "contact-damping", "carrier-inertia",
+        "unlike-response",
     }  # fmt: skip
     for effect in MODEL.effects.values():
         assert effect.reference
@@ -244,3 +245,32 @@ def test_planets_hold_the_torque_together(error):
     assert found.sum(axis=1) == pytest.approx(np.array([10.0, 60.0]) / arm, rel=1e-12)
     assert np.all(found > 0)
     assert np.all((found[:, 1] < found[:, 0]) == (error > 0))
+
+
+def test_lines_of_unlike_planets_alone_have_a_gain_of_their_own():
+    """Those at 66h and 66h +- 3 stay, all others about the harmonic are multiplied."""
+    pin = "planet-position-error@P2"
+    plain = evaluate(pin)
+    assembly = MODEL.assemble([pin, "unlike-response@H2"])
+    values = {"unlike-response@H2.change": np.log(3.0)}
+    raised = assembly.evaluate(ORDERS, values, wanted=["order_lines"])["order_lines"]
+    order = np.asarray(ORDERS["order"])
+    own = np.abs(order - 132) < 33
+    alike = np.isclose(order % 3, 0) & np.isclose(order, np.rint(order))
+    factor = np.where(own & ~alike, 3.0, 1.0)
+    middle = ~np.isclose(np.abs(order - 99), 0)  # half a mesh belongs to either harmonic
+    assert raised[:, middle] == pytest.approx((plain * factor)[:, middle], rel=1e-9)
+
+
+def test_inertias_that_are_known_are_taken():
+    """What the rig file says of carrier, load and planets, with an uncertainty of a tenth instead of a factor."""
+    rig = {**EXAMPLE_RIG, "rotors": {"carrier_kg_m2": 2e-3, "load_kg_m2": 6e-3, "planet_kg_m2": 5e-5}}
+    model = load_model("planetary-gear", rig)
+    found = model.assemble([]).evaluate(ORDERS, None, ["carrier_inertia", "planet_inertia"])
+    assert (found["carrier_inertia"], found["planet_inertia"]) == pytest.approx((8e-3, 5e-5))
+    prior = {n.effect: n.prior_sd for n in model.nuisances}
+    assert prior["carrier-inertia"] == 0.1
+    assert {n.effect: n.prior_sd for n in MODEL.nuisances}["carrier-inertia"] == 1.0
+    rig["uncertainty"] = {"carrier_inertia_percent": 3.0}
+    prior = {n.effect: n.prior_sd for n in load_model("planetary-gear", rig).nuisances}
+    assert prior["carrier-inertia"] == 0.03

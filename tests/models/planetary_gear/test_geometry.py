@@ -107,7 +107,7 @@ def test_a_mistyped_key_and_a_missing_table_are_told():
 
 def test_lines_that_a_sharper_path_would_give_are_no_evidence():
     """20/70/25 with three planets shows multiples of three: 204 and 216, which its sun's turns reach, are left out."""
-    from specan.models.planetary_gear.lines import kinematic_orders
+    from specan.models.planetary_gear.kinematics import kinematic_orders
 
     found = kinematic_orders(Gear(z_sun=20, z_planet=25, z_ring=70, planets=3, module_mm=2.0))
     assert not {201.0, 204.0, 216.0, 219.0} & set(found)

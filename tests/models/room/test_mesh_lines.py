@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from specan.models.room import mesh_lines
-from specan.models.room.mesh_lines import Lines
+from specan.models.room import mesh_field
+from specan.models.room.mesh_field import Lines
 
 
 def room(vectors, soft):
@@ -23,12 +23,12 @@ def room(vectors, soft):
 @pytest.mark.parametrize("soft", [0.02, 0.3 + 0.4j, 3.0])
 @pytest.mark.parametrize("most", [48, 3])  # iterations; with 3 most lines fall back to a direct solution
 def test_iteration_and_direct_solution_agree(monkeypatch, soft, most):
-    monkeypatch.setattr(mesh_lines, "_MOST", most)
+    monkeypatch.setattr(mesh_field, "_MOST", most)
     lines = room(200, soft)
     loads = np.random.default_rng(4).standard_normal((200, 2))
     loads[:, 1] = 0  # a port in a nodal plane
     loads[3, 1] = 1
-    assert len(lines.values) > mesh_lines.DIRECT
+    assert len(lines.values) > mesh_field.DIRECT
     got = lines.solve(loads)
     matrix = np.einsum("gl,gij->lij", lines.soft, lines.walls)
     matrix[:, np.arange(200), np.arange(200)] += lines.values - lines.k2[:, None]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from specan.models.room.mesh_places import Simplices
+from specan.models.room.mesh_elements import Simplices
 
 
 def test_a_large_simplex_is_found_behind_many_small_ones():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from specan.models.room.mode_names import mode_names
+from specan.models.room.places import mode_names
 
 
 def test_a_mode_is_named_by_family_order_and_direction():

@@ -77,7 +77,7 @@ def leak(
     neutral={"volume": 0.0},
     aliases=("dimension-error",),
     separate_by="taking it out",
-    reference="Morse & Ingard, Theoretical Acoustics, ch. 8: small rigid sphere, monopole and dipole",
+    reference="Morse & Ingard, Theoretical Acoustics, ch. 8: monopole and dipole; Lamb, Hydrodynamics, 114: ellipsoid",
 )
 def scatterer(
     frequency,
@@ -90,17 +90,22 @@ def scatterer(
     x=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
     y=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
     z=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
+    length_x=Parameter(1.0, "1", min=0.5, max=2.0, lower=0.2, upper=5.0, doc="along x, over volume^(1/3)"),
+    length_y=Parameter(1.0, "1", min=0.5, max=2.0, lower=0.2, upper=5.0, doc="along y, over volume^(1/3)"),
 ):
     """A rigid object displaces air that would be compressed and moved: each mode shifts differently.
 
-    A mode falls where the object is in a pressure node, and rises where it is in an antinode.
+    A mode falls where the object is in a pressure node, and rises where it is in an antinode. Air flows around it as
+    around an ellipsoid of its proportions: the coupling of the air that it takes away with itself makes 3/2 of the
+    volume of a ball, more of what stands across the flow and less of what lies along it.
     """
     place = point(room_origin + np.array([x, y, z]) * room_dimensions)
     radius = float((3 * volume / (4 * np.pi)) ** (1 / 3)) or 1e-6
+    proportions = (float(length_x), float(length_y), float(1 / (length_x * length_y)))
     omega = 2 * np.pi * frequency
     monopole = -1j * omega * volume / (density * sound_speed**2)
-    dipole = -1.5 * volume / (1j * omega * density)
-    return (
-        LocalLoad(Port(place, 0, radius, ball=True), monopole),
-        *(LocalLoad(Port(place, 0, radius, ball=True, slope=axis), dipole) for axis in range(3)),
+    dipole = -volume / (1j * omega * density)
+    return tuple(
+        LocalLoad(Port(place, 0, radius, slope=slope, ball=True, proportions=proportions), load)
+        for slope, load in ((None, monopole), (0, dipole), (1, dipole), (2, dipole))
     )

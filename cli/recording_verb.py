@@ -1,0 +1,249 @@
+"""What the verbs for a recording share: how it is opened and read, where the result goes, and the options for that.
+
+Such a verb takes several recordings, one after the other.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from specan_cli.options import limit_code, limit_content, show_limit
+from specan_cli.output import (
+    OutputFile,
+    Verb,
+    collecting,
+    draw,
+    emit_json,
+    is_quiet,
+    say,
+    say_written,
+    to_standard_output,
+)
+
+if TYPE_CHECKING:
+    from specan.data.limits import Kept
+    from specan.data.recording import Recording
+    from specan.io.open import Found
+    from specan.result import Result
+    from specan.units import Quantity
+
+
+def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options that say what the file itself does not: channel table, calibration, sampling rate.
+
+    The callback gets them as one dict `opening`.
+    """
+
+    @wraps(command)
+    def gathered(
+        channel_table: Path | None, calibration: Path | None, sampling_rate: float | None, **options: Any
+    ) -> Any:
+        opening = {"channel_table": channel_table, "calibration": calibration, "sampling_rate": sampling_rate}
+        return command(opening=opening, **options)
+
+    options = [
+        click.option("--channel-table", type=click.Path(path_type=Path), help="Roles, units, sensitivities."),
+        click.option("--calibration", type=click.Path(path_type=Path), help="A calibration.toml to apply."),
+        click.option(
+            "--sampling-rate", type=float, metavar="HZ", help="Sampling rate, instead of that in the file."
+        ),
+    ]
+    found: Callable[..., Any] = gathered
+    for option in reversed(options):
+        found = option(found)
+    return found
+
+
+def section_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options for a time section and the channels."""
+    options = [
+        click.option("--channel", "channels", multiple=True, help="A channel or a pattern; repeatable."),
+        click.option(
+            "--start", "start_s", type=float, default=0.0, metavar="S", help="Start of the section."
+        ),
+        click.option("--stop", "stop_s", type=float, metavar="S", help="End of the section."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def quantity_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The option ``--quantity``."""
+    return click.option(
+        "--quantity",
+        type=click.Choice(["displacement", "velocity", "acceleration"]),
+        help="Of channels of motion: integrated or differentiated.  [default: as measured, a vibrometer's velocity]",
+    )(command)
+
+
+def given(**options: Any) -> dict[str, Any]:
+    """Options that were given; the settings' own defaults hold for the others."""
+    return {name: value for name, value in options.items() if value is not None and value != ()}
+
+
+def say_notes(notes: tuple[str, ...], flags: dict[str, tuple[str, ...]]) -> None:
+    """Notes and flags, on standard error."""
+    for note in () if is_quiet() else notes:
+        say(f"Note: {note}.")
+    for name, words in flags.items():
+        if words:
+            say(f"Warning: {name}: {', '.join(words)}.")
+
+
+PARAMETER = "file"  # the callback gets one path under this name
+
+
+class RecordingVerb(Verb):
+    """A verb for a recording. Of several, each is analysed by itself, and one that fails costs only itself.
+
+    A directory stands for all recordings in it. The callback sees one file at a time; the JSON of several is one
+    object, ``{"files": [...], "failures": [...]}``.
+    """
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """One file as it always was; several in turn."""
+        files = [one.path for one in expand(ctx.params[PARAMETER])]
+        if len(files) == 1:
+            ctx.params[PARAMETER] = files[0]
+            return super().invoke(ctx)
+        return self._several(ctx, files)
+
+    def _several(self, ctx: click.Context, files: Sequence[Path]) -> int:
+        from specan.errors import InputError, RequestError
+
+        for name in ("output", "plot"):
+            if ctx.params.get(name) is not None:
+                raise RequestError(
+                    f"--{name} writes one recording, and there are {len(files)}",
+                    remedy="name one, or take --json or specan batch",
+                )
+        done, failures, faults, code = [], [], [], 0
+        for path in files:
+            ctx.params[PARAMETER] = path
+            try:
+                with collecting(ctx) as content:
+                    code = max(code, super().invoke(ctx) or 0)
+            except (InputError, RequestError) as fault:
+                faults.append(fault)
+                failures.append({"file": str(path), "reason": str(fault)})
+                say(f"Left out: {fault}")
+                continue
+            done.append({**(content[0] if content else {}), "path": str(path)})
+        if not done:
+            raise faults[0]
+        if ctx.params.get("as_json"):
+            emit_json({"files": done, "failures": failures})
+        return 1 if failures else code
+
+
+def expand(paths: Sequence[Path]) -> list[Found]:
+    """Files, and in place of a directory the recordings in it.
+
+    Raises
+    ------
+    RequestError
+        A directory holds none.
+    """
+    from specan.errors import RequestError
+    from specan.io.open import Found, find_recordings
+
+    found: list[Found] = []
+    for path in paths:
+        # os.path: Path.is_dir raises where a name is too long for the file system.
+        inside = find_recordings([path]) if os.path.isdir(path) else [Found(path, path.name)]
+        if not inside:
+            raise RequestError(f"the directory {path} holds no recording", expected="*.tdms or *.wav in it")
+        found += inside
+    return found
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording that is to be opened, and what its file does not say of it."""
+
+    file: Path
+    opening: dict[str, Any]
+
+    def open(self, quantity: Quantity | None = None) -> Recording:
+        """The recording; on a terminal it shows how far it has been read."""
+        from specan.api.recordings import read
+        from specan_cli.progress import Shown
+
+        return Shown.of(read(self.file, quantity=quantity, **self.opening))
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """Where a result goes: into a figure, into a file, and to standard output, to read or as JSON."""
+
+    plot: Path | None
+    output: Path | None
+    as_json: bool
+
+    def __call__(
+        self,
+        found: Result,
+        write: Callable[[Any, Path], None],
+        show: Callable[[], None],
+        content: Callable[[], Any] | None = None,
+        flags: Sequence[tuple[str, ...]] = (),
+        limit: Path | None = None,
+        kept: Sequence[Kept] = (),
+        **drawn: Any,
+    ) -> int:
+        """Draw and write a result where that was asked for, print it, and say its notes.
+
+        Nothing is printed to read where the text itself goes to standard output. `flags` are those of each channel,
+        `kept` how each keeps to a `limit`, which is also what the exit code says.
+        """
+        draw(found, self.plot, **drawn)
+        if self.output is not None:
+            write(found, self.output)
+        if self.as_json:
+            emit_json({**(found.to_json() if content is None else content()), **limit_content(kept)})
+        elif not to_standard_output(self.output):
+            show()
+            show_limit(limit, kept)
+            say_written(self.plot, self.output)
+        say_notes(found.notes, dict(zip(found.channels, flags)))  # type: ignore[attr-defined]
+        return limit_code(kept)
+
+
+def recording_verb(name: str, what: str = "everything") -> Callable[[Any], click.Command]:
+    """A verb for one recording or several, with ``-o`` and ``--json`` of `what`, behind the options of its own.
+
+    The callback gets a `Source` and a `Delivery`, as `source` and `deliver`, and its own options.
+    """
+
+    def make(function: Callable[..., int]) -> click.Command:
+        own = function.__dict__.pop("__click_params__", [])
+
+        @click.option("-o", "--output", type=OutputFile(), help=f"Write {what} as text.")
+        @click.option("--json", "as_json", is_flag=True, help=f"Print {what} as JSON.")
+        @opening_options
+        @wraps(function)
+        def gathered(
+            file: Path,
+            opening: dict[str, Any],
+            output: Path | None,
+            as_json: bool,
+            plot: Path | None,
+            **options: Any,
+        ) -> int:
+            return function(Source(file, opening), Delivery(plot, output, as_json), **options)
+
+        gathered.__click_params__ += own  # type: ignore[attr-defined]
+        files = click.argument(
+            PARAMETER, nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE..."
+        )
+        return click.command(name, cls=RecordingVerb)(files(gathered))
+
+    return make

@@ -1,0 +1,110 @@
+"""``specan study add`` and ``study drop``: change the model, refit, see what the errors do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from specan_cli.output import Verb, draw, emit_json, plot_option, table
+from specan_cli.study import open_study, parameter_table, study_options
+
+if TYPE_CHECKING:
+    from specan.study.edit import Change
+
+
+def change_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Study, effect, reason and figure of a step that changes the model."""
+    for decorate in (
+        plot_option("measured and model as it is then"),
+        click.option("--because", default="", metavar="TEXT", help="Why, for the history."),
+        click.argument("effect_name", metavar="EFFECT"),
+        study_options,
+    ):
+        command = decorate(command)
+    return command
+
+
+@click.command("add", cls=Verb)
+@change_options
+def add(directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, **shown: Any) -> None:
+    """Add EFFECT to the model of DIR and refit: errors before and after, on fitted and on held-out data.
+
+    EFFECT is a name (specan model show NAME lists them), with its place where it acts at one
+    (wall-impedance@z1), or a Python file with an effect of your own.
+
+    \b
+    specan study add my_study seal-drag --because "idle runs ask for it"
+    """
+    from specan.study.edit import add_effect
+
+    _show(add_effect(open_study(directory, effects), effect_name, because), **shown)
+
+
+@click.command("drop", cls=Verb)
+@change_options
+def drop(directory: Path, effect_name: str, effects: tuple[Path, ...], because: str, **shown: Any) -> None:
+    """Take EFFECT out of the model of DIR and refit. The steps before stay in the history.
+
+    EFFECT may also be an effect file of your own that the study took in (my_effect.py): it is then no candidate
+    any more, whether it still works or not.
+
+    \b
+    specan study drop my_study seal-drag
+    """
+    from specan.study.edit import drop_effect, drop_effect_file, is_effect_file
+
+    if not is_effect_file(directory, effect_name):
+        _show(drop_effect(open_study(directory, effects), effect_name, because), **shown)
+        return
+    dropped = drop_effect_file(directory, effect_name)
+    if shown["as_json"]:
+        emit_json({"dropped": dropped})
+    else:
+        click.echo(f"{dropped} is no part of the study any more; the file itself stays.")
+
+
+def _show(change: Change, as_json: bool, plot: Path | None) -> None:
+    """Errors before and after, parameters, remarks; a figure where one was asked for."""
+    draw(change, plot)
+    before, after = change.before, change.after
+    if as_json:
+        emit_json(change.to_json())
+        return
+    rows = [*_rows("fit", "fitted", before, after), *_rows("held_out", "held-out", before, after)]
+    table(
+        f"Step {after.step}: {after.action} {after.effect}",
+        ["data", "observable", "RMS before", "after", "unit", "change"],
+        rows,
+    )
+    chi2 = [(s.reduced_chi2, s.held_out_reduced_chi2) for s in (before, after)]
+    if chi2[1][0] is not None:
+        text = f"\nReduced chi-square {chi2[0][0]:.2f} -> {chi2[1][0]:.2f} on fitted data"
+        if chi2[1][1] is not None:
+            text += (
+                f", {chi2[0][1]:.2f} -> {chi2[1][1]:.2f} on held-out data (prediction covariance included)"
+            )
+        click.echo(text)
+    click.echo("")
+    parameter_table(change.parameters)
+    for remark in change.remarks:
+        click.echo(f"Note: {remark}")
+    click.echo("Model: " + (", ".join(after.model_effects) or change.study.model.words.ideal))
+
+
+def _rows(key: str, name: str, before: Any, after: Any) -> list[list[Any]]:
+    old = {e["observable"]: e for e in before.errors[key]}
+    rows = []
+    for new in after.errors[key]:
+        was = old[new["observable"]]["rms"]
+        percent = 100 * (new["rms"] / was - 1) if was > 0 else 0.0
+        unit = "" if new["unit"] == "1" else new["unit"]
+        rows.append([name, new["observable"], f"{was:.4g}", f"{new['rms']:.4g}", unit, f"{percent:+.0f} %"])
+        levels = [e.get("level_dB") for e in (old[new["observable"]], new)]
+        if None not in levels:
+            rows.append(
+                [name, new.get("level_of", "levels"), *(f"{level:.2g}" for level in levels), "dB", ""]
+            )
+    return rows

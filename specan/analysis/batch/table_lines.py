@@ -1,0 +1,285 @@
+"""Lines of the result tables, file by file: tones, transfer functions, band levels, orders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from specan.analysis.accumulator import feed
+from specan.analysis.batch.result import FileResult
+from specan.analysis.batch.settings import BatchSettings
+from specan.analysis.order_settings import OrderSettings
+from specan.analysis.quality import QualityPass
+from specan.data.band_levels import BandLevels
+from specan.data.channel import Channel
+from specan.data.frequency_response import FrequencyResponse
+from specan.data.orders import OrderSpectrum
+from specan.data.recording import Recording
+from specan.data.tone import ToneTable
+from specan.errors import SpecanError
+from specan.io import results_text as text
+from specan.io.number_text import Cells, fixed_cells, lines, significant_cells, text_cells
+from specan.units import level_reference
+
+MEAN = "energy-mean"
+JOINED = "stepped-sine"
+
+
+def with_flags(table: ToneTable, quality: Sequence[Sequence[str]]) -> ToneTable:
+    """The table with the words that the samples themselves gave rise to, each word once."""
+    flags = tuple(
+        tuple(dict.fromkeys((*words, *own))) for words, own in zip(quality, table.flags, strict=True)
+    )
+    return replace(table, flags=flags)
+
+
+def tone_lines(table: ToneTable) -> str:
+    """One line a channel, and the energy mean of the microphones if there are several."""
+    others = np.array([name != table.reference for name in table.channels])
+    lines = _lines(
+        table,
+        channel=text.words(table.channels),
+        role=table.roles,
+        unit=text.words(table.units),
+        rms=table.rms,
+        level_dB=table.level_dB,
+        tone_rms=table.tone_rms,
+        phase_deg=np.where(others, table.phase_deg, np.nan),
+        u_phase_deg=text.significant(np.where(others, table.u_phase_deg, np.nan), 2),
+        magnitude_re_reference=np.where(others, table.magnitude, np.nan),
+        flags=table.flags,
+    )
+    return lines + _energy_mean(table)
+
+
+def _energy_mean(table: ToneTable) -> str:
+    """Root of the mean square over the microphones that have a signal."""
+    rows = [
+        i
+        for i, (role, unit) in enumerate(zip(table.roles, table.units, strict=True))
+        if role == "microphone" and unit == "Pa" and np.isfinite(table.rms[i]) and table.rms[i] > 0
+    ]
+    if len(rows) < 2:
+        return ""
+    rms, tone = (float(np.sqrt(np.mean(values[rows] ** 2))) for values in (table.rms, table.tone_rms))
+    return _lines(
+        table,
+        channel=MEAN,
+        role="microphone",
+        unit="Pa",
+        rms=rms,
+        level_dB=20 * np.log10(rms / level_reference("Pa").value),
+        tone_rms=tone,
+        magnitude_re_reference=tone / table.reference_rms if table.reference_rms > 0 else np.nan,
+        flags=[tuple(dict.fromkeys(word for i in rows for word in table.flags[i]))],
+    )
+
+
+def _lines(table: ToneTable, **columns: Any) -> str:
+    common = {
+        "file": table.label, "frequency_hz": table.frequency_hz, "reference": table.reference or "",
+        "reference_rms": table.reference_rms,
+    }  # fmt: skip
+    return text.table_lines({**common, **columns}, text.COLUMNS["sine.txt"])
+
+
+def joined_lines(response: FrequencyResponse, roles: dict[str, str], units: dict[str, str]) -> str:
+    """The stepped-sine characteristic of a directory: channel by channel, frequency rising."""
+    u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
+    blocks = []
+    for row, name in enumerate(response.channels):
+        known = np.flatnonzero(np.isfinite(response.response[row]))
+        columns = {
+            "file": response.label,
+            "channel": name,
+            "role": roles[name],
+            "unit": units[name],
+            "frequency_hz": response.frequency_hz[known],
+            "phase_deg": response.phase_deg[row, known],
+            "u_phase_deg": text.significant(u_phase[row, known], 2),
+            "magnitude_re_reference": response.magnitude[row, known],
+            "reference": response.reference,
+            "flags": " ".join((JOINED, *response.flags[row])),
+        }
+        blocks.append(text.table_lines(columns, text.COLUMNS["sine.txt"]))
+    return "".join(blocks)
+
+
+# Lines whose numbers are formatted together: enough to share the calls, few enough to stay in the cache.
+_AT_ONCE = 1 << 14
+
+
+def noise_lines(response: FrequencyResponse, quality: Sequence[Sequence[str]]) -> str:
+    """Lines of all channels; `quality` holds the words that the samples of each gave rise to."""
+    frequency = _frequency_cells(response.frequency_hz.tobytes())
+    u_percent = np.hypot(response.u_magnitude_percent, response.u_common_percent)
+    u_phase = np.hypot(response.u_phase_deg, response.u_common_phase_deg)
+    magnitude, phase = response.magnitude, response.phase_deg
+    line_flags = response.line_flags
+    count = len(response.frequency_hz)
+    at_once = max(1, _AT_ONCE // max(count, 1))
+    blocks = []
+    for first in range(0, len(response.channels), at_once):
+        few = slice(first, first + at_once)
+        columns = [
+            cells.reshape(-1, count, cells.shape[1])
+            for cells in (
+                significant_cells(magnitude[few].ravel(), 6),
+                fixed_cells(text.in_one_turn(phase[few].ravel()), 2),
+                fixed_cells(response.coherence[few].ravel(), 5),
+                significant_cells(u_percent[few].ravel(), 3),
+                significant_cells(u_phase[few].ravel(), 3),
+            )
+        ]
+        for row, name in enumerate(response.channels[few], start=first):
+            words = tuple(dict.fromkeys((*quality[row], *response.flags[row])))
+            last = _line_words({flag: holds[row] for flag, holds in line_flags.items()}, words)
+            cells = [frequency, *(column[row - first] for column in columns), last]
+            blocks.append(lines(cells, before=f"{text.word(response.label)}\t{text.word(name)}\t"))
+    return "".join(blocks)
+
+
+@lru_cache(maxsize=4)
+def _frequency_cells(frequencies: bytes) -> Cells:
+    """Many files of a batch have the same lines."""
+    return text_cells(text.frequencies(np.frombuffer(frequencies)))
+
+
+def _line_words(holds: Mapping[str, NDArray[np.bool_]], words: tuple[str, ...]) -> Cells:
+    """Words of the channel and of each of its lines; every combination is put together once."""
+    extra = {name: lines for name, lines in holds.items() if name not in words}
+    code = sum((lines.astype(int) << bit for bit, lines in enumerate(extra.values())), np.zeros(1, dtype=int))
+    texts = [
+        " ".join((*words, *(name for bit, name in enumerate(extra) if combination >> bit & 1)))
+        for combination in range(1 << len(extra))
+    ]
+    count = len(next(iter(holds.values())))
+    return text_cells(texts)[np.broadcast_to(code, count)]
+
+
+def band_lines(levels: BandLevels) -> str:
+    """Lines of `bands.txt`: the bands of each channel, then its totals with every weighting."""
+    return "".join(text.table_lines(columns, text.COLUMNS["bands.txt"]) for columns in _columns(levels))
+
+
+def other_lines(levels: BandLevels, roles: tuple[str, ...]) -> str:
+    """Lines of `other.txt`: the same with role, unit, and the RMS value of each channel."""
+    return "".join(
+        text.table_lines({**columns, "role": role, "unit": unit}, text.COLUMNS["other.txt"])
+        for columns, role, unit in zip(_columns(levels), roles, levels.units, strict=True)
+    )
+
+
+def rms_lines(label: str, channels: Sequence[Channel], rms: ArrayLike, flags: Sequence[Sequence[str]]) -> str:
+    """Lines of `other.txt` for channels without band levels: one total a channel."""
+    zero = np.array([level_reference(c.unit).value for c in channels])
+    with np.errstate(divide="ignore"):
+        level = 20 * np.log10(np.asarray(rms) / zero)
+    columns = {
+        "file": label,
+        "channel": text.words(c.name for c in channels),
+        "role": [c.role for c in channels],
+        "unit": text.words(c.unit for c in channels),
+        "band_hz": "total-Z",
+        "rms": rms,
+        "level_dB": level,
+        "flags": flags,
+    }
+    return text.table_lines(columns, text.COLUMNS["other.txt"])
+
+
+def _columns(levels: BandLevels) -> Iterator[dict[str, Any]]:
+    """The lines of each channel; only the total with Z has an RMS value."""
+    bands = levels.exact_hz.size
+    for row, name in enumerate(levels.channels):
+        totals = {w: v[row] for w, v in levels.overall_dB.items() if not np.isnan(v[row]) or w == "Z"}
+        rms = [
+            levels.references[row].value * 10 ** (v / 20) if w == "Z" else np.nan for w, v in totals.items()
+        ]
+        flags = [levels.band_flags(row, band) for band in range(bands)]
+        yield {
+            "file": levels.label,
+            "channel": name,
+            "band_hz": [*(f"{f:g}" for f in levels.nominal_hz), *(f"total-{w}" for w in totals)],
+            "rms": [*[np.nan] * bands, *rms],
+            "level_dB": [*levels.level_dB[row], *totals.values()],
+            "u_dB": [*levels.u_dB, *[np.nan] * len(totals)],
+            "flags": [*flags, *(levels.overall_flags(row, w) for w in totals)],
+        }
+
+
+TABLE = "orders.txt"
+# Up to the highest order by default, every order is seen at every speed: one column says it all.
+_NO_MAP = OrderSettings(columns=1)
+
+
+def with_orders(found: FileResult, recording: Recording, settings: BatchSettings) -> FileResult:
+    """The result with the orders of a recording that has a tacho, or for which the settings ask.
+
+    Where there are none, `skipped.txt` says why. The samples are read once more: equal angles need the whole
+    tacho first.
+    """
+    if found.kind != "done" or (settings.orders is None and not recording.by_role("tacho")):
+        return found
+    try:
+        orders, words = _analyse(recording, settings.orders or _NO_MAP)
+    except SpecanError as fault:
+        reason = f"no orders: {str(fault).removeprefix(f'{recording.label}: ')}"
+        return replace(found, blocks={**found.blocks, TABLE: ""}, set_aside=(*found.set_aside, ("", reason)))
+    low, mean, high = orders.tacho.speed_hz
+    source = f"by {orders.tacho.channel}" if orders.tacho.channel else "as stated"
+    about = f"orders of a shaft at {mean:.6g} Hz ({low:.6g} to {high:.6g}) {source}, {orders.turns} turns"
+    return replace(
+        found,
+        blocks={**found.blocks, TABLE: order_lines(orders, words)},
+        about=(*found.about, about, *orders.notes),
+    )
+
+
+def _analyse(
+    recording: Recording, settings: OrderSettings
+) -> tuple[OrderSpectrum, Sequence[tuple[str, ...]]]:
+    from specan.analysis.order_accumulator import OrderAccumulator
+
+    accumulator = OrderAccumulator(recording, settings)
+    look = QualityPass(accumulator)
+    if settings.envelope_hz is None:
+        feed(recording, [accumulator, look])
+    else:
+        feed(recording, [look])
+        for samples in accumulator.pieces():
+            accumulator.add(samples)
+    return accumulator.result(), [quality.flags for quality in look.result()]
+
+
+def order_lines(orders: OrderSpectrum, flags: Sequence[Sequence[str]]) -> str:
+    """The orders that were asked for, with phase and uncertainty; without any, the lines of the spectrum."""
+    blocks = []
+    for row, (name, unit) in enumerate(zip(orders.channels, orders.units, strict=True)):
+        lines = orders.lines
+        order = orders.order[1:] if lines is None else lines.order
+        amplitude = orders.amplitude[row, 1:] if lines is None else np.abs(lines.amplitude[row])
+        with np.errstate(divide="ignore"):
+            level = 20 * np.log10(amplitude / np.sqrt(2) / level_reference(unit).value)
+        columns = {
+            "file": orders.label,
+            "channel": name,
+            "unit": unit,
+            "order": order,
+            "amplitude": amplitude,
+            "level_dB": level,
+            "flags": " ".join(flags[row]),
+        }
+        if lines is not None:
+            columns |= {
+                "phase_deg": lines.phase_deg[row],
+                "u": lines.u[row],
+                "u_blocks": lines.u_scatter[row],
+            }
+        blocks.append(text.table_lines(columns, text.COLUMNS[TABLE]))
+    return "".join(blocks)

@@ -1,0 +1,73 @@
+"""A diagnosis that is interrupted: what it had found is told and kept, and the next one begins anew."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from specan.study.create import begin
+from specan.study.diagnose import Stopped
+from specan.study.selection.refits import Refits
+from specan.study.study import STOPPED, Study
+from specan_cli.main import run
+
+BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
+
+
+@pytest.fixture
+def bench(tmp_path):
+    shutil.copytree(BENCH, tmp_path / "bench")
+    table = tmp_path / "bench" / "measurement.csv"
+    return begin(tmp_path / "gear", "worm-gear", tmp_path / "bench" / "rig.toml", [table]).study
+
+
+def interrupt_after(monkeypatch, refits):
+    """Ctrl-C while the next set of effects is refitted."""
+    whole, count = Refits.fit, 0
+
+    def fit(self, start, signatures, again=False):
+        nonlocal count
+        count += 1
+        if count > refits:
+            raise KeyboardInterrupt
+        return whole(self, start, signatures, again)
+
+    monkeypatch.setattr(Refits, "fit", fit)
+
+
+def test_what_was_refitted_is_kept_and_goes_with_the_next_verdict(bench, monkeypatch):
+    with monkeypatch.context() as stopping:
+        interrupt_after(stopping, 3)
+        with pytest.raises(Stopped):
+            Study(bench.directory).diagnose()
+    kept = json.loads((bench.directory / STOPPED).read_text(encoding="utf-8"))
+    assert kept["finished"] is False
+    assert len(kept["refitted"]) == 3
+    whole = bench.diagnose()
+    assert not (bench.directory / STOPPED).exists()
+    (best,) = [row for row in whole.ranking if row.effects == ("windage",)]
+    (early,) = [row for row in kept["refitted"] if row["effects"] == ["windage"]]
+    assert early["error_after"] == pytest.approx(best.error_after, rel=1e-6)
+
+
+def test_the_command_says_so_and_ends_as_interrupted(bench, monkeypatch, capsys):
+    interrupt_after(monkeypatch, 2)
+    monkeypatch.setattr("sys.argv", ["specan", "study", "diagnose", str(bench.directory)])
+    with pytest.raises(SystemExit) as ended:
+        run()
+    assert ended.value.code == 130
+    said = capsys.readouterr().err
+    assert "Stopped before the end: no verdict. 2 sets of effects were refitted" in said
+    assert "error 0.0" in said
+    assert STOPPED in said
+
+
+def test_progress_has_a_share_that_never_falls(bench):
+    shares = []
+    bench.diagnose(progress=lambda text, share=None: shares.append(share))
+    told = [s for s in shares if s is not None]
+    assert len(told) > 3
+    assert told[0] >= 0.0
+    assert told[-1] <= 1.0
+    assert told == sorted(told)
