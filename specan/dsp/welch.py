@@ -347,3 +347,26 @@ def _student_quantile(nu: Real) -> Real:
         if np.all(np.abs(step) < 1e-13 * t):
             break
     return t
+
+
+def power_density(signal: Real, rate: float, block: int) -> tuple[Real, Real]:
+    """One-sided power density of a signal, and its frequencies: Hann windows that overlap by half, means taken off.
+
+    What `scipy.signal.welch` gives by default, without the third of a second that loading it takes.
+
+    Examples
+    --------
+    >>> frequency, density = power_density(np.sin(2 * np.pi * 50 * np.arange(4000) / 1000), 1000.0, 200)
+    >>> float(frequency[np.argmax(density)]), round(float(np.sum(density) * 5.0), 6)
+    (50.0, 0.5)
+    """
+    block = min(block, signal.size)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(block) / block)
+    power, count = np.zeros(block // 2 + 1), 0
+    for first in range(0, signal.size - block + 1, block - block // 2):
+        piece = signal[first : first + block]
+        power += np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2
+        count += 1
+    power[1 : (block + 1) // 2] *= 2.0
+    frequency = np.asarray(np.fft.rfftfreq(block, 1 / rate), dtype=float)
+    return frequency, power / (count * rate * np.sum(window**2))

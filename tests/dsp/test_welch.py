@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from specan.dsp.welch import CrossSpectra, effective_averages, hop_of
+from specan.dsp.welch import CrossSpectra, effective_averages, hop_of, power_density
 
 RATE, BLOCK = 1000.0, 128
 SAMPLES = np.random.default_rng(5).standard_normal((9, 3000))
@@ -112,3 +113,12 @@ def test_no_block_is_nothing_known():
 def test_overlap_out_of_range():
     with pytest.raises(ValueError, match="overlap"):
         hop_of(100, 1.0)
+
+
+@pytest.mark.parametrize(("samples", "block"), [(3000, 128), (3000, 127), (512, 512), (100, 128)])
+def test_power_density_is_that_of_scipy(samples, block) -> None:
+    signal = SAMPLES[0, :samples] + 3.0
+    frequency, density = power_density(signal, RATE, block)
+    expected = scipy.signal.welch(signal, RATE, "hann", min(block, samples))
+    assert frequency == pytest.approx(expected[0])
+    assert density == pytest.approx(expected[1], rel=1e-10, abs=1e-15)

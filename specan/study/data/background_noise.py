@@ -102,11 +102,11 @@ def background_noise(
 def _densities(
     recording: Recording, channels: tuple[Channel, ...] | list[Channel], block_s: float, lines_hz: Real
 ) -> Real:
-    from scipy.signal import welch
+    from specan.dsp.welch import power_density
 
     found = []
     for channel in channels:
         rate = channel.sampling_rate
-        f, density = welch(recording.read([channel])[0], rate, "hann", round(rate * block_s))
+        f, density = power_density(recording.read([channel])[0], rate, round(rate * block_s))
         found.append(np.interp(lines_hz, f, density))
     return np.stack(found)

@@ -208,16 +208,14 @@ def noise_of_lines(
 
     ``sigma^2 = G_nn sum w^2 rate / (2 n_eff mean |V_b|^2) / 2`` for each real component.
     """
-    from scipy.signal import welch
-
-    from specan.dsp.welch import effective_averages
+    from specan.dsp.welch import effective_averages, power_density
 
     rate = reference.sampling_rate
     responses = (recording.read([channel])[0] for channel in channels)
     density_of_noise = noise_density(signals[0], responses, rate, frequency)
     if background is not None:
         density_of_noise = background.beside(density_of_noise)
-    f, density = welch(signals[0][start:], rate, "hann", block)
+    f, density = power_density(signals[0][start:], rate, block)
     blocks = (reference.n_samples - start - block) // (block // 2) + 1
     averages = effective_averages(blocks, "hann", 0.5)
     drive = np.interp(frequency, f, density)
@@ -268,9 +266,9 @@ def _check_coherence(
 
 
 def _density_at(signal: Any, rate: float, block: int, reference: Channel, nodes: Any) -> Any:
-    from scipy.signal import welch
+    from specan.dsp.welch import power_density
 
-    f, density = welch(signal, rate, "hann", block)
+    f, density = power_density(signal, rate, block)
     per_velocity = np.abs(reference.correction(np.maximum(f, f[1]))) ** 2
     return np.interp(nodes, f, density * per_velocity)
 

@@ -21,6 +21,7 @@ from specan.models import Assembly, Use
 from specan.models.evaluation import Evaluation
 from specan.study.observation import TABLE, Array, Fixed, Strategy, Variable
 
+KEPT = 8  # evaluations, one an assembly: a search goes back and forth between few
 WORTH_A_PASS = 2000  # values for which calling a model's functions costs less than what they compute
 
 
@@ -175,7 +176,10 @@ class TableObservation(Fixed):
         wanted, prepared = list(self._quantities(assembly).values()), self.by_row(assembly, values)
         with np.errstate(all="ignore"):  # what is not finite is told by the fit, with its place
             found = assembly.evaluate(conditions, prepared, wanted, after, changed)
+        self._evaluated.pop(assembly.uses, None)
         self._evaluated[assembly.uses] = _Evaluated(assembly, values, found)
+        if len(self._evaluated) > KEPT:
+            del self._evaluated[next(iter(self._evaluated))]
         return self._picked(assembly, found, 1)
 
     def predict_many(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
@@ -242,7 +246,7 @@ class TableObservation(Fixed):
 
     @cached_property
     def _evaluated(self) -> dict[tuple[Use, ...], _Evaluated]:
-        """The last evaluation of each assembly."""
+        """The last evaluation of some assemblies, the one that was used last at the end."""
         return {}
 
     def _in_order(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:

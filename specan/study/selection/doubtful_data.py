@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -12,7 +11,7 @@ from specan.study.data.operating_table import IDLE
 from specan.study.estimation.fit import fit
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
-from specan.study.selection.refits import Refit
+from specan.study.selection.refits import Refit, kept_with_refit
 from specan.study.selection.significance import LACK_OF_FIT, lack_of_fit_probability
 from specan.units import printed_unit
 
@@ -47,7 +46,7 @@ def _table(refit: Refit) -> _Table | None:
     return None if first.lines is None or first.replicate_group is None else cast("_Table", first)
 
 
-@lru_cache(maxsize=2)  # a conclusion asks, and what is printed beside it
+@kept_with_refit  # a conclusion asks, and what is printed beside it
 def suspect_rows(refit: Refit) -> str:
     """A sentence on the one condition, or the one reading, without which the model meets the data.
 

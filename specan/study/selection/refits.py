@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from functools import cached_property, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from specan.study.selection.significance import lack_of_fit_probability
 Array = NDArray[np.float64]
 
 EffectSet = frozenset[Use]
+Found = TypeVar("Found")
 
 POOR_FIT = 1.5  # reduced chi-square above which a base is too far from the data to set out from
 FORM_TOLERANCE = 0.2  # share of its signature to which the equation of an effect is trusted
@@ -143,6 +144,20 @@ class Refit:
         """Weighted residual with the rows of another set: pseudo-measurements that this one lacks count as met."""
         own, there = self.problem, other.problem
         return with_rows_of(self.fit.residual * self.weights, own, there)
+
+
+def kept_with_refit(find: Callable[[Refit], Found]) -> Callable[[Refit], Found]:
+    """The function, whose result is worked out once for a refit, is kept in it and goes with it."""
+
+    @wraps(find)
+    def ask(refit: Refit) -> Found:
+        kept, name = vars(refit), f"_{find.__name__}"
+        if name not in kept:
+            kept[name] = find(refit)
+        found: Found = kept[name]
+        return found
+
+    return ask
 
 
 @dataclass(eq=False)

@@ -11,7 +11,6 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -24,7 +23,7 @@ from specan.study.estimation.fit import NORMAL_95
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import noise_dof
-from specan.study.selection.refits import Refit
+from specan.study.selection.refits import Refit, kept_with_refit
 from specan.study.selection.signatures import residuals
 from specan.study.selection.significance import improvement_probability
 
@@ -65,7 +64,7 @@ class ResidualLaw:
     p_value: float
 
 
-@lru_cache(maxsize=2)  # a conclusion asks, and what is printed beside it
+@kept_with_refit  # a conclusion asks, and what is printed beside it
 def residual_law(start: Refit) -> ResidualLaw | None:
     """Fit a law to what a fitted model leaves; None where the model offers no variables or they do not vary."""
     space = start.problem.assembly.model.law

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -14,6 +14,7 @@ from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision, complete
 from specan.study.selection.candidates import Candidate, candidates
+from specan.study.selection.doubtful_data import WHOLE
 from specan.study.selection.pulls import Pull, too_far
 from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, different, family, score, score_pairs
@@ -128,13 +129,19 @@ class Search:
             self.best = several
         if len(self.best.uses) >= 2:
             self.third = self._best_third()
-        while self.third is not None and self.of_one_instrument(self.third):
+        while self.third is not None and self._explanations(self.third) <= 2:
             self.best = self.third
             self.third = self._best_third()
 
     def _tell(self, text: str, over: float) -> None:
         """Tell what is done, and of the share of this search that is over the share of the whole."""
         self.progress(text, self.part[0] + over * (self.part[1] - self.part[0]))
+
+    def _explanations(self, refit: Refit) -> int:
+        """How many a set is: the same instrument error at several places counts once, as long as most are in order."""
+        names = {use.name for use in refit.uses}
+        own = [frozenset(use for use in refit.uses if use.name == name) for name in names]
+        return sum(1 if self.of_one_instrument(replace(refit, uses=uses)) else len(uses) for uses in own)
 
     def of_one_instrument(self, refit: Refit) -> bool:
         """Whether a set is one instrument error at several places: several receivers that stand elsewhere, say.
@@ -178,11 +185,25 @@ class Search:
             if not self.points:
                 self.points = shape_grid(seen.problem, seen.fit, found, known)
                 not_testable |= _not_finite(seen, [c for c in found if c.use not in self.points])
-            scored = score(seen.linear, self.tried_at(seen, found, known), seen.weights)
+            again = self._to_score_again(start, found)
+            tried = [t for t in self.tried_at(seen, found, known) if t.use not in {c.use for c in again}]
+            tried += signatures(seen.problem, seen.fit, again, self.points)
+            scored = score(seen.linear, tried, seen.weights)
             explained = max(self.base.chi2 - start.chi2, 0.0)
             acceptance = AcceptanceTest(start, family(scored), explained, level, self.bootstrap)
             self.steps[start.uses] = Step(start, seen, scored, best_of_each(scored), acceptance, not_testable)
         return self.steps[start.uses]
+
+    def _to_score_again(self, start: Refit, found: Sequence[Candidate]) -> list[Candidate]:
+        """Candidates that act in the field of the best set otherwise than in the base's, where that was far off.
+
+        All where something is left; else the errors of single instruments, which cost little.
+        """
+        if not start.uses or start is not self.best or not self.refits.poor_fit:
+            return []
+        if start.lack_of_fit < WHOLE or _outstanding(start, [c.use for c in found]):
+            return list(found)
+        return [c for c in found if c.use.at and c.effect.instrument]
 
     def tried_at(
         self, seen: Refit, found: Sequence[Candidate], known: Known | None = None
@@ -216,7 +237,7 @@ class Search:
             if use not in first and not (self.only or self._pruned(step, use)):
                 yield use
         if strategy.pruning and not self._met:
-            yield from _outstanding(step)
+            yield from _outstanding(step.start, step.by_use)
 
     @property
     def _met(self) -> bool:
@@ -258,6 +279,11 @@ class Search:
                 break  # what may still win promises at least to take away what the single effect leaves
             self._tell("refitting with " + _text({*start.uses, *(m.use for m in members)}), PAIRS)
             self.refits.fit(start, [members])
+        if single is not None and self.refits.poor_fit and not self._completed(single):
+            step = self.step(single)
+            for use in _outstanding(single, step.by_use):
+                self._tell("refitting with " + _text({*single.uses, use}), PAIRS)
+                self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
         passed, needed = [], []
         for refit in self.refits.of_size(2):
             self.decisions[refit.uses] = decision = self._pair_decision(refit, single)
@@ -370,8 +396,12 @@ class Search:
         step = self.step(self.best)
         price = float(np.log(self.base.problem.n_effective))
         passed = []
-        for use, items in list(step.by_use.items())[:2]:
-            if self._below_pruning_bound(
+        effects = self.base.problem.assembly.model.effects
+        again = {use.name for use in self.best.uses if use.at and effects[use.name].instrument}
+        more = [use for use in _outstanding(self.best, step.by_use) if use.name in again]
+        for use in dict.fromkeys([*list(step.by_use)[:2], *more]):
+            items = step.by_use[use]
+            if use not in more and self._below_pruning_bound(
                 self.best, self.best.bic(1.0) - items[0].chi2_reduction + price * items[0].count
             ):
                 continue
@@ -385,23 +415,23 @@ class Search:
         return min(passed, key=lambda r: r.chi2, default=None)
 
 
-def _outstanding(step: Step) -> list[Use]:
+def _outstanding(refit: Refit, uses: Iterable[Use]) -> list[Use]:
     """Instrument errors of the few receivers whose own rows stand out most.
 
     One that stands far from its place is beyond what a linearised score can promise.
     """
-    residual = step.start.fit.residual * step.start.weights
+    residual = refit.fit.residual * refit.weights
     rows: dict[str, NDArray[np.float64]] = {}
     first = 0
-    for observation in step.start.problem.observations:
+    for observation in refit.problem.observations:
         own = residual[first : first + observation.n]
         first += observation.n
         for label in observation.labels.values():
             for element in {str(value) for value in label}:
                 part = own[np.asarray(label).astype(str) == element]
                 rows[element] = np.concatenate([rows.get(element, np.empty(0)), part])
-    effects = step.start.problem.assembly.model.effects
-    uses = [use for use in step.by_use if use.at in rows and effects[use.name].instrument]
+    effects = refit.problem.assembly.model.effects
+    uses = [use for use in uses if use.at in rows and effects[use.name].instrument]
     size = {use.at: float(np.mean(rows[str(use.at)] ** 2)) for use in uses}
     usual = float(np.median([*size.values()])) if size else 1.0
     excess = {
