@@ -79,7 +79,8 @@ class RunningLevel:
         self._position, self._read = 0, 0
         self._held, self._last = decay is not None, np.zeros((rows, 1))
         self._before_start: NDArray[np.float64] | None = None
-        self._left = math.exp((starts - end) / time_constant)
+        # What the end has of the average before `_start`.
+        self._left = math.exp((self._start - 1 - float(place[-1])) * together / (rate * time_constant))
         self._readings = np.full((rows, place.size), np.nan)
         self._maximum, self._minimum = np.full(rows, np.nan), np.full(rows, np.nan)
 

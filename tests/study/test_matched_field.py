@@ -83,6 +83,7 @@ def set_of(chi2, dof=4000, p=0.5, peaks=True):
         (set_of(4000), set_of(4600), True),  # sqrt(8000) = 89 may be left: 15 % of 600
         (set_of(4000), set_of(4400), False),  # 22 % of 400
         (set_of(4200), set_of(5000), False),  # 200 + 89 of 800
+        (set_of(2600), set_of(2600.001), False),  # noise stated too large makes no rival worse
         (set_of(4000, p=1e-4), set_of(9000), False),  # it does not fit itself
         (set_of(4000, peaks=False), set_of(9000), False),  # a table has few directions
     ],

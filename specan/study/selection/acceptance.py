@@ -270,8 +270,9 @@ def complete(better: Refit, worse: Refit) -> bool:
     """
     if not better.problem.strategy.continuation or better.lack_of_fit < LACK_OF_FIT:
         return False
-    left = better.lack_of_fit_chi2 - better.dof + float(np.sqrt(2 * better.dof))
-    return max(left, 0.0) < COINCIDENCE * (worse.chi2 - better.chi2)
+    # What is left is known to a standard deviation of chi-square; where noise is stated too large it is no less.
+    left = max(better.lack_of_fit_chi2 - better.dof, 0.0) + float(np.sqrt(2 * better.dof))
+    return left < COINCIDENCE * (worse.chi2 - better.chi2)
 
 
 @dataclass(frozen=True)
