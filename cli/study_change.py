@@ -73,6 +73,11 @@ def _show(change: Change, as_json: bool, plot: Path | None) -> None:
     if as_json:
         emit_json(change.to_json())
         return
+    from specan.study.edit import RISES
+
+    first = [remark for remark in change.remarks if remark == RISES.format("held-out")]
+    for remark in first:  # before all that looks like success
+        click.echo(f"Note: {remark}")
     rows = [*_rows("fit", "fitted", before, after), *_rows("held_out", "held-out", before, after)]
     table(
         f"Step {after.step}: {after.action} {after.effect}",
@@ -95,7 +100,8 @@ def _show(change: Change, as_json: bool, plot: Path | None) -> None:
     click.echo("")
     parameter_table(change.parameters)
     for remark in change.remarks:
-        click.echo(f"Note: {remark}")
+        if remark not in first:
+            click.echo(f"Note: {remark}")
     click.echo("Model: " + (", ".join(after.model_effects) or change.study.model.words.ideal))
 
 

@@ -23,6 +23,7 @@ from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
 
 # What JSON says of the steps before and after a change.
+RISES = "the error on {} data rises"
 _OF_A_STEP = ("fit_error", "held_out_error", "errors", "reduced_chi2", "held_out_reduced_chi2", "p_value")
 SAME = 0.005  # relative change of an error below which it counts as not having moved
 
@@ -334,7 +335,7 @@ def _on_errors(before: Step, after: Step, expected_to_fall: bool) -> list[str]:
         if one is None or two is None:
             continue
         if expected_to_fall and two["value"] > one["value"] * (1 + SAME):
-            remarks.append(f"the error on {what} data rises")
+            remarks.append(RISES.format(what))
         elif expected_to_fall and two["value"] > one["value"] * (1 - SAME):
             remarks.append(f"the error on {what} data does not fall")
         elif not expected_to_fall and two["value"] < one["value"] * (1 - SAME):

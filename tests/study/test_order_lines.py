@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from specan.models import Condition, Model, Observable
+from specan.models import Condition, Model, Observable, Parameter, Use, effect
 from specan.models.measurement_kinds import OrderLines, Tacho
-from specan.models.quantity import constant
+from specan.models.quantity import constant, quantity
 from specan.study.data.open_orders import like
+from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.observation import Observation
 from specan.study.observation.order_lines import OrderLinesObservation, declared_errors, response_errors
 from specan.study.selection.candidates import base_problem
+from specan.study.selection.either_sign import of_either_sign
 
 ORDER = np.array([7.0, 9.0, 10.0, 11.25, 17.0, 19.5, 20.0, 23.0])
 HARMONIC = np.array([1, 1, 1, 1, 2, 2, 2, 2])
@@ -259,3 +261,42 @@ def test_what_is_carried_over_brings_an_unseen_recording_nearer() -> None:
     ]
     assert error[0] > 0.3
     assert error[1] < 0.05
+
+
+@effect("pin", adds_to="place", neutral={"error": 0.0})
+def pin(*, error=Parameter(2.0, "1", min=-50.0, max=50.0, lower=-500.0, upper=500.0, doc="place")) -> float:
+    """A pin out of place."""
+    return error
+
+
+@quantity(unit="m/s^2")
+def bent_lines(place):
+    """Lines that the ideal machine does not have are as strong for a place on either side, in another phase."""
+    return np.where(BEYOND, place**2 * np.exp(0.15j * place), 1.0)
+
+
+def test_a_size_of_the_other_sign_is_found() -> None:
+    """The minimum that a descent from the usual size reaches is far above that of the true size, -1."""
+    model = Model(
+        name="comb",
+        title="A comb",
+        conditions={
+            "order": Condition("order", "1", "Order.", "order", "1"),
+            "load": Condition("load", "1", "Load.", "load", "1"),
+        },
+        quantities={
+            "place": constant("place", 0.0, "1", "Place."),
+            "lines": replace(bent_lines, name="lines"),
+        },
+        effects={"pin": pin},
+        observables={"lines": Observable("lines", "lines", "m/s^2", "Lines.", kind="orders")},
+    )
+    amplitude = np.where(BEYOND, np.exp(-0.15j), 1.0)
+    base = base_problem(model, [observed(amplitude, 0.003, near=0.01, path=0.01, response=0.01)])
+    use = Use("pin")
+    problem = base.with_uses([use])
+    (start,) = of_either_sign(problem, {}, [use])
+    found = descend(problem, problem.start(start))
+    from_usual = descend(problem, problem.start({"pin.error": 2.0}))
+    assert problem.values_at(found.theta)["pin.error"] == pytest.approx(-1.0, abs=0.05)
+    assert found.chi2 < 1e-3 < 100 < from_usual.chi2

@@ -3,8 +3,8 @@
 Carrier and planets turn, the sun's speed is given, the ring is fixed. A pair of teeth is a linear spring whose
 stiffness is a parabola over its path of contact, highest in its middle, taken in and let go by raised cosines; a mesh
 is the sum of the pairs in contact. So the load changes no stiffness, and no pair comes late; Newmark's method
-integrates it. Or the mesh stiffens with its load, F = k(t) x (x / x0)^(n - 1) where it is in contact, and teeth part
-where it is not; Runge-Kutta's method of the fourth order integrates that.
+integrates it, as long as no mesh would pull. Or the mesh stiffens with its load, F = k(t) x (x / x0)^(n - 1) where it
+is in contact, and teeth part where it is not; Runge-Kutta's method of the fourth order integrates that.
 """
 
 from __future__ import annotations
@@ -86,9 +86,10 @@ def ring_forces(machine: Machine, carrier_hz: float, torque: float) -> tuple[Rea
     damping = 2 * ratio * math.sqrt(typical * machine.planet_inertia / planet**2)
     step = 1.0 / (carrier_hz * a_turn)
     rate = np.gradient(offset, step, axis=0)
-    if machine.exponent == 1.0:
+    linear = machine.exponent == 1.0
+    if linear:
         force = _newmark(mass, geometry, stiffness, offset, rate, load, damping, step)
-    else:
+    if not linear or force.min() < 0:  # teeth part, and do not pull
         knee = machine.exponent * KNEE_N / typical  # where the slope of k x (x / x0)^(n - 1) / n is k
         force = _runge_kutta(
             mass, geometry, stiffness / machine.exponent, offset, rate, load, damping, step, machine.exponent, knee

@@ -44,6 +44,9 @@ class Strategy:
         Times the convergence tolerances of `specan.study.estimation.levenberg_marquardt`.
     further_starts : bool
         A fit may begin at several places.
+    either_sign : bool
+        Small errors of the prediction are in the covariance, so that chi-square levels off far from the data: a linear
+        promise has the wrong sign or size there, and refits also begin at sizes of either sign.
     secondary_refits : bool
         Refits beside the search: profile intervals, errors on left-out conditions, fits by the data alone.
     pruning : bool
@@ -63,6 +66,7 @@ class Strategy:
     exact_minimum: bool = True
     tolerance: float = 1.0
     further_starts: bool = True
+    either_sign: bool = False
     secondary_refits: bool = True
     pruning: bool = False
     reuses_signatures: bool = False
@@ -100,6 +104,7 @@ def joined(parts: Iterable[Strategy], n_data: int) -> Strategy:
         exact_minimum=all(p.exact_minimum for p in parts),
         tolerance=max((p.tolerance for p in parts), default=1.0),
         further_starts=all(p.further_starts for p in parts),
+        either_sign=any(p.either_sign for p in parts),
         secondary_refits=all(p.secondary_refits for p in parts),
         pruning=any(p.pruning for p in parts),
         reuses_signatures=any(p.reuses_signatures for p in parts),

@@ -87,7 +87,9 @@ class OrderLinesObservation(Fixed, KeptLines):
     pure_error_dof: ClassVar[float] = 0.0
     kind: ClassVar[str] = "orders"
     # The errors of log(measured / predicted) bend the valley to the minimum, so that it is followed to its end.
-    strategy: ClassVar[Strategy] = replace(frugal(TABLE), exact_minimum=True, explained_limit=1.0)
+    strategy: ClassVar[Strategy] = replace(
+        frugal(TABLE), exact_minimum=True, explained_limit=1.0, either_sign=True
+    )
 
     @property
     def n_effective(self) -> float:

@@ -25,6 +25,7 @@ from specan.study.estimation.levenberg_marquardt import (
 )
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
+from specan.study.selection.either_sign import of_either_sign
 from specan.study.selection.score_test import Scored, row_weights
 from specan.study.selection.signatures import with_rows_of
 from specan.study.selection.significance import lack_of_fit_probability
@@ -212,6 +213,8 @@ class Refits:
             known = [dict(self.known[uses])] if uses in self.known else []
             starts = known or self._continuation_start(start, problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
+        if problem.strategy.either_sign and self._whole(start).reduced > POOR_FIT:
+            near = [*near, *of_either_sign(problem, start.fit.values, uses - start.uses)]
         best, reason = self._pruned_minimum(uses, problem, near), ""
         if best is None:
             best, reason = self._lowest(problem, near, self._whole(start))
