@@ -22,8 +22,8 @@ from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
 from specan.study.study_file import NAME, StudyFile, StudyText, read_study_file
 
-# What JSON says of the steps before and after a change.
 RISES = "the error on {} data rises"
+# What JSON says of the steps before and after a change.
 _OF_A_STEP = ("fit_error", "held_out_error", "errors", "reduced_chi2", "held_out_reduced_chi2", "p_value")
 SAME = 0.005  # relative change of an error below which it counts as not having moved
 
