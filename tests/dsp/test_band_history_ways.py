@@ -30,9 +30,8 @@ def recorded(samples: np.ndarray, filters: list[Filter], derivatives: list[int] 
 def everywhere(samples: np.ndarray, one: Filter) -> np.ndarray:
     """Levels from one transform of the whole record in double precision, squares at the full rate."""
     size = 1 << 19  # more than twice the record
-    if one.sampled is not None:
-        response = one.sampled(RATE, size // 2 + 1)
-    else:
+    response = one.causal(RATE, size // 2 + 1)
+    if response is None:
         response = one.response(np.arange(size // 2 + 1) * RATE / size)
     output = np.fft.irfft(np.fft.rfft(samples, size) * response, size)[:, : samples.shape[1]]
     output[:, : int(np.ceil(one.silent * RATE))] = 0.0
