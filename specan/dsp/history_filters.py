@@ -15,9 +15,10 @@ from specan.dsp.weighting import ZEROS, Weighting, complex_weighting, power_weig
 
 # A band is filtered at the lowest rate whose samples are faithful up to this many times its upper edge.
 _ROOM_ABOVE = 1.25
-# A response that is not below -40 dB at half the sampling rate is made causal: cut off there, it rings ahead, and a tone
-# that the record's end cuts off is heard before it, 75 dB below.
-_REACHES = 1e-2
+# A response that is not below -60 dB at half the sampling rate is made causal: cut off there, it rings ahead, and a
+# band hears the record's end before it. Below a tone that ends there: 75 dB with the band's edge at half the rate,
+# 100 dB with -42 dB of it.
+_REACHES = 1e-3
 # After 6 times 3 / B an order 4 band-pass has fallen by 180 dB.
 SETTLINGS_IN_A_BLOCK = 6.0
 # The lowest poles of A, B and C are at 20.6 Hz: seconds to fall by 180 dB.

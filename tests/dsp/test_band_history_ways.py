@@ -69,9 +69,7 @@ def test_readings_are_those_of_the_whole_record_at_the_full_rate(fraction: int) 
         if one.upper > RATE / 2:  # cut off at half the rate, a band rings ahead of the step
             loud[2:] = False
         limit = (
-            0.009
-            if one.lower > (245.0 if fraction == 24 else 1800.0) or one.sampled or one.identity
-            else 0.07
+            0.009 if one.lower > (245.0 if fraction == 24 else 1800.0) or one.silent or one.identity else 0.07
         )
         error = 10 * np.log10(found.readings[:, column][loud] / expected[loud])
         assert np.abs(error).max() < limit, (one.lower, np.abs(error).max())
