@@ -713,7 +713,10 @@ def test_json_is_the_contract(toy, truth):
 
 def test_progress_is_told(toy):
     told = []
-    diagnose(toy.problem(lambda x, z: 3 * x**2, CATALOGUE, seed=17), progress=told.append)
+    diagnose(
+        toy.problem(lambda x, z: 3 * x**2, CATALOGUE, seed=17),
+        progress=lambda text, *share: told.append(text),
+    )
     assert any("square" in text for text in told)
 
 
