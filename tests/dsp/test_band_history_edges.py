@@ -81,3 +81,35 @@ def test_the_highest_bands_read_tones_and_noise_right(rate: float, index: int, f
     output = np.fft.irfft(np.fft.rfft(noise, size) * np.sqrt(response), size)[:n]
     weights = weighted(output, rate)[(times * rate - 0.5).astype(int)]
     assert dB(readings[3].mean() / weights.mean()) == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("rate", [8000.0, 44100.0, 51200.0])
+def test_maxima_of_short_records_are_those_of_every_sample(rate: float) -> None:
+    """The average begins 6 / B after the record and is looked at to its last sample, be it a few cycles later."""
+    worst: dict[float, float] = {}
+    for duration in (0.6, 1.4873, 1.5):
+        n = round(rate * duration)
+        noise = np.random.default_rng(3).standard_normal((2, n))
+        noise[1, : round(0.9 * n)] *= 0.01
+        size = 1 << int(np.ceil(np.log2(3 * n + 4 * rate)))
+        lines, frequency = np.fft.rfft(noise, size), np.arange(size // 2 + 1) * rate / size
+        index = [int(k) for k in bands.band_range(130.0, 440.0, 24)]
+        filters = [band_filter(k, 24) for k in index]
+        found = BandHistoryAccumulator(2, rate, n, filters, TAU, None, np.array([n / rate]))
+        found.add(noise)
+        maximum = found.result().maximum
+        for column, one in enumerate(filters):
+            lower, upper = bands.band_edges(index[column], 24)
+            begins = 6.0 / float(upper - lower)
+            first = int(np.ceil(begins * rate - 0.5))  # a sample stands for half an interval on either side
+            if duration - begins < 0.002:
+                continue
+            output = np.fft.irfft(lines * one.response(frequency), size)[:, first:n]
+            expected = weighted(output, rate).max(axis=1)
+            error = float(np.abs(dB(maximum[:, column] / expected)).max())
+            # What is left of the record: a few milliseconds, some cycles, or more than half a time constant.
+            left = next(limit for limit in (0.06, 0.009, 0.0) if duration - begins > limit)
+            worst[left] = max(worst.get(left, 0.0), error)
+    assert worst[0.06] < 0.2, worst
+    assert worst.get(0.009, 0.0) < 0.2, worst
+    assert worst[0.0] < 0.5, worst
