@@ -54,7 +54,7 @@ class RunningLevel:
         end: float,
         times: NDArray[np.float64],
     ) -> None:
-        starts = max(one.silent, 0.0 if one.sampled else _SETTLINGS_OF_A_CUT * one.settling)
+        starts = one.silent or _SETTLINGS_OF_A_CUT * one.settling
         rate, lead, together = stage.rate, stage.lead, way.together
         self._ripple = abs(way.ripple)
         self._weighting = TimeWeighting(rows, rate / together, time_constant, decay)
