@@ -87,8 +87,10 @@ class FilterAtWork:
         every = 1 << (least - 1).bit_length()
         if one.identity:
             return cls(every, GRAIN // every, False, 0, np.empty(0, dtype=np.complex128))
-        if one.sampled is not None:
-            return cls(every, GRAIN // every, False, 0, one.sampled(stage.rate, points // 2 + 1))
+        # What is thinned out has nothing at half its rate.
+        causal = None if stage.number else one.causal(stage.rate, points // 2 + 1)
+        if causal is not None:
+            return cls(every, GRAIN // every, False, 0, causal)
         need = math.ceil(2.0 * GRAIN * min(one.upper / (_FAITHFUL * stage.rate), 1.0))
         intervals, kept = _grid(min(need, GRAIN), least, 1)
         if intervals * kept >= GRAIN:

@@ -15,6 +15,10 @@ from specan.dsp.weighting import ZEROS, Weighting, complex_weighting, power_weig
 
 # A band is filtered at the lowest rate whose samples are faithful up to this many times its upper edge.
 _ROOM_ABOVE = 1.25
+# A response that is not below -60 dB at half the sampling rate is made causal: cut off there, it rings ahead, and a
+# band hears the record's end before it. Below a tone that ends there: 75 dB with the band's edge at half the rate,
+# 100 dB with -42 dB of it.
+_REACHES = 1e-3
 # After 6 times 3 / B an order 4 band-pass has fallen by 180 dB.
 SETTLINGS_IN_A_BLOCK = 6.0
 # The lowest poles of A, B and C are at 20.6 Hz: seconds to fall by 180 dB.
@@ -45,7 +49,8 @@ class Filter:
         Seconds from the beginning of the record in which its output counts as nothing: a filter so short that
         nothing is lost when it is left to settle.
     sampled : callable, optional
-        Response at a number of lines up to half a sampling rate, of the causal filter with this magnitude.
+        Response at a number of lines up to half a sampling rate, of the causal filter with this magnitude; used by
+        `causal`.
     """
 
     response: Response
@@ -56,6 +61,14 @@ class Filter:
     identity: bool = False
     silent: float = 0.0
     sampled: Callable[[float, int], NDArray[np.complex128]] | None = None
+
+    def causal(self, rate: float, lines: int) -> NDArray[np.complex128] | None:
+        """Response of the causal sampled filter where the analogue one goes on beyond half the rate, else None."""
+        if self.sampled is None or (
+            math.isfinite(self.upper) and abs(self.response(np.array([rate / 2.0]))[0]) < _REACHES
+        ):
+            return None
+        return self.sampled(rate, lines)
 
 
 def band_filter(index: int, fraction: int, weighting: Weighting = "Z") -> Filter:
@@ -68,7 +81,13 @@ def band_filter(index: int, fraction: int, weighting: Weighting = "Z") -> Filter
 
     # The envelope of an order 4 band-pass settles to 1 % within 3 / B.
     settling = 3.0 / (upper - lower)
-    return Filter(response, lower, _ROOM_ABOVE * upper, settling, SETTLINGS_IN_A_BLOCK * settling)
+    ringing = SETTLINGS_IN_A_BLOCK * settling
+
+    def sampled(rate: float, lines: int) -> NDArray[np.complex128]:
+        zeros = bands.FILTER_ORDER + ZEROS[weighting]
+        return minimum_phase(lambda f: np.abs(response(f)), zeros, rate, lines, ringing)
+
+    return Filter(response, lower, _ROOM_ABOVE * upper, settling, ringing, sampled=sampled)
 
 
 def weighting_filter(weighting: Weighting) -> Filter:

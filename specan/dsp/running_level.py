@@ -54,7 +54,7 @@ class RunningLevel:
         end: float,
         times: NDArray[np.float64],
     ) -> None:
-        starts = max(one.silent, 0.0 if one.sampled else _SETTLINGS_OF_A_CUT * one.settling)
+        starts = one.silent or _SETTLINGS_OF_A_CUT * one.settling
         rate, lead, together = stage.rate, stage.lead, way.together
         self._ripple = abs(way.ripple)
         self._weighting = TimeWeighting(rows, rate / together, time_constant, decay)
@@ -72,15 +72,19 @@ class RunningLevel:
         self._end = math.floor(min(float(place[-1]), last) + 1e-6) + 1
         self._silent = math.ceil((lead + one.silent * rate) / together) if one.silent else 0
         self._start = math.ceil((lead + starts * rate) / together)
+        self._from, self._fall = float(self._start - 1), together / (rate * time_constant)
+        if starts and not (one.silent or decay):
+            self._from = (lead + starts * rate + 0.5 * together / way.kept) / together - 1.0
+            self._start = math.floor(self._from) + 1
         self._settled = math.ceil((lead + settled * rate) / together)
         samples = math.floor(lead + end * rate + 1e-6) + 1
         self._last_interval = samples * way.intervals // GRAIN
         self._last_part = max(samples / together - self._last_interval, 1.0 / together)
         self._position, self._read = 0, 0
         self._held, self._last = decay is not None, np.zeros((rows, 1))
+        # The average after which a maximum is looked for, and what the end has of it.
         self._before_start: NDArray[np.float64] | None = None
-        # What the end has of the average before `_start`.
-        self._left = math.exp((self._start - 1 - float(place[-1])) * together / (rate * time_constant))
+        self._left = math.exp((self._from - float(place[-1])) * self._fall)
         self._readings = np.full((rows, place.size), np.nan)
         self._maximum, self._minimum = np.full(rows, np.nan), np.full(rows, np.nan)
 
@@ -127,8 +131,11 @@ class RunningLevel:
                 self._minimum = sparse.smallest(low, self._minimum)
             if high.start < high.stop:
                 if self._before_start is None:
-                    self._before_start = sparse.at(np.array([high.start - 1]))
-                later = self._position - self._start
+                    # Between the ends of two intervals, as if the square were constant: the rest is positive.
+                    earlier, at_end = np.hsplit(sparse.at(high.start + np.array([-1, 0])), 2)
+                    share = math.expm1((self._start - 1 - self._from) * self._fall) / math.expm1(-self._fall)
+                    self._before_start = earlier + share * (at_end - earlier)
+                later = self._position - 1 - self._from
                 self._maximum = sparse.largest(high, self._maximum, self._before_start, later)
             self._look(self.due(square.shape[1]), sparse.at)
         if ripple is not None and ripple.shape[1]:
@@ -162,5 +169,8 @@ class RunningLevel:
             earlier, later = np.hsplit(at(np.concatenate([before, before + 1])), 2)
             share = due - before
             done = self._read + due.size
+            # What is left of an earlier average is taken off that at the end: both as if the square were constant.
+            at_end = self._place[self._read : done] == self._place[-1]
+            share = np.where(at_end, np.expm1(-share * self._fall) / math.expm1(-self._fall), share)
             self._readings[:, self._read : done] = earlier * (1.0 - share) + later * share
             self._read = done

@@ -186,11 +186,11 @@ class SparseAverages:
         return np.where(np.isfinite(found), found, np.nan)
 
     def largest(
-        self, span: slice, least: NDArray[np.float64], earlier: NDArray[np.float64], later: int
+        self, span: slice, least: NDArray[np.float64], earlier: NDArray[np.float64], later: float
     ) -> NDArray[np.float64]:
         """The largest average of each row in a span, or `least`, had the signal begun at or before the span.
 
-        `earlier`, shape (rows, 1), is the average just before that, and place 0 comes so many places `later`.
+        `earlier`, shape (rows, 1), is the average before that; what precedes place 0 comes so many places `later`.
         """
         begins = np.maximum(np.arange(self._before.shape[1]), span.start // _BLOCK) * _BLOCK
         before = self._before - earlier * self._keep ** (later + begins)

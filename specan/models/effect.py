@@ -103,11 +103,7 @@ class Parameter:
         float
             In SI, unless the parameter is `as_declared`.
         """
-        return (
-            value
-            if self._plain or math.isinf(value)
-            else float(convert(value, self.unit, self.received_unit))
-        )
+        return value if self._plain or math.isinf(value) else float(convert(value, self.unit, _si(self.unit)))
 
     def from_si(self, value: float) -> float:
         """A value as the function receives it in `unit`.
@@ -122,11 +118,7 @@ class Parameter:
         float
             In `unit`.
         """
-        return (
-            value
-            if self._plain or math.isinf(value)
-            else float(convert(value, self.received_unit, self.unit))
-        )
+        return value if self._plain or math.isinf(value) else float(convert(value, _si(self.unit), self.unit))
 
     @property
     def received_unit(self) -> str:

@@ -69,7 +69,9 @@ def _with_doubts(explained: Explained) -> Conclusion:
         return found
     base, best = search.base, search.best
     left = best.lack_of_fit < WHOLE or bool(search.extensions) or _fails_somewhere(best)
-    left = left or _follows_a_law(best)
+    # What goes with powers of the operating variables is seen before the whole misfits.
+    law = residual_law(best) if _has_independent_rows(best.problem) else None
+    left = left or (law is not None and law.p_value < LACK_OF_FIT)
     one = "" if left or len(best.uses) == 1 or search.of_one_instrument(best) else _one_unknown(search)
     reasons = []
     if left:
@@ -348,12 +350,6 @@ def _telling(refit: Refit) -> str:
 def _fails_somewhere(best: Refit) -> bool:
     """Whether blocks of conditions stand out of what a set leaves."""
     return _has_independent_rows(best.problem) and bool(localise(best.problem, best.fit).fails_at)
-
-
-def _follows_a_law(best: Refit) -> bool:
-    """Whether what a set leaves goes with powers of the operating variables; seen before the whole misfits."""
-    law = residual_law(best) if _has_independent_rows(best.problem) else None
-    return law is not None and law.p_value < LACK_OF_FIT
 
 
 def _has_independent_rows(problem: Problem) -> bool:

@@ -362,7 +362,8 @@ def headline_of(content: Mapping[str, Any]) -> str:
         return f"Nothing is missing with {content['other_form']}."
     if content["verdict"] == "nothing-missing" and content.get("unknown_possible"):
         return WITHIN_WHAT_IS_KNOWN
-    sets = [" with ".join(members) for members in content["alternatives"]]
+    # The simplest first; the table below has them by likelihood.
+    sets = [" with ".join(members) for members in sorted(content["alternatives"], key=len)]
     more = len(sets) - MOST_IN_HEADLINE
     names = " or ".join(
         [*sets[:MOST_IN_HEADLINE], *([f"one of {more} others"] if more > 1 else sets[MOST_IN_HEADLINE:])]

@@ -30,9 +30,8 @@ def recorded(samples: np.ndarray, filters: list[Filter], derivatives: list[int] 
 def everywhere(samples: np.ndarray, one: Filter) -> np.ndarray:
     """Levels from one transform of the whole record in double precision, squares at the full rate."""
     size = 1 << 19  # more than twice the record
-    if one.sampled is not None:
-        response = one.sampled(RATE, size // 2 + 1)
-    else:
+    response = one.causal(RATE, size // 2 + 1)
+    if response is None:
         response = one.response(np.arange(size // 2 + 1) * RATE / size)
     output = np.fft.irfft(np.fft.rfft(samples, size) * response, size)[:, : samples.shape[1]]
     output[:, : int(np.ceil(one.silent * RATE))] = 0.0
@@ -70,9 +69,7 @@ def test_readings_are_those_of_the_whole_record_at_the_full_rate(fraction: int) 
         if one.upper > RATE / 2:  # cut off at half the rate, a band rings ahead of the step
             loud[2:] = False
         limit = (
-            0.009
-            if one.lower > (245.0 if fraction == 24 else 1800.0) or one.sampled or one.identity
-            else 0.07
+            0.009 if one.lower > (245.0 if fraction == 24 else 1800.0) or one.silent or one.identity else 0.07
         )
         error = 10 * np.log10(found.readings[:, column][loud] / expected[loud])
         assert np.abs(error).max() < limit, (one.lower, np.abs(error).max())

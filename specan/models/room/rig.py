@@ -51,6 +51,9 @@ class Band(Settings):
     left_out_hz: tuple[tuple[NotNegative, Positive], ...] = ()
 
 
+REACHES = (
+    0.2  # of an edge: places in another unit reach as far into the room, one coordinate mistyped does not
+)
 HUM_LINES = 1.5  # lines around a harmonic of the mains that a Hann window lets it reach
 
 
@@ -183,7 +186,8 @@ def _check_apart(points: np.ndarray) -> None:
 def _check_box(rig: Rig, dims: np.ndarray) -> None:
     places = np.array(rig.mics.position_m)
     for size, unit in ((100, "centimetres"), (1000, "millimetres")):
-        if np.any(places > dims) and np.all((places >= 0) & (places / size <= dims)):
+        inside = np.all((places >= 0) & (places / size <= dims))
+        if np.any(places > dims) and inside and np.max(places / size / dims) > REACHES:
             raise RequestError(
                 f"[mics] position_m goes up to {places.max():g}, in a room of {dims.tolist()} m",
                 expected="metres",

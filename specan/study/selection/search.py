@@ -199,7 +199,7 @@ class Search:
 
         All where something is left; else the errors of single instruments, which cost little.
         """
-        if not start.uses or start is not self.best or not self.refits.poor_fit:
+        if not self.refits.poor_fit or not start.uses or start is not self.best:
             return []
         if start.lack_of_fit < WHOLE or _outstanding(start, [c.use for c in found]):
             return list(found)
