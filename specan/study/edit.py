@@ -328,13 +328,15 @@ def _remarks_on_adding(
 
 def _on_errors(before: Step, after: Step, expected_to_fall: bool) -> list[str]:
     remarks = []
-    for what, one, two in (
-        ("fitted", before.fit_error, after.fit_error),
-        ("held-out", before.held_out_error, after.held_out_error),
+    for what, key, one, two in (
+        ("fitted", "fit", before.fit_error, after.fit_error),
+        ("held-out", "held_out", before.held_out_error, after.held_out_error),
     ):
         if one is None or two is None:
             continue
-        if expected_to_fall and two["value"] > one["value"] * (1 + SAME):
+        # Twice the relative standard deviation of the RMS of n independent values, 1 / sqrt(2 n).
+        by_chance = np.sqrt(2.0 / max(sum(row["n"] for row in after.errors.get(key, ())), 1))
+        if expected_to_fall and two["value"] > one["value"] * (1 + max(SAME, by_chance)):
             remarks.append(RISES.format(what))
         elif expected_to_fall and two["value"] > one["value"] * (1 - SAME):
             remarks.append(f"the error on {what} data does not fall")

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import pytest
 from specan.errors import RequestError
 from specan.study import history
 from specan.study.create import begin
-from specan.study.edit import add_effect, drop_effect, drop_effect_file
+from specan.study.edit import _on_errors, add_effect, drop_effect, drop_effect_file
 from specan.study.history import LOCK, PENDING, History, changing, commit, recover
 from specan.study.observation.window_leakage import fold
 from specan.study.study import Study
@@ -206,3 +207,26 @@ def test_memory_of_the_window_matrix_grows_with_the_length_not_with_its_square()
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 5 * peaks[0]
+
+
+@pytest.mark.parametrize(
+    ("after", "n", "expected"),
+    [
+        (
+            1.005,
+            281,
+            "the error on held-out data does not fall",
+        ),  # chance moves the RMS of 281 values by 4.2 %
+        (1.15, 281, "the error on held-out data rises"),
+        (1.15, 20, "the error on held-out data does not fall"),  # and that of 20 values by 16 %
+        (2.67, 20, "the error on held-out data rises"),
+        (0.9, 281, None),
+    ],
+)
+def test_an_error_rises_where_it_does_by_more_than_chance(after, n, expected):
+    def step(value):
+        return SimpleNamespace(
+            fit_error=None, held_out_error={"value": value}, errors={"held_out": [{"n": n}]}
+        )
+
+    assert _on_errors(step(1.0), step(after), expected_to_fall=True) == [expected] * (expected is not None)
