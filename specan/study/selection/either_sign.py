@@ -17,9 +17,7 @@ from specan.study.estimation.problem import Problem
 TRIED = 2.0 ** np.arange(-4, 2)  # times the usual size
 
 
-def of_either_sign(
-    problem: Problem, values: Mapping[str, Any], new: Collection[Use]
-) -> list[Mapping[str, Any]]:
+def of_either_sign(problem: Problem, values: Mapping[str, Any], new: Collection[Use]) -> list[dict[str, Any]]:
     """SI values where some steps lead from the best size of either sign; empty where one sign only is possible.
 
     Parameters
@@ -45,7 +43,7 @@ def of_either_sign(
     if len(best) < 2:
         return []
     try:
-        return [problem.values_at(best_screened(problem, best))]
+        return [dict(problem.values_at(best_screened(problem, best)))]
     except ComputationError:  # the other starts may do
         return []
 

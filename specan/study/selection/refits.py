@@ -214,7 +214,7 @@ class Refits:
             starts = known or self._continuation_start(start, problem, uses, starts) or starts
         near = self._nearer(problem, start, starts)
         if problem.strategy.either_sign and self._whole(start).reduced > POOR_FIT:
-            near = [*near, *map(dict, of_either_sign(problem, start.fit.values, uses - start.uses))]
+            near = [*near, *of_either_sign(problem, start.fit.values, uses - start.uses)]
         best, reason = self._pruned_minimum(uses, problem, near), ""
         if best is None:
             best, reason = self._lowest(problem, near, self._whole(start))
