@@ -31,13 +31,14 @@ from specan.study.selection.refits import (
     Refits,
     start_from,
 )
-from specan.study.selection.score_test import Scored, best_of_each, score
+from specan.study.selection.score_test import Scored, best_of_each, different, score
 from specan.study.selection.signatures import Known, signatures
-from specan.study.selection.starting_values import planned_points, scan_promising, scan_shapes
+from specan.study.selection.starting_values import PLACES, planned_points, scan_promising, scan_shapes
 
 SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
 SCREENED, PER_EFFECT = 8, 2  # of them that are followed for some steps, and at most so many of one effect
 SCREENING_STARTS = 2  # signatures of each
+AT_ONCE = 4  # of those that promise most without having been looked at over all of their shapes
 REFITTED = 4  # of those, that are refitted
 CLEAR = 0.7  # share of the base's chi-square on the down-weighted view that may be left by what is nearer
 MOST_REFITTED = 7  # with those that are easily taken for the best so far
@@ -157,11 +158,33 @@ def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit
         def say(use: Use) -> None:
             trying(f": with {use}", REFITS)
 
-        better = _best_of_few(refits, best, scored, say)
+        better = _evident(refits, best, scored, say) or _best_of_few(refits, best, scored, say)
         if better is best or better.reduced < 1:  # within the few per cent of the view
             break
         best = better
     return list(refits.done.values())
+
+
+def _evident(
+    refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]], trying: Callable[[Use], None]
+) -> Refit | None:
+    """The set with one effect more that meets the view from what few signatures promise; None where none does.
+
+    Then nothing has to be looked at over all of its shapes. Effects at one place may be anywhere else as well: of them
+    the best of a few places is no beginning.
+    """
+    effects = best.problem.assembly.model.effects
+    order = sorted(scored, key=lambda use: best.promised(scored[use][0]))
+    everywhere = [use for use in order if not set(PLACES).intersection(effects[use.name].parameters)]
+    few = {use: different(scored[use], SCREENING_STARTS) for use in _of_several_names(everywhere)[:AT_ONCE]}
+    for use in _screened(best, few)[:1]:
+        trying(use)
+        first = Refits(refits.base, rough=True)
+        refit = first.fit(best, [[item] for item in few[use]])
+        if refit is not None and refit.reduced < SURE:
+            refits.done[refit.uses] = refit
+            return refit
+    return None
 
 
 def _best_of_few(
