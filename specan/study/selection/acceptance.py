@@ -298,12 +298,10 @@ def complete(better: Refit, worse: Refit) -> bool:
     ``COINCIDENCE ** ((n - 1) / 2)`` among n directions: 7e-4 with ten resonances, 2e-7 with twenty. The same
     holds of an instrument error that the worse set takes far from its certificate: what it would leave there counts.
     """
-    fit = worse.fit
-    certified = {name: worse.problem.priors[name.whole] for name in _freed(better, worse)}
-    at_certificates = sum(
-        ((fit.theta[fit.names.index(name)] - mean) / fit.standard_error(name)) ** 2
-        for name, (mean, _) in certified.items()
-    )
+    at_certificates = 0.0
+    for name in _freed(better, worse):
+        mean, fitted = worse.problem.priors[name.whole][0], worse.fit.theta[worse.fit.names.index(name)]
+        at_certificates += float((fitted - mean) / worse.fit.standard_error(name)) ** 2
     return worse.chi2 + at_certificates - better.chi2 > incomplete(better)
 
 
