@@ -19,8 +19,8 @@ _AFTER = 1024
 # The thinned stream is this much behind the section, which gives its low-pass room to ring ahead. Its slope is
 # exp(-(12 f / w)^2) with w = 1/80 of the rate (`decimator.PASS`, `STOP`): after 1912 samples it is below 1e-17.
 LATE, _RINGS = 2048, 2048
-# With sixteen times the ringing 15 of 16 samples are results. On lower rates, with fewer samples, memory counts.
-_TIMES, _LONGEST, _LONGEST_BELOW = 16, 160 * GRAIN, 80 * GRAIN
+# With ten times the ringing nine tenths of a transform are results. On lower rates, with fewer samples, memory counts.
+_TIMES, _LONGEST, _LONGEST_BELOW = 10, 160 * GRAIN, 80 * GRAIN
 # Rows transformed together: enough to share the twiddle factors, few enough to stay in the cache.
 _ROWS = 4
 

@@ -232,7 +232,9 @@ class SparseAverages:
         sought = np.ones((before.shape[0], last - first), dtype=np.bool_)
         whole = slice(-(-span.start // _BLOCK), span.stop // _BLOCK)
         if whole.stop > whole.start:
-            ended = before[:, whole.start + 1 : whole.stop + 1]  # a block ends with what is before the next one
+            ended = before[
+                :, whole.start + 1 : whole.stop + 1
+            ]  # a block ends with what is before the next one
             finite = np.isfinite(ended[:, -1])  # what is not finite stays so
             if finite.all():
                 plain, seen = (np.maximum, ended) if better is np.fmax else (np.minimum, before[:, whole])
