@@ -178,7 +178,8 @@ def put_aside(
 def _alike(labels: NDArray[Any], level: str) -> NDArray[np.bool_]:
     """Which labels are what a user wrote: ``25`` is the third octave 25.0."""
     if labels.dtype.kind != "f":
-        return np.asarray(labels == level)
+        # one that stands elsewhere in another recording is named after its channel there, too
+        return np.asarray((labels == level) | np.char.startswith(labels.astype(str), f"{level} in "))
     try:
         return np.isclose(labels, float(level), rtol=SAME_LEVEL)
     except ValueError:

@@ -359,10 +359,12 @@ class Problem:
         return np.split(array, np.cumsum([o.n for o in self.observations]))
 
     def seen_by(self, observation: Observation, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Values as one observation sees them: of vectors over recordings, its own elements."""
+        """Values as one observation sees them: of vectors over recordings its own elements, or their mean."""
         own = [name for name in self._per_recording if name in values]
         if not own or observation.recordings == self.recordings:
             return values
+        if not set(observation.recordings) <= set(self.recordings):
+            return {**values, **{n: np.full(len(observation.recordings), np.mean(values[n])) for n in own}}
         index = [self.recordings.index(r) for r in observation.recordings]
         return {**values, **{name: values[name][index] for name in own}}
 
