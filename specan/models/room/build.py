@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,8 @@ from specan.models.catalogue import effects_in
 from specan.models.effect import Use
 from specan.models.model import Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, Quantity, constant
-from specan.models.room import air, field, instruments
-from specan.models.room.places import room_receivers
+from specan.models.room import air, field, instruments, known_walls
+from specan.models.room.places import room_receivers, wall_areas
 from specan.models.room.rig import WALLS, Rig, read_rig
 from specan.models.room.shape import RoomShape, mesh_shape
 from specan.models.room.temperature_log import read_temperature_log
@@ -27,6 +27,7 @@ WORDS = Words(
     what_else="Positions that would tell more of the walls: specan study impedance {study}",
 )
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
+NOTHING_KNOWN = {"known_wall": "the rig file states the impedance of no wall ([walls])"}
 LARGEST_M = 100.0  # no room is so large along its shortest edge
 MOST_MODES = 60_000  # about 60 MB a block of lines
 
@@ -43,15 +44,21 @@ def build(rig: Mapping[str, Any]) -> Model:
     shape = _box(settings) if settings.room.mesh is None else mesh_shape(settings)
     microphones = tuple(f"Mic {i}" for i in range(1, len(settings.mics.position_m) + 1))
     cards = settings.mics.cards or ((1, len(microphones)),)
+    walls = known_walls.tied(shape.walls, settings.room.tied_walls)
+    tables = known_walls.known_tables(settings.walls, walls, (settings.band.f_min_hz, settings.band.f_max_hz))
+    octaves = _bands(settings, per_octave=1)
     quantities = [
         *shape.quantities,
         *_constants(settings, cards, shape.walls),
+        *_of_walls(shape.walls, walls, tables, octaves),
         *air.QUANTITIES,
+        *known_walls.QUANTITIES,
         *field.QUANTITIES,
         *instruments.QUANTITIES,
     ]
     effects = effects_in("specan.models.room.effects")
-    unsuited = {name for name, effect in effects.items() if effect.at in shape.lacks}
+    lacks = {**shape.lacks, **({} if tables else NOTHING_KNOWN)}
+    unsuited = {name for name, effect in effects.items() if effect.at in lacks}
     return Model(
         name="room",
         title=shape.title,
@@ -68,23 +75,26 @@ def build(rig: Mapping[str, Any]) -> Model:
         },
         quantities={q.name: q for q in quantities},
         effects={name: effect for name, effect in effects.items() if name not in unsuited},
-        unsuited={name: shape.lacks[effects[name].at] for name in sorted(unsuited)},
+        unsuited={name: lacks[effects[name].at] for name in sorted(unsuited)},
         observables={
             "frf": Observable(
                 "frf", "indicated_frf", "Pa*s/m", "Sound pressure over diaphragm velocity.", kind="frf"
             ),
         },
-        nuisances=tuple(n for n in _nuisances(settings) if Use.parse(n.effect).name not in unsuited),
+        nuisances=tuple(n for n in _nuisances(settings, tables) if Use.parse(n.effect).name not in unsuited),
         axes={
-            "wall": shape.walls,
+            "wall": tuple(walls),
+            "face": shape.walls,
+            "known_wall": tuple(tables),
+            "octave": tuple(f"{f:.4g} Hz" for f in octaves),
             "microphone": microphones,
             "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
-            "third_octave": tuple(f"{f:.4g} Hz" for f in _third_octaves(settings)),
+            "third_octave": tuple(f"{f:.4g} Hz" for f in _bands(settings)),
             **shape.axes,
         },
         words=WORDS,
         receivers=room_receivers(settings, microphones),
-        settings={"rig": settings.model_dump()},
+        settings={"rig": settings.model_dump(), "face_areas_m2": shape.areas_m2},
     )
 
 
@@ -115,6 +125,7 @@ def _box(rig: Rig) -> RoomShape:
     return RoomShape(
         title="Sound field of a rectangular room with a piston in one wall",
         walls=WALLS,
+        areas_m2=tuple(wall_areas(rig.room.dims_m).values()),
         quantities=(
             constant("room_origin", np.zeros(3), "m", "Corner from which the room's edges start."),
             constant("room_dimensions", dims, "m", "Edges of the room.", ("dimension",)),
@@ -168,19 +179,38 @@ def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, .
         ("source_position", np.array(rig.piston.centre_m), "m", "Centre of the piston.", ()),
         ("piston_wall", walls.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
         ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
-        ("third_octave_hz", _third_octaves(rig), "Hz", "Third octaves of the band.", ("third_octave",)),
+        ("third_octave_hz", _bands(rig), "Hz", "Third octaves of the band.", ("third_octave",)),
     ]
     names = replace(constant("wall_names", walls, "1", "Names of the walls."), opaque=True)
     return [names, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
 
 
-def _third_octaves(rig: Rig) -> np.ndarray:
-    """Exact mid-band frequencies of the third octaves of the band (IEC 61260-1, base 10)."""
-    low, high = (round(10 * np.log10(f / 1000)) for f in (max(rig.band.f_min_hz, 1.0), rig.band.f_max_hz))
-    return 1000 * 10.0 ** (np.arange(low, high + 1) / 10)
+def _of_walls(
+    faces: tuple[str, ...],
+    walls: Mapping[str, tuple[str, ...]],
+    tables: Mapping[str, known_walls.WallTable],
+    octaves: np.ndarray,
+) -> list[Quantity]:
+    names = list(walls)
+    wall_of = np.array([next(i for i, n in enumerate(names) if face in walls[n]) for face in faces])
+    known = np.array([names.index(name) for name in tables], dtype=int)
+    stated = constant("wall_tables", tuple(tables.values()), "1", "What the rig file states of walls.")
+    return [
+        constant("wall_of_face", wall_of, "1", "Number of the wall that each face belongs to.", ("face",)),
+        constant("known_walls", known, "1", "Numbers of the walls of which something is stated."),
+        constant("octave_hz", octaves, "Hz", "Octaves of the band.", ("octave",)),
+        replace(stated, opaque=True),
+    ]
 
 
-def _nuisances(rig: Rig) -> tuple[Nuisance, ...]:
+def _bands(rig: Rig, per_octave: int = 3) -> np.ndarray:
+    """Exact mid-band frequencies of the third octaves or octaves of the band (IEC 61260-1, base 10)."""
+    ends = (max(rig.band.f_min_hz, 1.0), rig.band.f_max_hz)
+    low, high = (round(10 * np.log10(f / 1000) * per_octave / 3) for f in ends)
+    return 1000 * 10.0 ** (np.arange(low, high + 1) * 3 / (10 * per_octave))
+
+
+def _nuisances(rig: Rig, known: Iterable[str]) -> tuple[Nuisance, ...]:
     """Instrument errors and the state of the air, held by what the rig file says of them."""
     given = rig.uncertainty
     listed = [
@@ -196,4 +226,9 @@ def _nuisances(rig: Rig) -> tuple[Nuisance, ...]:
             for i in range(1, len(rig.mics.cards) + 1)
         ),
     ]
-    return tuple(Nuisance(e, p, sd, f"[uncertainty] {key}") for e, p, sd, key in listed if sd)
+    stated = [
+        Nuisance(f"wall-data@{wall}", part, 1.0, "[walls]")
+        for wall in known
+        for part in ("conductance", "susceptance")
+    ]
+    return (*(Nuisance(e, p, sd, f"[uncertainty] {key}") for e, p, sd, key in listed if sd), *stated)

@@ -74,10 +74,23 @@ def opening(area: float, impedance: Complex, mass_factor: Complex, radius: float
 
 @quantity(unit="1", axes=("wall",))
 def wall_admittance(
-    frequency, wall_names, *, common=Parameter(0.005, "1", min=0.0, max=0.03, doc="the same on all walls")
+    frequency,
+    wall_of_face,
+    known_admittance,
+    known_walls,
+    *,
+    common=Parameter(0.005, "1", min=0.0, max=0.03, doc="the same on all walls of which nothing is known"),
 ):
-    """Specific admittance rho c / Z of each wall, array (walls, lines)."""
-    return np.full((len(wall_names), len(frequency)), common, dtype=complex)
+    """Specific admittance rho c / Z of each wall, of tied walls together, array (walls, lines)."""
+    found = np.full((max(wall_of_face) + 1, len(frequency)), common, dtype=complex)
+    found[known_walls] = known_admittance
+    return found
+
+
+@quantity(unit="1", axes=("face",))
+def face_admittance(wall_admittance, wall_of_face):
+    """Specific admittance of each face of the room, array (faces, lines): tied walls have one for all of theirs."""
+    return wall_admittance[wall_of_face]
 
 
 @quantity(unit="1", opaque=True)
@@ -86,7 +99,7 @@ def room_modes(
     sound_speed,
     air_attenuation,
     air_dispersion,
-    wall_admittance,
+    face_admittance,
     room_dimensions,
     drawn_dimensions,
     mode_margin,
@@ -97,7 +110,7 @@ def room_modes(
         sound_speed,
         air_attenuation,
         air_dispersion,
-        wall_admittance,
+        face_admittance,
         room_dimensions,
         drawn_dimensions,
         mode_margin,
@@ -144,7 +157,7 @@ def field(
     room_modes,
     density,
     sound_speed,
-    wall_admittance,
+    face_admittance,
     wall_names,
     receiver_position,
     source_position,
@@ -166,7 +179,7 @@ def field(
     microphones = [Port(point(p), piston.axis) for p in receiver_position]
     given = [(piston, area * piston_velocity_profile)]
     given += [(port, item.strength) for port, item in _placed(sources, room_modes)]
-    rigid = -area * wall_admittance[piston_wall] / (density * sound_speed)
+    rigid = -area * face_admittance[piston_wall] / (density * sound_speed)
     loads = [(piston, rigid)] + [(port, item.admittance) for port, item in _placed(local_loads, room_modes)]
     factor = 1j * omega * density
     room_modes.prepare([port for port, _ in (*given, *loads)])
@@ -239,4 +252,4 @@ def piston_velocity_profile(frequency):
     return np.ones(len(frequency), dtype=complex)
 
 
-QUANTITIES = (wall_admittance, field, sources, local_loads, piston_velocity_profile)
+QUANTITIES = (wall_admittance, face_admittance, field, sources, local_loads, piston_velocity_profile)

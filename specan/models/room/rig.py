@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from specan.errors import RequestError
+from specan.models.room.known_walls import KnownWall
 from specan.schema import Settings, parse
 
 Positive = Annotated[float, Field(gt=0)]
@@ -22,6 +23,7 @@ class Room(Settings):
 
     dims_m: tuple[Positive, Positive, Positive] | None = None
     mesh: str | None = None
+    tied_walls: tuple[tuple[str, ...], ...] = ()
 
 
 class Piston(Settings):
@@ -122,6 +124,7 @@ class Rig(Settings):
 
     room: Room
     piston: Piston
+    walls: dict[str, KnownWall] = Field(default_factory=dict)
     air: Air = Air()
     band: Band
     mics: Mics

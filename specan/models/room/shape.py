@@ -35,7 +35,9 @@ class RoomShape:
     Attributes
     ----------
     walls : tuple of str
-        Elements of the axis ``wall``.
+        Elements of the axis ``face``, and of ``wall`` as long as none are tied.
+    areas_m2 : tuple of float
+        Their areas.
     quantities : tuple of Quantity
         ``room_origin``, ``room_dimensions``, ``room_modes``, and what the latter reads of the shape.
     axes : mapping
@@ -48,6 +50,7 @@ class RoomShape:
 
     title: str
     walls: tuple[str, ...]
+    areas_m2: tuple[float, ...]
     quantities: tuple[Quantity, ...]
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     lacks: Mapping[str, str] = field(default_factory=dict)
@@ -70,6 +73,7 @@ def mesh_shape(rig: Rig) -> RoomShape:
     return RoomShape(
         title=f"Sound field of the room in {path.name} with a piston in one wall",
         walls=tuple(mesh.walls),
+        areas_m2=tuple(float(triangle_areas(mesh.points, t).sum()) for t in mesh.walls.values()),
         quantities=(
             constant("room_origin", mesh.origin, "m", "Lowest corner of the box around the room."),
             constant("room_dimensions", mesh.edges, "m", "Edges of the box around the room."),

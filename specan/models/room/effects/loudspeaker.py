@@ -46,7 +46,7 @@ def piston_breakup(
 @effect(
     "flanking-source",
     joins="sources",
-    at="wall",
+    at="face",
     neutral={"ratio": 0.0},
     aliases=("piston-size",),
     separate_by="blocking the cone and measuring what is left",
