@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,10 @@ from specan.models.effect import Use
 from specan.models.model import Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, Quantity, constant
 from specan.models.room import air, field, instruments, known_walls
-from specan.models.room.places import room_receivers, wall_areas
+from specan.models.room.places import in_recording, places_of, room_receivers, wall_areas
 from specan.models.room.rig import WALLS, Rig, read_rig
 from specan.models.room.shape import RoomShape, mesh_shape
-from specan.models.room.temperature_log import read_temperature_log
+from specan.models.room.temperature_log import TemperatureLog, read_temperature_log
 
 WORDS = Words(
     ideal="the ideal room",
@@ -28,6 +29,7 @@ WORDS = Words(
 )
 MODE_MARGIN = 1.7  # largest wave number of the truncated sum over that of the band
 NOTHING_KNOWN = {"known_wall": "the rig file states the impedance of no wall ([walls])"}
+ONE_LOUDSPEAKER = {"loudspeaker": "the rig file has no further loudspeaker ([[loudspeakers]])"}
 LARGEST_M = 100.0  # no room is so large along its shortest edge
 MOST_MODES = 60_000  # about 60 MB a block of lines
 
@@ -40,9 +42,10 @@ def build(rig: Mapping[str, Any]) -> Model:
     RequestError
         The rig file has an unknown key, lacks one, says something impossible, or needs too many modes.
     """
-    settings, notes = _at_logged_temperature(read_rig(rig))
+    settings, log, notes = _at_logged_temperature(read_rig(rig))
     shape = _box(settings) if settings.room.mesh is None else mesh_shape(settings)
     microphones = tuple(f"Mic {i}" for i in range(1, len(settings.mics.position_m) + 1))
+    places = places_of(settings, microphones)
     cards = settings.mics.cards or ((1, len(microphones)),)
     walls = known_walls.tied(shape.walls, settings.room.tied_walls)
     tables = known_walls.known_tables(settings.walls, walls, (settings.band.f_min_hz, settings.band.f_max_hz))
@@ -57,7 +60,12 @@ def build(rig: Mapping[str, Any]) -> Model:
         *instruments.QUANTITIES,
     ]
     effects = effects_in("specan.models.room.effects")
-    lacks = {**shape.lacks, **({} if tables else NOTHING_KNOWN)}
+    loudspeakers = tuple(f"loudspeaker {i}" for i in range(2, 2 + len(settings.loudspeakers)))
+    lacks = {
+        **shape.lacks,
+        **({} if tables else NOTHING_KNOWN),
+        **({} if settings.loudspeakers else ONE_LOUDSPEAKER),
+    }
     unsuited = {name for name, effect in effects.items() if effect.at in lacks}
     return Model(
         name="room",
@@ -71,6 +79,17 @@ def build(rig: Mapping[str, Any]) -> Model:
                 "Power spectral density of the vibrometer's signal.",
                 "velocity_psd",
                 "m^2/s",
+            ),
+            "temperature_difference": Condition(
+                "temperature_difference",
+                "K",
+                "Air of a recording over the nominal temperature.",
+                "temperature_difference_K",
+                "K",
+                default=0.0,
+            ),
+            "driven": Condition(
+                "driven", "1", "Number of the set of loudspeakers that move.", "driven", "1", default=0.0
             ),
         },
         quantities={q.name: q for q in quantities},
@@ -88,23 +107,26 @@ def build(rig: Mapping[str, Any]) -> Model:
             "known_wall": tuple(tables),
             "octave": tuple(f"{f:.4g} Hz" for f in octaves),
             "microphone": microphones,
+            "place": places,
+            "loudspeaker": loudspeakers,
             "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
             "third_octave": tuple(f"{f:.4g} Hz" for f in _bands(settings)),
             **shape.axes,
         },
         words=WORDS,
-        receivers=room_receivers(settings, microphones),
+        receivers=room_receivers(settings, places, partial(in_recording, settings, log)),
         settings={"rig": settings.model_dump(), "face_areas_m2": shape.areas_m2},
     )
 
 
-def _at_logged_temperature(rig: Rig) -> tuple[Rig, tuple[str, ...]]:
-    """The rig with the air as a thermometer has logged it, where it has, and what to tell of that."""
+def _at_logged_temperature(rig: Rig) -> tuple[Rig, TemperatureLog | None, tuple[str, ...]]:
+    """The rig with the air as a thermometer has logged it, where it has; the log, and what to tell of it."""
     if rig.air.temperature_log is None:
-        return rig, ()
+        return rig, None, ()
     path = Path(rig.air.temperature_log)
     log = read_temperature_log(path)
-    known = log.uncertainty_K(rig.uncertainty.temperature_K)
+    thermometer = rig.uncertainty.temperature_K
+    known = thermometer if log.timed else log.uncertainty_K(thermometer)
     logged = rig.model_copy(
         update={
             "air": rig.air.model_copy(update={"nominal_temperature_C": log.mean_C}),
@@ -114,7 +136,8 @@ def _at_logged_temperature(rig: Rig) -> tuple[Rig, tuple[str, ...]]:
     said = (
         f"air of {log.mean_C:.2f} degrees Celsius, {log.span_K:.2g} K from the lowest to the highest reading"
     )
-    return logged, (f"{path.name}: {said}; standard uncertainty {known:.2g} K with that of the thermometer",)
+    how = "with that of the thermometer" + (", of each recording by its own time" if log.timed else "")
+    return logged, log, (f"{path.name}: {said}; standard uncertainty {known:.2g} K {how}",)
 
 
 def _box(rig: Rig) -> RoomShape:
@@ -159,30 +182,67 @@ def _check_size(rig: Rig, dims: tuple[float, ...]) -> None:
 
 def _constants(rig: Rig, cards: tuple[tuple[int, int], ...], walls: tuple[str, ...]) -> list[Quantity]:
     positions = np.array(rig.mics.position_m, dtype=float)
-    card_of = np.zeros(len(positions), dtype=int)
+    count = len(positions)
+    everywhere = np.concatenate(
+        [positions, *(np.array(places, dtype=float) for places in rig.moved.values())]
+    )
+    card_of = np.zeros(count, dtype=int)
     for number, (low, high) in enumerate(cards):
         card_of[low - 1 : high] = number
     listed = [
         (
-            "air_temperature",
+            "nominal_air_temperature",
             rig.air.nominal_temperature_C + air.ZERO_CELSIUS,
             "K",
-            "Temperature of the air.",
+            "Temperature of the air as the rig file states it.",
             (),
         ),
         ("air_pressure", rig.air.nominal_pressure_Pa, "Pa", "Static pressure.", ()),
         ("relative_humidity", rig.air.relative_humidity_percent / 100, "1", "Relative humidity.", ()),
-        ("receiver_position", positions, "m", "Positions of the microphones.", ("microphone",)),
-        ("receiver_nominal_gain", np.ones(len(positions)), "1", "Gain after calibration.", ("microphone",)),
+        ("receiver_position", everywhere, "m", "Places of microphones, in all recordings.", ("place",)),
+        (
+            "microphone_at_place",
+            np.arange(len(everywhere)) % count,
+            "1",
+            "Number of the microphone at each place.",
+            ("place",),
+        ),
+        ("receiver_nominal_gain", np.ones(count), "1", "Gain after calibration.", ("microphone",)),
         ("card_nominal_delay", np.zeros(len(cards)), "s", "Delay of each card as it should be.", ("card",)),
         ("card_of_microphone", card_of, "1", "Number of the card of each microphone.", ("microphone",)),
         ("source_position", np.array(rig.piston.centre_m), "m", "Centre of the piston.", ()),
         ("piston_wall", walls.index(rig.piston.wall), "1", "Number of the piston's wall.", ()),
         ("piston_radius", rig.piston.radius_m, "m", "Radius of the piston.", ()),
+        ("loudspeaker_nominal", _ratios(rig), "1", "Level (dB), delay (s) and sign against the piston.", ()),
         ("third_octave_hz", _bands(rig), "Hz", "Third octaves of the band.", ("third_octave",)),
     ]
-    names = replace(constant("wall_names", walls, "1", "Names of the walls."), opaque=True)
-    return [names, *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed)]
+    opaque = [
+        constant("wall_names", walls, "1", "Names of the walls."),
+        constant(
+            "further_loudspeakers",
+            tuple((walls.index(one.wall), np.array(one.centre_m), one.radius_m) for one in rig.loudspeakers),
+            "1",
+            "Wall, centre and radius of loudspeakers beside the piston.",
+        ),
+        constant(
+            "driven_sets", _driven_sets(rig), "1", "Loudspeakers that move, that of the vibrometer first."
+        ),
+    ]
+    return [
+        *(replace(one, opaque=True) for one in opaque),
+        *(constant(name, value, unit, doc, axes) for name, value, unit, doc, axes in listed),
+    ]
+
+
+def _driven_sets(rig: Rig) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the loudspeakers that move, counted from 0: all, then those of recordings with others."""
+    own = [tuple(n - 1 for n in one.driven) for one in rig.recordings if one.driven is not None]
+    return (tuple(range(1 + len(rig.loudspeakers))), *dict.fromkeys(own))
+
+
+def _ratios(rig: Rig) -> np.ndarray:
+    stated = [(one.level_dB, one.delay_s, -1.0 if one.inverted else 1.0) for one in rig.loudspeakers]
+    return np.array(stated).reshape(-1, 3).T
 
 
 def _of_walls(
@@ -227,8 +287,17 @@ def _nuisances(rig: Rig, known: Iterable[str]) -> tuple[Nuisance, ...]:
         ),
     ]
     stated = [
+        Nuisance(f"loudspeaker-ratio@loudspeaker {number}", part, sd, "[[loudspeakers]]")
+        for number, one in enumerate(rig.loudspeakers, 2)
+        for part, sd in (("level", one.u_level_dB), ("delay", one.u_delay_s))
+        if sd
+    ]
+    stated += [
         Nuisance(f"wall-data@{wall}", part, 1.0, "[walls]")
         for wall in known
         for part in ("conductance", "susceptance")
     ]
-    return (*(Nuisance(e, p, sd, f"[uncertainty] {key}") for e, p, sd, key in listed if sd), *stated)
+    return (
+        *(Nuisance(e, p, sd, f"[uncertainty] {key}", e == "temperature") for e, p, sd, key in listed if sd),
+        *stated,
+    )
