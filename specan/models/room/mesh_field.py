@@ -53,9 +53,9 @@ _FIELDS: OrderedDict[tuple[object, ...], MeshField] = OrderedDict()
 
 
 @quantity(unit="1", opaque=True)
-def room_modes(frequency, sound_speed, air_attenuation, air_dispersion, wall_admittance, room_mesh):
+def room_modes(frequency, sound_speed, air_attenuation, air_dispersion, face_admittance, room_mesh):
     """The room's modes, and the couplings that were asked of them."""
-    inputs = (frequency, sound_speed, air_attenuation, air_dispersion, wall_admittance)
+    inputs = (frequency, sound_speed, air_attenuation, air_dispersion, face_admittance)
     key = (id(room_mesh.modes), *(np.asarray(value).tobytes() for value in inputs))
     if key not in _FIELDS:
         while len(_FIELDS) >= _KEPT:
