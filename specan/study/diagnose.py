@@ -285,6 +285,8 @@ def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
 
 def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Block]) -> Sequence[Proposal]:
     """Measurements between the rivals; between the best and the next in rank where there are none."""
+    if verdict == "unknown-effect" and suspect_rows(search.base):
+        return (Proposal("what carries the misfit once more, before anything else", {}, {}, "", None, None),)
     if verdict == "unknown-effect":
         return explore(search.best, fails_at)
     others = [r for r in search.refits.of_size(1) if r not in sets and search.believable(r)]
@@ -297,9 +299,12 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
 
 
 def _law_of_what_is_left(search: Search, found: Conclusion) -> ResidualLaw | None:
-    """A law for what the base lacks where that is unknown, else for what the best set leaves if that follows one."""
+    """A law for what the base lacks where that is unknown, else for what the best set leaves if that follows one.
+
+    None where a single condition or reading carries the misfit: it has no law.
+    """
     if found.kind == "unknown-effect":
-        return residual_law(search.base)
+        return None if suspect_rows(search.base) else residual_law(search.base)
     law = residual_law(search.best) if found.doubt and search.best.uses else None
     return law if law is not None and law.p_value < LACK_OF_FIT else None
 

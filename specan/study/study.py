@@ -286,7 +286,10 @@ class Study:
         if not self.data.held_out:
             return None
         values = self.problem.values_at(self.shown.theta)
-        unseen = [o.about(self.problem.assembly, values, seen=False) for o in self.data.held_out]
+        unseen = [
+            o.about(self.problem.assembly, self.problem.seen_by(o, values), seen=False)
+            for o in self.data.held_out
+        ]
         return held_out_error(self.problem, self.shown, unseen)
 
     @cached_property

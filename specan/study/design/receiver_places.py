@@ -48,10 +48,8 @@ def few_lines(observation: FrfObservation) -> FrfObservation:
         modal=None if observation.modal is None else observation.modal[:, lines],
         kept=observation.kept[:, lines],
         folding=Folding.none(frequency),
-        conditions_at_nodes={
-            name: np.interp(frequency, observation.folding.nodes, value)
-            for name, value in observation.conditions_at_nodes.items()
-        },
+        conditions_at_nodes=observation.conditions_at(frequency),
+        drift=observation.drift and observation.drift.at(lines),
     )
 
 
@@ -121,7 +119,9 @@ def can_place(problem: Problem) -> bool:
     receivers = problem.assembly.model.receivers
     if receivers is None or receivers.places is None:
         return False
-    own = any(problem.assembly.parameters[name].per == receivers.axis for name in problem.free)
+    axes = problem.assembly.model.axes
+    alike = [axis for axis, names in axes.items() if not set(names).isdisjoint(axes[receivers.axis])]
+    own = any(problem.assembly.parameters[name].per in alike for name in problem.free)
     return not own and all(isinstance(o, FrfObservation) for o in problem.observations)
 
 

@@ -30,7 +30,7 @@ ALONG = Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's second 
 @effect(
     "helmholtz-resonator",
     joins="local_loads",
-    at="wall",
+    at="face",
     neutral={"neck_area": 0.0},
     aliases=("panel-resonance", "leak"),
     separate_by="a microphone at the neck; closing it",
@@ -63,7 +63,7 @@ def helmholtz_resonator(
 @effect(
     "leak",
     joins="local_loads",
-    at="wall",
+    at="face",
     neutral={"area": 0.0},
     aliases=("helmholtz-resonator", "panel-resonance"),
     separate_by="sealing it; the lowest frequencies, where the response leaves the stiffness line",
