@@ -73,7 +73,7 @@ def test_an_array_that_is_moved_is_one_study_and_each_recording_has_its_own_air(
     assert np.diff(offset)[0] == pytest.approx(1.5, abs=0.2)
     assert study.held_out.reduced_chi2 < 1.3
     places = np.array([[0.3, 0.3, 0.3], [0.5, 0.4, 0.2]])
-    (view,) = _views([Refit(frozenset(), study.problem, best)], places)  # further places, in the first recording
+    (view,) = _views([Refit(frozenset(), study.problem, best)], places)  # of the first recording
     column = {name: k for k, name in enumerate(study.problem.names)}
     assert np.any(view.slopes[..., column["temperature.offset[first.tdms]"]])
     assert not np.any(view.slopes[..., column["temperature.offset[second.tdms]"]])
