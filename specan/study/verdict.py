@@ -15,6 +15,7 @@ from specan.result import Result, counted
 from specan.study.estimation.fit import intervals_95, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.selection.acceptance import left_out_error
+from specan.study.selection.doubtful_data import CARRIES
 from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.pulls import Pull, pulls, shown
 from specan.study.selection.refits import Refit
@@ -344,6 +345,9 @@ MOST_IN_HEADLINE = 3  # sets of effects; the others stand in the table
 # Nothing-missing where the data alone would rather take values that contradict what is known.
 WITHIN_WHAT_IS_KNOWN = "Nothing is missing if the values are as known; the data alone would take others."
 
+# Unknown where the model meets all data but one condition or reading.
+OR_WRONG_DATA = "One condition is wrong, or something is missing there that is not on the list of effects."
+
 
 def headline(found: Diagnosis) -> str:
     """The verdict as one sentence: ``Missing: windage or seal-drag; these data cannot tell which.``"""
@@ -362,6 +366,8 @@ def headline_of(content: Mapping[str, Any]) -> str:
         return f"Nothing is missing with {content['other_form']}."
     if content["verdict"] == "nothing-missing" and content.get("unknown_possible"):
         return WITHIN_WHAT_IS_KNOWN
+    if content["verdict"] == "unknown-effect" and any(CARRIES in text for text in content.get("remarks", ())):
+        return OR_WRONG_DATA
     # The simplest first; the table below has them by likelihood.
     sets = [" with ".join(members) for members in sorted(content["alternatives"], key=len)]
     more = len(sets) - MOST_IN_HEADLINE
