@@ -12,10 +12,11 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.result import Result, counted
-from specan.study.estimation.fit import NORMAL_95, profile_interval
+from specan.study.estimation.fit import intervals_95, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.selection.acceptance import left_out_error
 from specan.study.selection.doubtful_data import CARRIES
+from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.pulls import Pull, pulls, shown
 from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import ResidualLaw
@@ -271,7 +272,7 @@ def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
                 held_out_gain=decision.held_out_gain,
                 error_after=error.rms,
                 level_after_dB=error.level_dB,
-                parameters=parameters_of(refit, refit in sets),
+                parameters=parameters_of(about_itself(refit) if refit in sets else refit, refit in sets),
                 plausible=search.believable(refit),
                 at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
                 pulls=shown(pulls(refit)),
@@ -288,13 +289,12 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
     """
     table: dict[str, dict[str, Any]] = {}
     own = {str(u) for u in refit.uses}
-    lowest, highest = refit.problem.bounds()
+    intervals = intervals_95(refit.problem, refit.fit, float(np.sqrt(refit.dispersion)))
     for k, name in enumerate(refit.fit.names):
         if name.owner not in own:
             continue
         value = float(refit.fit.theta[k])
-        reach = NORMAL_95 * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
-        low, high = float(max(value - reach, lowest[k])), float(min(value + reach, highest[k]))
+        low, high = intervals[name]
         if profiled and refit.problem.strategy.secondary_refits:
             # A refit that fails, or an end that is not bracketed, leaves the interval of the covariance.
             with contextlib.suppress(ComputationError, ValueError):
