@@ -18,7 +18,7 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.estimation.continuation import STAGES, about, continuation_fit, down_weighted
-from specan.study.estimation.fit import fit
+from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.selection.candidates import candidates, confounded_with
@@ -50,6 +50,7 @@ BEGINS, REFITS, NEAR = 0.08, 0.6, 0.7
 LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
 SUBSAMPLE_JACOBIANS = 5  # Jacobians of a subsample
 JACOBIANS = 3  # of all lines, from where a subsample leads
+ABOUT_ITSELF = 2  # covariances about the field of a set: the second is about where the first leads
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +144,23 @@ def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, A
     """The base with covariances about the field of a model with further effects, fitted."""
     problem = about(start.problem, start.problem.with_uses(sorted(uses)).assembly, values)
     return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
+
+
+def about_itself(refit: Refit) -> Refit:
+    """A set with covariances about its own field: what its parameters and intervals are told from.
+
+    About the field of the base, or of a nearby set, what is declared of receivers acts otherwise than in the field that
+    was found, and takes a part of an effect, the displacement of a receiver above all.
+    """
+    if not refit.problem.strategy.linearised_covariance:
+        return refit
+    problem, theta = refit.problem, refit.fit.theta
+    with suppress(ComputationError):  # what was found stays as it is
+        for _ in range(ABOUT_ITSELF):
+            problem = about(problem, problem.assembly, problem.values_at(theta))
+            theta = descend_steps(problem, theta, JACOBIANS)
+        return replace(refit, problem=problem, fit=describe(problem, theta))
+    return refit
 
 
 def _tried(
