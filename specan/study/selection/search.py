@@ -253,7 +253,7 @@ class Search:
     def _elsewhere(self, step: Step) -> list[Use]:
         """The effect that takes most away at other elements, where it does not meet the data.
 
-        Near an edge what acts at one wall does much the same as at the next one.
+        Where two elements meet, what acts at one does much the same as at the other.
         """
         best = min(self.refits.of_size(1), key=lambda refit: refit.chi2, default=self.base)
         if self._met or not best.poor_fit or best.chi2 > COINCIDENCE * self.base.chi2:
