@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from truth.room import simulate
-from truth.room.box import Disc
+from truth.room.box import Box, Disc
 from truth.room.branch import Lining, Motion
 from truth.room.case import _over_time
 from truth.room.field import Room, march, pressure_per_velocity
 from truth.room.hidden_in_walls import GRAZING_OVER_NORMAL
 from truth.room.layer import POROSITY, STATIC_PRESSURE, STRUCTURE, Layer, layer_motions
 from truth.room.losses import Air
-from truth.room.obstacle import Block
+from truth.room.obstacle import Block, _mirrored
 from truth.room.record import DRIVE_V, Session, record
 from truth.room.response import SAMPLING_RATE
 
@@ -121,6 +121,16 @@ def test_extended_reaction_is_hidden_as_such_a_sheet(cache):
 def test_flow_around_an_object(edges, factors):
     np.testing.assert_allclose(Block((0, 0, 0), edges).flow_factors, factors, rtol=2e-3)
     assert np.sum(1 - 1 / Block((0, 0, 0), (0.2, 0.1, 0.05)).flow_factors) == pytest.approx(1.0)
+
+
+def test_a_dipole_at_a_wall_feels_its_image():
+    """Twice as far away as the wall a dipole of 1 along or across gives 2 or 1 over 4 pi times the distance cubed."""
+    height, box = 0.1, Box((1.1, 1.0, 1.2))
+    far, near = (_mirrored(box, Block((0.55, 0.5, z), (0.1, 0.1, 0.1))) for z in (0.6, height))
+    expected = np.array([1.0, 1.0, 2.0]) / (4 * np.pi * (2 * height) ** 3)
+    np.testing.assert_allclose(
+        near - far, expected, rtol=0.06
+    )  # the other walls give about the same at both places
 
 
 def test_an_object_moves_modes_as_a_perturbation_does():
