@@ -76,3 +76,21 @@ def _answer(moment, spring, drag, moves):
     right[middle, :bodies, middle, :] = -moment.T / scale
     approach = np.linalg.solve(matrix.reshape(size, size), right.reshape(size, size))
     return force.reshape(size, size) @ approach
+
+
+def without_pull(forces):
+    """Forces of meshes of which none pulls: what those that part leave is borne by the others, (..., planets, angle).
+
+    So slow errors of teeth act, far below the natural frequencies: the carrier turns until the torque is carried.
+    """
+    apart = np.flatnonzero(np.any(forces < 0, axis=tuple(range(forces.ndim - 1))))
+    if not apart.size:
+        return forces
+    found, some = forces.copy(), forces[..., apart]
+    whole = np.maximum(some.sum(axis=-2, keepdims=True), 0.0)
+    for _ in range(forces.shape[-2]):  # each round takes out meshes that part, at the latest all but one
+        some = np.maximum(some, 0.0)
+        bearing = np.maximum((some > 0).sum(axis=-2, keepdims=True), 1)
+        some = some - (some > 0) * (some.sum(axis=-2, keepdims=True) - whole) / bearing
+    found[..., apart] = np.maximum(some, 0.0)
+    return found

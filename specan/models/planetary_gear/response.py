@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from specan.models.planetary_gear.parting import parting
+from specan.models.planetary_gear.parting import parting, without_pull
 from specan.models.planetary_gear.simulated_recording import RIM_STIFFNESS
 from specan.models.quantity import quantity
 
@@ -71,7 +71,7 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
         place, values = bins[inside], beyond[inside]
         found[c][:, np.abs(place)] = np.where(place[:, None] < 0, values.conj(), values).T
     forces = np.fft.irfft(found.reshape(points, 2, planets, -1), samples, axis=-1)
-    return planet_load[:, None, :, None] + forces
+    return without_pull(planet_load[:, None, :, None] + forces)
 
 
 def _freedom(base_radii, carrier_inertia, planet_inertia, planets):

@@ -8,7 +8,7 @@ import pytest
 from specan.models.catalogue import example_model, load_model
 from specan.models.check import check_effect
 from specan.models.planetary_gear.kinematics import line_conditions
-from specan.models.planetary_gear.parting import parting
+from specan.models.planetary_gear.parting import parting, without_pull
 from specan.models.planetary_gear.rig import EXAMPLE_RIG
 
 MODEL = example_model("planetary-gear")
@@ -315,3 +315,23 @@ def test_a_mesh_that_parts_against_an_integration(swing):
     assert found[1].real == pytest.approx(load, rel=1e-9)
     assert found[2] == pytest.approx(true[1], abs=0.06 * abs(true[1]))
     assert (abs(added).max() > 0) == (abs(first) * 2 > load)
+
+
+def test_planets_that_part_leave_their_load_to_the_others():
+    forces = np.array([[100.0, -30.0, 60.0], [100.0, 90.0, 60.0], [100.0, 90.0, -6.0]])  # planets by angles
+    found = without_pull(forces)
+    assert found[:, 0] == pytest.approx([100.0] * 3)
+    assert found[:, 1] == pytest.approx([0.0, 75.0, 75.0])
+    assert found[:, 2] == pytest.approx([57.0, 57.0, 0.0])
+    assert without_pull(np.abs(forces)) == pytest.approx(np.abs(forces))
+
+
+def test_an_uneven_sun_larger_than_the_deflection_lets_planets_go():
+    """The planets that are pressed carry the torque alone: no force pulls, and the loads still add up to it."""
+    given = {"order": np.full(1, 66.0), "sun_speed": np.full(1, 30.0), "carrier_torque": np.full(1, 10.0)}
+    values = {"sun-runout.cosine": 5e-6, "sun-runout.sine": 0.0}
+    force = MODEL.assemble(["sun-runout"]).evaluate(given, values, wanted=["mesh_force"])["mesh_force"][0]
+    even = MODEL.assemble([]).evaluate(given, None, wanted=["mesh_force"])["mesh_force"][0]
+    assert force.min() >= 0.0
+    assert (force == 0.0).mean() > 0.1
+    assert force[1].sum(axis=0).mean() == pytest.approx(even[1].sum(axis=0).mean(), rel=0.02)
