@@ -39,7 +39,7 @@ def of_either_sign(problem: Problem, values: Mapping[str, Any], new: Collection[
             tried = [{**found, **sizes} for sizes in _sizes(problem, part, None if k else side)]
             found = min(tried, key=lambda one: _chi2(problem, problem.start(one)), default=found)
         best.append(problem.start(found))
-    if len(best) < 2 or np.array_equal(*best):
+    if len(best) < 2 or np.array_equal(best[0], best[1]):
         return []
     try:
         return [dict(problem.values_at(best_screened(problem, best)))]
