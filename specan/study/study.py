@@ -41,6 +41,7 @@ from specan.study.history import (
 from specan.study.localisation.localise import curve_errors, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles, kind_named, together
+from specan.study.processes import working
 from specan.study.selection.candidates import grouped_by
 from specan.study.selection.refits import POOR_FIT
 from specan.study.selection.starting_values import kept_values, starting_values
@@ -310,8 +311,12 @@ class Study:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
         return curve_errors(self.problem, self.shown)
 
-    def diagnose(self, *, bootstrap: bool = False, progress: Progress | None = None) -> Diagnosis:
+    def diagnose(
+        self, *, bootstrap: bool = False, progress: Progress | None = None, jobs: int = 1
+    ) -> Diagnosis:
         """Find out which effect the model is missing; computed once for each state of the study, and kept with it.
+
+        The parts of a search that do not need each other are done in `jobs` processes; the result is the same.
 
         Raises
         ------
@@ -326,9 +331,10 @@ class Study:
 
             begun: list[Search] = []
             try:
-                found = diagnose(
-                    self.problem, base=self.best, bootstrap=bootstrap, progress=progress, begun=begun
-                )
+                with working(jobs):
+                    found = diagnose(
+                        self.problem, base=self.best, bootstrap=bootstrap, progress=progress, begun=begun
+                    )
             except KeyboardInterrupt:
                 stopped = Stopped(tuple(begun))
                 self._keep_stopped(stopped.content)

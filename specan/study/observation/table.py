@@ -151,6 +151,17 @@ class TableObservation(Fixed):
             replicate_group=None if self.replicate_group is None else self.replicate_group[keep],
         )
 
+    def without(self, rows: NDArray[np.intp]) -> TableObservation:
+        """The other rows, kept: several models are fitted to them, and the root of their covariance takes longest."""
+        key = rows.tobytes()
+        if key not in self._left:
+            self._left[key] = self.take(~np.isin(np.arange(self.n), rows))
+        return self._left[key]
+
+    @cached_property
+    def _left(self) -> dict[bytes, TableObservation]:
+        return {}
+
     @cached_property
     def _recording(self) -> NDArray[np.intp]:
         return np.zeros(self.n, dtype=np.intp) if self.recording is None else self.recording
