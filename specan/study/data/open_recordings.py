@@ -108,7 +108,7 @@ def _observe(
     block_s = receivers.block_s or 1 / found.line_hz
     settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s, block_s)
     return found, [
-        f"{file.name}: {len(found.channels)} {receivers.plural}, {found.frequency_hz.size} lines of "
+        f"{file.name}: {int(found.kept.any(axis=1).sum())} {receivers.plural}, {found.frequency_hz.size} lines of "
         f"{1 / block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {block_s:.3g} s "
         f"after {settle:.3g} s; "
         "the model filters the recorded velocity and goes through the same blocks",

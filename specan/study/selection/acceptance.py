@@ -5,8 +5,9 @@ The test is the F-test, BIC and blocked cross-validation together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.fit import Fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.prediction_error import ObservableError, errors_of
@@ -44,7 +44,9 @@ MOST_LEVELS = 12  # blocks of one operating variable
 MOST_ROWS = 400  # above which the refits cost more than the verdict
 
 POWER = 0.8  # of repetitions that would find the effect; the usual one (Cohen 1988)
-ROUNDS = 4  # of the secant
+ROUNDS = 4  # of the secant, and of refits
+SETTLED, NEARLY = 0.02, 0.1  # of the chi-square that is left: near enough by linear algebra, by refits
+SHORTER = (1.0, 0.5, 0.25)  # of a step, where the whole one leads up
 
 
 @dataclass(frozen=True)
@@ -351,20 +353,43 @@ def _size_without_prior(start: Refit, candidate: Candidate, needed: float) -> fl
 
 
 def _moved(start: Refit, candidate: Candidate, needed: float) -> float | None:
-    """Size at which the signature that the model cannot absorb reaches `needed`, by a secant in its logarithm."""
+    """Size at which what the model cannot absorb of the effect reaches `needed`; refitted where a refit is cheap.
+
+    What multiplies a parameter of the base, as a preload does the factor of bearing friction, is absorbed by far steps
+    of that parameter: of a preload that is seen in four cases of five by the tangent plane, half of the chi-square.
+    """
+    name = candidate.amplitudes[0]
+    toward = default_value(candidate, name) - candidate.neutral(name)
+    size = _secant(start, candidate, needed, toward, abs(toward), start.linear.free_chi2, SETTLED)
+    if size is None or not start.problem.strategy.secondary_refits:
+        return size
+    return _secant(start, candidate, needed, toward, size, partial(_left_by_refit, start), NEARLY)
+
+
+def _secant(
+    start: Refit,
+    candidate: Candidate,
+    needed: float,
+    toward: float,
+    size: float,
+    left_of: Callable[[Array], float],
+    close: float,
+) -> float | None:
+    """Size at which what is left of the weighted signature reaches `needed`, by a secant in its logarithm."""
     name = candidate.amplitudes[0]
     neutral = candidate.neutral(name)
-    toward = default_value(candidate, name) - neutral
     low, high = candidate.extended.domain(name.whole)
-    most = abs((high if toward > 0 else low) - neutral)
-    size, power = abs(toward), 2.0
+    most, power = abs((high if toward > 0 else low) - neutral), 2.0
+    shapes: Point = {n: default_value(candidate, n) for n in candidate.shapes}
     previous: tuple[float, float] | None = None
     for _ in range(ROUNDS):
         size = min(size, most)
-        left = _left(start, start.fit, candidate, name, neutral + np.sign(toward) * size)
-        if left is None or left <= 0:
+        point = {**shapes, name: neutral + float(np.sign(toward)) * size}
+        column = changes(start.problem, start.fit, candidate, [point])[0]
+        left = 0.0 if column is None else left_of(column * start.weights)
+        if left <= 0:
             return None
-        if abs(np.log(left / needed)) < 0.02:
+        if abs(np.log(left / needed)) < close:
             return size
         if previous and previous[0] != size and previous[1] != left:
             power = float(np.clip(np.log(left / previous[1]) / np.log(size / previous[0]), 0.5, 4.0))
@@ -375,10 +400,34 @@ def _moved(start: Refit, candidate: Candidate, needed: float) -> float | None:
     return size if size <= most else None
 
 
-def _left(start: Refit, fit: Fit, candidate: Candidate, name: str, value: float) -> float | None:
-    shapes: Point = {n: default_value(candidate, n) for n in candidate.shapes}
-    column = changes(start.problem, fit, candidate, [{**shapes, name: value}])[0]
-    return None if column is None else start.linear.free_chi2(column * start.weights)
+def _left_by_refit(start: Refit, change: Array) -> float:
+    """Rise of the minimum of the base where a weighted change is added to its noise-free data: Gauss-Newton steps.
+
+    The first step is along the tangent plane; where its end is as low as that promises, it is the minimum.
+    """
+    problem, theta = start.problem, start.fit.theta
+    truth = start.fit.residual * start.weights + change
+    truth[problem.n_data :] = 0.0  # priors and known ranges pull at the base as they are
+    at_start = float(np.sum((start.fit.residual * start.weights)[problem.n_data :] ** 2))
+    residual, jacobian = start.fit.residual * start.weights - truth, start.fit.jacobian
+    low, high = problem.bounds()
+    for _ in range(ROUNDS):
+        columns = jacobian * start.weights[:, None] * problem.scale
+        step = np.linalg.lstsq(columns, -residual, rcond=1e-10)[0]
+        promised, now = float(np.sum((residual + columns @ step) ** 2)), float(residual @ residual)
+        for share in SHORTER:
+            there = np.clip(theta + share * step * problem.scale, low, high)
+            moved = problem.residual(there) * start.weights - truth
+            reached = float(moved @ moved)
+            if reached < now:
+                break
+        else:
+            break
+        theta, residual = there, moved
+        if reached - promised < NEARLY * reached:
+            break
+        jacobian = problem.jacobian(theta)
+    return float(residual @ residual) - at_start
 
 
 def by_effect(found: Sequence[DetectableSize]) -> dict[str, dict[str, Any] | None]:
