@@ -207,6 +207,10 @@ class TableObservation(Fixed):
         together = len(many) > 1 and all(vector.get(name, True) for name in varying)
         if together and not rows_are_coupled(assembly, self.conditions):
             try:
+                self.predict(assembly, _middle(many))
+            except ComputationError:  # a loop that settles at the sets themselves may not do so between them
+                self.predict(assembly, many[0])
+            try:
                 table = self._together(assembly, many)
             except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
                 vector.update(dict.fromkeys(varying, False))
@@ -219,11 +223,10 @@ class TableObservation(Fixed):
         return single
 
     def _together(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        """Predictions for several sets of values: sets that change much the same quantities in one pass."""
-        try:
-            self.predict(assembly, _middle(many))
-        except ComputationError:  # a loop that settles at the sets themselves may not do so between them
-            self.predict(assembly, many[0])
+        """Predictions for several sets of values: sets that change much the same quantities in one pass.
+
+        What none of them changes is taken from the evaluation before.
+        """
         before = self._evaluated[assembly.uses]
         changed = tuple(before.changed_in(many))
         if (assembly.uses, changed) not in self._passes:
