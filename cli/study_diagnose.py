@@ -157,6 +157,8 @@ def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
             ["", *map(str, range(1, len(tabled) + 1))],
             [[label, *cells] for label, cells in lines if any(cells)],
         )
+    if rows and not tabled:
+        click.echo("What to measure next")
     for number, row in enumerate(rows, 1):
         if row not in tabled or not row["separation_sigma"]:
             click.echo(f"{number}. {row['text']}")

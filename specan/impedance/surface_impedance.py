@@ -223,11 +223,6 @@ def _check_room(study: Study) -> None:
             expected="a study of a room",
             remedy="begin one with specan study new DIR --model room --rig RIG.toml --measurement RECORDING",
         )
-    if study.model.settings["rig"]["room"]["dims_m"] is None:
-        raise RequestError(
-            "the room of this study is a mesh, whose walls can be anywhere",
-            expected="a rectangular room ([room] dims_m)",
-        )
 
 
 def impedance(

@@ -16,10 +16,12 @@ from specan.models.room.rig import read_rig
 from specan.models.room.temperature_log import TemperatureLog
 from specan.study.create import begin
 from specan.study.data.open_recordings import open_data
+from specan.study.design.receiver_places import _views
 from specan.study.estimation.continuation import linearised
 from specan.study.estimation.fit import fit
 from specan.study.observation import DataFile, MeasuredFiles
 from specan.study.selection.candidates import base_problem
+from specan.study.selection.refits import Refit
 from truth.rig_files import write_tdms
 from truth.room import simulate, write
 
@@ -70,6 +72,11 @@ def test_an_array_that_is_moved_is_one_study_and_each_recording_has_its_own_air(
     offset = study.problem.values_at(best.theta)["temperature.offset"]
     assert np.diff(offset)[0] == pytest.approx(1.5, abs=0.2)
     assert study.held_out.reduced_chi2 < 1.3
+    places = np.array([[0.3, 0.3, 0.3], [0.5, 0.4, 0.2]])
+    (view,) = _views([Refit(frozenset(), study.problem, best)], places)  # of the first recording
+    column = {name: k for k, name in enumerate(study.problem.names)}
+    assert np.any(view.slopes[..., column["temperature.offset[first.tdms]"]])
+    assert not np.any(view.slopes[..., column["temperature.offset[second.tdms]"]])
     wrong = (folder / "rig.toml").read_text().replace("second.tdms", "third.tdms")
     (folder / "unmoved.toml").write_text(wrong)
     there = begin(folder / "wrong", "room", folder / "unmoved.toml", both).study

@@ -62,7 +62,6 @@ def build(rig: Mapping[str, Any]) -> Model:
     effects = effects_in("specan.models.room.effects")
     loudspeakers = tuple(f"loudspeaker {i}" for i in range(2, 2 + len(settings.loudspeakers)))
     lacks = {
-        **shape.lacks,
         **({} if tables else NOTHING_KNOWN),
         **({} if settings.loudspeakers else ONE_LOUDSPEAKER),
     }

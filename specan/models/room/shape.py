@@ -22,11 +22,6 @@ from specan.models.room.rig import Piston, Rig, microphone_outside
 
 _TOLERANCE = 1e-3  # m, between a curved wall and its triangles
 
-LACKS = {
-    "dimension": "a room from a mesh has no edges that could be stretched one by one (its size as a whole acts "
-    "as temperature does)"
-}
-
 
 @dataclass(frozen=True)
 class RoomShape:
@@ -42,8 +37,6 @@ class RoomShape:
         ``room_origin``, ``room_dimensions``, ``room_modes``, and what the latter reads of the shape.
     axes : mapping
         Axes that only this shape has.
-    lacks : mapping
-        ``{axis: reason}``: effects that act along such an axis is not available.
     notes : tuple of str
         What is to be known before a study starts.
     """
@@ -53,7 +46,6 @@ class RoomShape:
     areas_m2: tuple[float, ...]
     quantities: tuple[Quantity, ...]
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    lacks: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
@@ -77,11 +69,12 @@ def mesh_shape(rig: Rig) -> RoomShape:
         areas_m2=tuple(float(triangle_areas(mesh.points, t).sum()) for t in mesh.walls.values()),
         quantities=(
             constant("room_origin", mesh.origin, "m", "Lowest corner of the box around the room."),
-            constant("room_dimensions", mesh.edges, "m", "Edges of the box around the room."),
+            constant("room_dimensions", mesh.edges, "m", "Edges of the box around the room.", ("dimension",)),
+            constant("drawn_dimensions", mesh.edges, "m", "The same as drawn."),
             MeshRoom(mesh, degree, k_max).quantity(),
             room_modes,
         ),
-        lacks=LACKS,
+        axes={"dimension": ("x", "y", "z")},
         notes=_notes(mesh, degree, k_max, rig.band.f_max_hz, path.name),
     )
 

@@ -183,9 +183,12 @@ def _views(rivals: Sequence[Refit], places: Array) -> list[_View]:
         if seen is None:
             there = planned(first, names)
             seen = there.about(wider.assembly, problem.seen_by(there, problem.values_at(rival.fit.theta)))
-        wider = wider.over([seen])
-        predicted = wider.predictions(rival.fit.theta)[0]
-        slopes = seen.whiten(wider.sensitivities(rival.fit.theta)[0])
+        there_only = wider.over([seen])
+        own = [wider.names.index(name) for name in there_only.names]  # without what other recordings have
+        theta = rival.fit.theta[own]
+        predicted = there_only.predictions(theta)[0]
+        slopes = np.zeros((seen.n, rival.fit.theta.size))
+        slopes[:, own] = seen.whiten(there_only.sensitivities(theta)[0])
         half = seen.n // 2
         response = (predicted[:half] + 1j * predicted[half:]).reshape(len(places), -1)
         views.append(

@@ -136,5 +136,8 @@ def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
 
 
 def about(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Problem:
-    """The problem with covariances about a model at given values."""
-    return problem.over([o.about(assembly, problem.seen_by(o, values)) for o in problem.observations])
+    """The problem with covariances about a model at given values; places that are free in the problem have no error."""
+    placed = [str(use) for use in problem.assembly.uses]
+    return problem.over(
+        [o.about(assembly, problem.seen_by(o, values), placed=placed) for o in problem.observations]
+    )

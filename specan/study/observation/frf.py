@@ -6,7 +6,7 @@ imaginary parts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from specan.models import Assembly, Evaluation
 from specan.study.observation import NO_VERDICT, Strategy, Variable
-from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to
+from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to, movers
 from specan.study.observation.kept_lines import KeptLines
 from specan.study.observation.window_leakage import Folding
 
@@ -272,16 +272,21 @@ class FrfObservation(KeptLines):
         near = Strategy(continuation=True, linearised_covariance=self.declared is not None)
         return replace(near, exact_minimum=False, tolerance=NO_VERDICT) if self.rough else near
 
-    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> FrfObservation:
+    def about(
+        self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True, placed: Collection[str] = ()
+    ) -> FrfObservation:
         """The same with the declared errors where the model at these values says that they act.
 
         Where the data may be `seen`, the slopes are taken where the receivers probably stand: at a nodal plane
-        the field bends within some millimetres.
+        the field bends within some millimetres. A receiver with a free place of its own (`placed`) has no error of
+        place beside it, which would take a part of what that effect should say.
         """
         if self.declared is None:
             return self
         drawn = replace(self, noise=self.random, moved=None, offset=0.0)
+        stand = np.isin(movers(assembly), [str(use) for use in placed])
         shared, modal, _ = self.declared.columns(drawn.responses, assembly, values, self.frequency_hz)
+        shared[stand, :, PLACE] = 0
         found = replace(drawn, shared=shared, modal=modal)
         if not seen:
             return found
@@ -291,6 +296,7 @@ class FrfObservation(KeptLines):
             shared, modal, slopes = self.declared.columns(
                 there.responses, assembly, values, self.frequency_hz
             )
+            shared[stand, :, PLACE] = 0
             found = replace(there, shared=shared, modal=modal, offset=-np.einsum("ma,aml->ml", moved, slopes))
         return found
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
+from specan.models.effect import ParameterName
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.prediction_error import ObservableError, errors_of
@@ -134,11 +135,24 @@ class AcceptanceTest:
 
         return Decision(
             p_value=probability(0.0),
-            p_with_tolerance=probability(FORM_TOLERANCE**2 * self.explained / dispersion),
+            p_with_tolerance=probability(self.left_by_form / dispersion),
             delta_bic=start.bic(dispersion) - extended.bic(dispersion),
             held_out_gain=held_out_gain(start, extended),
             level=self.level,
         )
+
+    @property
+    def left_by_form(self) -> float:
+        """Chi-square that the equations of the effects in the model may leave along a further one.
+
+        A fifth of their signature. Where that would be seen at resonances it is no more than what is seen: all that is
+        left beyond the noise, and of what the noise leaves in doubt the part that a coincidence would point one way.
+        """
+        allowed, start = FORM_TOLERANCE**2 * self.explained, self.start
+        if not start.problem.strategy.continuation:
+            return allowed
+        seen = max(start.lack_of_fit_chi2 - start.dof, 0.0)
+        return min(allowed, seen + COINCIDENCE * float(np.sqrt(2 * start.dof)))
 
     def _family_wise(self, single: float) -> float:
         bound = self.family.probability(single)
@@ -180,9 +194,24 @@ def noise_dof(refit: Refit) -> float:
 
 
 def held_out_gain(start: Refit, extended: Refit) -> float:
-    """Gain in blocked cross-validation, every level of every operating variable left out in turn."""
+    """Gain in blocked cross-validation, every level of every operating variable left out in turn.
+
+    A certificate that the extension does without is left out as well: the data have to predict what it says.
+    """
     rows, dispersion = left_out_blocks(start.problem), extended.dispersion
-    return left_out_score(start.linear, rows, dispersion) - left_out_score(extended.linear, rows, dispersion)
+    freed = [np.array([start.problem.pseudo_rows[name]]) for name in _freed(extended, start)]
+    return left_out_score(start.linear, [*rows, *freed], dispersion) - left_out_score(
+        extended.linear, rows, dispersion
+    )
+
+
+def _freed(extended: Refit, start: Refit) -> list[ParameterName]:
+    """Instrument errors that an extension fits to resonances without their certificates."""
+    problem = start.problem
+    if not problem.strategy.continuation or not start.uses < extended.uses:
+        return []
+    held = [problem.names[k] for k in problem.pseudo.held]
+    return [name for name in held if name.whole not in extended.problem.priors]
 
 
 def left_out_blocks(problem: Problem) -> list[NDArray[np.intp]]:
@@ -268,13 +297,26 @@ def complete(better: Refit, worse: Refit) -> bool:
 
     An equation that is not exact leaves a residual that may point anywhere: every resonance answers to it in its own
     way. That it points along another effect, but for a part `COINCIDENCE` of its square, has a probability of about
-    ``COINCIDENCE ** ((n - 1) / 2)`` among n directions: 7e-4 with ten resonances, 2e-7 with twenty.
+    ``COINCIDENCE ** ((n - 1) / 2)`` among n directions: 7e-4 with ten resonances, 2e-7 with twenty. The same
+    holds of an instrument error that the worse set takes far from its certificate: what it would leave there counts.
+    """
+    at_certificates = 0.0
+    for name in _freed(better, worse):
+        mean, fitted = worse.problem.priors[name.whole][0], worse.fit.theta[worse.fit.names.index(name)]
+        at_certificates += float((fitted - mean) / worse.fit.standard_error(name)) ** 2
+    return worse.chi2 + at_certificates - better.chi2 > incomplete(better)
+
+
+def incomplete(better: Refit) -> float:
+    """Chi-square by which another set has to be behind for a better one to be `complete`; infinite where none will do.
+
+    What the better one leaves is known to a standard deviation of chi-square; where noise is stated too large it is no
+    less.
     """
     if not better.problem.strategy.continuation or better.lack_of_fit < LACK_OF_FIT:
-        return False
-    # What is left is known to a standard deviation of chi-square; where noise is stated too large it is no less.
+        return float("inf")
     left = max(better.lack_of_fit_chi2 - better.dof, 0.0) + float(np.sqrt(2 * better.dof))
-    return left < COINCIDENCE * (worse.chi2 - better.chi2)
+    return left / COINCIDENCE
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.estimation.continuation import STAGES, about, continuation_fit, down_weighted
-from specan.study.estimation.fit import fit
+from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.processes import each
@@ -32,13 +32,14 @@ from specan.study.selection.refits import (
     Refits,
     start_from,
 )
-from specan.study.selection.score_test import Scored, best_of_each, score
+from specan.study.selection.score_test import Scored, best_of_each, different, score
 from specan.study.selection.signatures import Known, signatures
-from specan.study.selection.starting_values import planned_points, scan_promising, scan_shapes
+from specan.study.selection.starting_values import PLACES, planned_points, scan_promising, scan_shapes
 
 SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
 SCREENED, PER_EFFECT = 8, 2  # of them that are followed for some steps, and at most so many of one effect
 SCREENING_STARTS = 2  # signatures of each
+AT_ONCE = 4  # of those that promise most without having been looked at over all of their shapes
 REFITTED = 4  # of those, that are refitted
 CLEAR = 0.7  # share of the base's chi-square on the down-weighted view that may be left by what is nearer
 MOST_REFITTED = 7  # with those that are easily taken for the best so far
@@ -50,6 +51,7 @@ BEGINS, REFITS, NEAR = 0.08, 0.6, 0.7
 LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
 SUBSAMPLE_JACOBIANS = 5  # Jacobians of a subsample
 JACOBIANS = 3  # of all lines, from where a subsample leads
+ABOUT_ITSELF = 2  # covariances about the field of a set: the second is about where the first leads
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +146,23 @@ def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, A
     return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
 
 
+def about_itself(refit: Refit) -> Refit:
+    """A set with covariances about its own field: what its parameters and intervals are told from.
+
+    About the field of the base, or of a nearby set, what is declared of receivers acts otherwise than in the field that
+    was found, and takes a part of an effect, the displacement of a receiver above all.
+    """
+    if not refit.problem.strategy.linearised_covariance:
+        return refit
+    problem, theta = refit.problem, refit.fit.theta
+    with suppress(ComputationError):  # what was found stays as it is
+        for _ in range(ABOUT_ITSELF):
+            problem = about(problem, problem.assembly, problem.values_at(theta))
+            theta = descend_steps(problem, theta, JACOBIANS)
+        return replace(refit, problem=problem, fit=describe(problem, theta))
+    return refit
+
+
 def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit]:
     """Sets of up to two effects that a greedy search on a down-weighted view fits, the empty one included."""
     values = continuation_fit(problem)
@@ -168,15 +187,40 @@ def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit
     return list(refits.done.values())
 
 
+def _evident(
+    refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]], trying: Callable[[Use], None]
+) -> Refit | None:
+    """The set with one effect more that meets the view from what few signatures promise; None where none does.
+
+    Then only what is much like it has to be looked at over all of its shapes. Effects at one place may be anywhere else
+    as well: of them the best of a few places is no beginning.
+    """
+    effects = best.problem.assembly.model.effects
+    order = sorted(scored, key=lambda use: best.promised(scored[use][0]))
+    everywhere = [use for use in order if not {*PLACES} & {*effects[use.name].parameters}]
+    few = {use: different(scored[use], SCREENING_STARTS) for use in _of_several_names(everywhere)[:AT_ONCE]}
+    for use in _screened(best, few)[:1]:
+        trying(use)
+        refit = Refits(refits.base, rough=True).fit(best, [[item] for item in few[use]])
+        if refit is not None and _leaves_its_form(best, refit):
+            refits.done[refit.uses] = refit
+            return refit
+    return None
+
+
 def _best_of_few(
     refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]], trying: Callable[[Use], None]
 ) -> Refit:
     """The best set with one effect more, of those that promise most and of what is easily taken for the best."""
-    closer = scan_promising(best, scored, SCANNED)
-    queue = _of_several_names(sorted(closer, key=lambda use: best.promised(closer[use][0])))
-    queue = _screened(best, {use: closer[use] for use in queue})[:REFITTED]
-    looked_at: set[Use] = set()
-    better = best
+    closer: dict[Use, list[Scored]] = {}
+    better = _evident(refits, best, scored, trying) or best
+    looked_at = {*better.uses - best.uses}
+    if better is best:
+        closer = scan_promising(best, scored, SCANNED)
+        queue = _of_several_names(sorted(closer, key=lambda use: best.promised(closer[use][0])))
+        queue = _screened(best, {use: closer[use] for use in queue})[:REFITTED]
+    else:
+        queue = [other for use in looked_at for other in confounded_with(best.problem.assembly.model, use)]
     while queue and better.reduced > SURE and len(looked_at) < MOST_REFITTED:
         use = queue.pop(0)
         if use in looked_at or use not in scored or not _may_win(best, better, use):
@@ -191,9 +235,14 @@ def _best_of_few(
     return better
 
 
+def _leaves_its_form(start: Refit, better: Refit) -> bool:
+    """Whether a set meets a view to its uncertainty, and leaves no more than what its form may."""
+    return better.reduced <= 1 and better.chi2 <= FORM_TOLERANCE**2 * start.chi2
+
+
 def _may_win(start: Refit, better: Refit, use: Use) -> bool:
     """Whether a candidate may still come first: where a set leaves what its form may, only what is much like it."""
-    if better is start or better.reduced > 1 or better.chi2 > FORM_TOLERANCE**2 * start.chi2:
+    if better is start or not _leaves_its_form(start, better):
         return True
     (found,) = better.uses - start.uses
     return use.name == found.name or use in confounded_with(start.problem.assembly.model, found)
