@@ -232,7 +232,13 @@ class Study:
         last = self.history.last
         known = kept_values(self._assembled, last.parameters) if last else {}
         new = [Use.parse(u) for u in self.model_effects if last and u not in last.model_effects]
-        return linearised(self._assembled, starting_values(self._assembled, new, known))
+        starts = starting_values(self._assembled, new, known)
+        return linearised(self._assembled, starts, self._near if starts == [{}] else None)
+
+    @cached_property
+    def _near(self) -> dict[str, Any]:
+        """Values where a continuation fit ends that sets out from the declared ones."""
+        return continuation_fit(self._assembled)
 
     # --- numbers ----------------------------------------------------------------------------------
 
@@ -271,7 +277,7 @@ class Study:
             return self.best
         found = self.kept.find("shown", Fit)
         if found is None:
-            theta = self.problem.start(continuation_fit(self._assembled))
+            theta = self.problem.start(self._near)
             found = self.kept.keep("shown", describe(self.problem, theta))
         return found
 

@@ -110,7 +110,9 @@ def _chi2(problem: Problem, theta: Array) -> float:
     return float(residual @ residual)
 
 
-def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> Problem:
+def linearised(
+    problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},), ended: Mapping[str, Any] | None = None
+) -> Problem:
     """The problem with covariances about a fit of its own, and a start there; itself where they depend on none.
 
     A continuation fit is not near enough, because it does not see the windows: a receiver's gain, say, would act on
@@ -122,10 +124,12 @@ def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
     problem : Problem
     starts : sequence of mapping
         SI values from which the continuation fit sets out; those that lack stand as the problem has them.
+    ended : mapping, optional
+        Where it ended, if that is known.
     """
     if not problem.strategy.linearised_covariance:
         return problem
-    values: Mapping[str, Any] = continuation_fit(problem, starts)
+    values: Mapping[str, Any] = continuation_fit(problem, starts) if ended is None else ended
     near = about(problem, problem.assembly, values)
     theta = descend_steps(near, near.start(values), JACOBIANS)
     values = problem.values_at(theta)

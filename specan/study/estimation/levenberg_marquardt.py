@@ -125,7 +125,7 @@ def best_screened(problem: Problem, starts: Sequence[Array]) -> Array:
     tried = each(led, starts)
     reached = [one for one in tried if not isinstance(one, str)]
     if not reached:
-        raise ComputationError(next(why for why in tried[::-1] if isinstance(why, str)))
+        raise ComputationError(next((why for why in tried[::-1] if isinstance(why, str)), ""))
     return min(reached, key=lambda r: r[0])[1]
 
 
