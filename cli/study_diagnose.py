@@ -60,8 +60,9 @@ def _say_stopped(stopped: KeyboardInterrupt, directory: Path) -> None:
     if not isinstance(stopped, Stopped):
         return
     rows = stopped.content["refitted"]
+    roughly = " roughly, to few lines" if stopped.content["rough"] else ""
     say(
-        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted, the likeliest first:"
+        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted{roughly}, the likeliest first:"
     )
     for row in rows[:SHOWN]:
         say(

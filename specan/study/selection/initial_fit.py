@@ -79,8 +79,12 @@ class InitialFit:
     left: float = 0.0
 
 
-def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> InitialFit:
-    """Look for a field near the measured one, where the base is far from it."""
+def initial_fit(
+    start: Refit,
+    progress: Callable[[str, float], None],
+    begun: Callable[[Refits], None] = lambda refits: None,
+) -> InitialFit:
+    """Look for a field near the measured one, where the base is far from it; `begun` is given the rough refits."""
     if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
         return InitialFit(start)
 
@@ -88,7 +92,7 @@ def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> Initial
         progress(f"looking for a field that is near the measured one{text}", share)
 
     trying("", BEGINS)
-    tried = _tried(start.problem, trying)
+    tried = _tried(start.problem, trying, begun)
     bare = next(r for r in tried if not r.uses)
     near = min(tried, key=lambda r: r.bic(1.0))
     if near.chi2 > CLEAR * bare.chi2:  # the base is as near as the view can tell
@@ -163,12 +167,15 @@ def about_itself(refit: Refit) -> Refit:
     return refit
 
 
-def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit]:
+def _tried(
+    problem: Problem, trying: Callable[[str, float], None], begun: Callable[[Refits], None]
+) -> list[Refit]:
     """Sets of up to two effects that a greedy search on a down-weighted view fits, the empty one included."""
     values = continuation_fit(problem)
     view = down_weighted(problem, values=values)
     best = Refit(frozenset(), view, fit(view, start=values))
     refits = Refits(best, rough=True)
+    begun(refits)
     for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}
