@@ -31,10 +31,13 @@ from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.study import Study
 from truth.room import EFFECTS, RoomCase, simulate, write
+from truth.room.box import Box, Disc
+from truth.room.field import _step
 
 JACOBIANS = 8  # from the truth, and from where a search has ended
 MISSED = 1.1, 12.0  # times the chi-square at the truth, and beyond it, above which a search has missed it
 HELD_OUT = 2
+SHORTEST = 60.0  # wave number times radius up to which modes are summed; what is beyond is 3e-4 of the sum
 COMPARED = 2  # sets of the ranking, with the fit from the truth
 SINGLE = {
     "panel": "panel-resonance",
@@ -102,7 +105,7 @@ KINDS = (
 def at_truth(made: RoomCase) -> dict[str, Values]:
     """What was hidden as effects of the catalogue, by their use, with SI values as near to the truth as it has them."""
     found: dict[str, Any] = {}
-    dims = np.array(made.truth.layout.dims_m)
+    dims = np.array(made.truth.room.dims_m)  # places are parts of the edges as they are
     delay = made.truth.delay_s
     for full, strength in made.effects.items():
         kind, _, _ = full.partition("@")
@@ -121,34 +124,49 @@ def at_truth(made: RoomCase) -> dict[str, Values]:
         elif kind == "helmholtz-resonator":
             wall = str(details["wall"])
             place = np.delete(_place(details["place_m"]) / dims, "xyz".index(wall[0]))
-            area = np.pi * float(details["neck_radius_m"]) ** 2
+            radius, plug = float(details["neck_radius_m"]), float(details["length_m"])
+            longer = (plug + _end(made, wall, _place(details["place_m"]), radius)) / plug
             found[f"{kind}@{wall}"] = {
-                "neck_area": area * 0.03 / float(details["length_m"]),
-                "resonance": float(details["frequency_hz"]),
-                "quality": float(details["quality"]),
+                "neck_area": np.pi * radius**2,
+                "resonance": float(details["frequency_hz"]) / np.sqrt(longer),
+                "quality": float(details["quality"]) * np.sqrt(longer),
                 "across": place[0],
                 "along": place[1],
             }
         elif kind == "leak":
             wall = str(details["wall"])
             place = np.delete(_place(details["place_m"]) / dims, "xyz".index(wall[0]))
+            plug, radius = float(details["length_m"]), float(np.sqrt(strength / np.pi))
+            plug += _end(made, wall, _place(details["place_m"]), radius)
             found[f"{kind}@{wall}"] = {
-                "area": strength, "length": float(details["length_m"]), "across": place[0], "along": place[1],
-            }  # fmt: skip
+                "area": strength,
+                "length": plug,
+                "across": place[0],
+                "along": place[1],
+            }
         elif kind == "flanking-source":
             wall = str(details["wall"])
             place = np.delete(_place(details["place_m"]) / dims, "xyz".index(wall[0]))
             found[f"{kind}@{wall}"] = {
-                "ratio": strength, "delay": float(details["delay_s"]), "across": place[0], "along": place[1],
-            }  # fmt: skip
+                "ratio": strength,
+                "delay": _in_steps(made, float(details["delay_s"])),
+                "across": place[0],
+                "along": place[1],
+            }
         elif kind == "dimension-error":
-            found[f"{kind}@{details['edge']}"] = {"error": made.truth.room.dims_m["xyz".index(str(details["edge"]))]
-                                                  / dims["xyz".index(str(details["edge"]))] - 1}  # fmt: skip
+            edge = "xyz".index(str(details["edge"]))
+            found[f"{kind}@{details['edge']}"] = {"error": dims[edge] / made.truth.layout.dims_m[edge] - 1}
         elif kind == "microphone-gain":
             mic = round(float(details["microphone"]))
             found[f"{kind}@Mic {mic}"] = {"gain": 10 ** (float(made.truth.gain_dB[mic - 1]) / 20) - 1}
         elif kind == "piston-breakup":
-            found[kind] = {"strength": strength, "resonance": float(details["frequency_hz"])}
+            # The truth changes the velocity, 1 + s x^2 / (1 - x^2 + j d x); the model divides by the same.
+            rest = 1 - strength
+            found[kind] = {
+                "strength": -strength / rest,
+                "resonance": float(details["frequency_hz"]) / np.sqrt(rest),
+                "loss_factor": float(details["loss_factor"]) / np.sqrt(rest),
+            }
         elif kind == "temperature":
             found[kind] = {"offset": made.truth.temperature_C - 20.0}
         elif kind == "scatterer":
@@ -164,6 +182,43 @@ def at_truth(made: RoomCase) -> dict[str, Values]:
             late = float(np.mean(delay[card[0] - 1 : card[1]]))
             found[f"{kind}@card {details['card']:.0f}"] = {"delay": late}
     return found
+
+
+def _end(made: RoomCase, wall: str, place: np.ndarray, radius: float) -> float:
+    """Air on the room's side that moves with a plug of the truth, as a length: what its grid resolves of 0.85 radii.
+
+    That of the grid, less what the room gives a disc beyond a baffle's 8 / (3 pi) radii: the static sum over the modes
+    of the box, along the normal in closed form.
+    """
+    from scipy.special import j1
+
+    room, axis = made.truth.room, "xyz".index(wall[0])
+    disc, box = Disc(wall, (place[0], place[1], place[2]), radius), Box(room.dims_m)
+    nodes, _ = box.face(wall)
+    basis, weights = box.disc(disc)
+    load = np.zeros(box.volume.size)
+    load[nodes] = weights @ basis / disc.area_m2
+    deep = room.dims_m[axis]
+    wide = [(place[i], room.dims_m[i]) for i in range(3) if i != axis]
+    numbers = [np.arange(int(SHORTEST / radius * edge / np.pi)) for _, edge in wide]
+    shapes = [
+        np.where(n > 0, 2, 1) * np.cos(np.pi * n * x / edge) ** 2
+        for n, (x, edge) in zip(numbers, wide, strict=True)
+    ]
+    first, second = (np.pi * n / edge for n, (_, edge) in zip(numbers, wide, strict=True))
+    along = np.hypot(first[:, None], second)
+    along[0, 0] = 1.0
+    each = (2 * j1(along * radius) / (along * radius)) ** 2 / np.tanh(along * deep) / along
+    each[0, 0] = deep / 3
+    exact = float(shapes[0] @ each @ shapes[1]) / (wide[0][1] * wide[1][1])
+    grid = box.yield_of(load.reshape(box.shape))
+    return float(disc.area_m2 * (grid - exact) + 8 * radius / (3 * np.pi))
+
+
+def _in_steps(made: RoomCase, late_s: float) -> float:
+    """A delay of the truth as its steps of time have it."""
+    step, _ = _step(Box(made.truth.room.dims_m), made.truth.room)
+    return step * round(late_s / step)
 
 
 def _place(text: object) -> np.ndarray:

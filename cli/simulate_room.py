@@ -124,7 +124,7 @@ def _map(chosen: ChosenModel, options: Mapping[str, Any]) -> None:
     left_out = [
         str(use)
         for use in chosen.assembly.uses
-        if chosen.assembly.model.effects[use.name].at in ("microphone", "card")
+        if chosen.assembly.model.effects[use.name].at in ("microphone", "place", "card")
     ]
     if left_out:
         say(f"Errors of microphones do not change the field: {', '.join(left_out)}.")

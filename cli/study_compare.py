@@ -53,6 +53,7 @@ def command(
 
 def _print(study: Study, found: Comparison) -> None:
     from specan.study.diagnose import untestable
+    from specan.study.selection.pulls import data_alone
     from specan.study.selection.refits import Refit
 
     best, where = found.fit, found.localisation
@@ -71,11 +72,14 @@ def _print(study: Study, found: Comparison) -> None:
     )
     verdict = "The model fits." if best.p_value > 1e-3 else "The model does not fit."
     outside = [name for name, p in found.parameters.items() if not p["plausible"]]
-    why = untestable(Refit(frozenset(), study.problem, best))
+    start = Refit(frozenset(), study.problem, best)
+    why = untestable(start)
+    if not why and best.p_value > 1e-3 and not outside and (alone := data_alone(start)).contradicts:
+        outside = [pull.text for pull in alone.values]
     if why:
         verdict = f"These data cannot tell whether the model fits: {why}."
     elif best.p_value > 1e-3 and outside:
-        verdict = f"The model fits, but only with values outside what is known: {', '.join(outside)}."
+        verdict = f"The model fits, but only with values outside what is known: {', and '.join(outside)}."
     elif best.p_value > 1e-3 and (where.fails_at or any(t.significant for t in where.trends)):
         verdict = "The model fits as a whole, and yet:"
     click.echo(verdict)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +24,15 @@ SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell
 @study_options
 @plot_option("the candidates in their order")
 @click.option("--bootstrap", is_flag=True, help="Family-wise probabilities by simulation (slower).")
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Number of processes for transfer functions, on Linux; the result is the same.",
+)
 def command(
-    directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None, bootstrap: bool
+    directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None, bootstrap: bool, jobs: int
 ) -> None:
     """Find out which effect the model of DIR is missing. Held-out data are not looked at.
 
@@ -34,7 +41,7 @@ def command(
     """
     study = open_study(directory, effects)
     try:
-        found = study.diagnose(bootstrap=bootstrap, progress=told())
+        found = study.diagnose(bootstrap=bootstrap, progress=told(), jobs=jobs)
     except KeyboardInterrupt as stopped:
         _say_stopped(stopped, directory)
         raise
@@ -53,8 +60,9 @@ def _say_stopped(stopped: KeyboardInterrupt, directory: Path) -> None:
     if not isinstance(stopped, Stopped):
         return
     rows = stopped.content["refitted"]
+    roughly = " roughly, to few lines" if stopped.content["rough"] else ""
     say(
-        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted, the likeliest first:"
+        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted{roughly}, the likeliest first:"
     )
     for row in rows[:SHOWN]:
         say(
@@ -82,7 +90,9 @@ def _print(found: Diagnosis, directory: Path) -> None:
         what = "What the model lacks" if found.verdict == "unknown-effect" else "What is left"
         click.echo(f"{what} goes like {found.residual_law.text.lstrip('~ ')}.")
     _print_pulls(found)
-    _print_next(found)
+    if found.next_measurement:
+        click.echo("")
+        show_next(found.next_measurement)
     if found.verdict in ("effect", "group"):
         click.echo("")
         for use in _uses(found.ranking[0]):
@@ -120,52 +130,59 @@ def _print_where(found: Diagnosis) -> None:
         click.echo(f"  {place['place']}: {place['text']}, {place['most_at']}")
 
 
-def _print_next(found: Diagnosis) -> None:
-    """What to measure next: a table where conditions are proposed, sentences where something else is."""
-    if not found.next_measurement:
-        return
-    click.echo("")
-    rows = [row for row in found.next_measurement if row["conditions"] and row["predictions"]]
-    if rows:
-        rivals, conditions = list(rows[0]["predictions"]), list(rows[0]["conditions"])
-        unit = "" if rows[0]["unit"] == "1" else f", {rows[0]['unit']}"
+def show_next(rows: Sequence[Mapping[str, Any]]) -> None:
+    """What to measure next: a table, one column for each reading; sentences where something else is to be done."""
+    tabled = [row for row in rows if row["conditions"] and row["predictions"]]
+    if tabled:
+        unit = "" if tabled[0]["unit"] == "1" else f", {tabled[0]['unit']}"
+        lines: list[tuple[str, list[str]]] = [
+            (
+                name,
+                [v if isinstance(v, str) else f"{v:g}" for v in (row["conditions"][name] for row in tabled)],
+            )
+            for name in tabled[0]["conditions"]
+        ]
+        lines += [
+            (f"{name}{unit}", [f"{row['predictions'][name]:.4g}" for row in tabled])
+            for name in tabled[0]["predictions"]
+        ]
+        lines.append((f"sigma{unit}", [f"{row['sigma']:.2g}" if row.get("sigma") else "" for row in tabled]))
+        for label, key in (
+            ("closest two, sigma apart", "least_sigma"),
+            ("furthest two, sigma apart", "separation_sigma"),
+        ):
+            lines.append((label, [f"{row[key]:.1f}" if row.get(key) else "" for row in tabled]))
+        lines.append(("tells apart", [_apart(row) for row in tabled]))
         table(
             "What to measure next",
-            [*conditions, *(f"{name}{unit}" for name in rivals), "sigma", "told apart"],
-            [
-                [
-                    *(v if isinstance(v, str) else f"{v:g}" for v in map(row["conditions"].get, conditions)),
-                    *(f"{row['predictions'][name]:.4g}" for name in rivals),
-                    f"{row['sigma']:.2g}" if row.get("sigma") else "",
-                    _apart(row),
-                ]
-                for row in rows
-            ],
+            ["", *map(str, range(1, len(tabled) + 1))],
+            [[label, *cells] for label, cells in lines if any(cells)],
         )
-    for row in found.next_measurement:
-        if row not in rows or not row["separation_sigma"]:
-            click.echo(f"  {row['text']}")
+    if rows and not tabled:
+        click.echo("What to measure next")
+    for number, row in enumerate(rows, 1):
+        if row not in tabled or not row["separation_sigma"]:
+            click.echo(f"{number}. {row['text']}")
 
 
 def _apart(row: Mapping[str, Any]) -> str:
-    """How far apart explanations are in a reading, and whether it tells all of them apart."""
+    """Whether a reading tells all explanations apart."""
     if not row["separation_sigma"]:
         return ""
-    if (row.get("least_sigma") or 0.0) >= SEPARATES:
-        return f"all: {row['least_sigma']:.1f} sigma"
-    return f"some: {row['separation_sigma']:.1f} sigma"
+    return "all" if (row.get("least_sigma") or 0.0) >= SEPARATES else "some"
 
 
 def _print_statistics(found: Diagnosis) -> None:
     if found.ranking:
         now = None if found.error is None else found.error.before.level_dB
+        unit = "" if found.error is None or found.error.before.unit == "1" else f", {found.error.before.unit}"
         levels = now is not None and all(r.level_after_dB is not None for r in found.ranking[:SHOWN])
         click.echo("")
         table(
             "What was tried, the likeliest first",
             [
                 "effects",
-                "error after",
+                f"error after{unit}",
                 *(["levels, dB"] if levels else []),
                 "evidence",
                 "chance",
@@ -218,9 +235,11 @@ def _print_power(found: Diagnosis) -> None:
     seen = {n: v for n, v in found.smallest_visible.items() if v is not None}
     hidden = [n for n, v in found.smallest_visible.items() if v is None]
     if seen:
-        sizes = [
-            f"{n} {v['value']:.2g}{'' if v['unit'] == '1' else ' ' + v['unit']}" for n, v in seen.items()
-        ]
-        click.echo("\nSmallest that these data would show: " + ", ".join(sizes))
+        click.echo("")
+        table(
+            "Smallest that these data would show",
+            ["effect", "size", ""],
+            [[n, f"{v['value']:.2g}", "" if v["unit"] == "1" else v["unit"]] for n, v in seen.items()],
+        )
     if hidden:
         click.echo("Invisible at any size in their range: " + ", ".join(hidden))

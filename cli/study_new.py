@@ -135,8 +135,10 @@ def _show(begun: object, as_json: bool) -> None:
     for text in study.data.statements:
         click.echo(f"  {text}")
     for name, (sd, unit) in calibration_priors(study.problem).items():
-        size = f"{100 * sd:.3g} %" if unit == "1" else f"{sd:.3g} {unit}"
-        click.echo(f"  {name}: an error common to all readings, standard uncertainty {size}")
+        per = study.problem.assembly.parameters[name].per
+        size = f"{100 * sd:.3g} %" if unit == "1" and not per else f"{sd:.3g} {unit}".removesuffix(" 1")
+        of = f"an error of each {per}" if per else "an error common to all readings"
+        click.echo(f"  {name}: {of}, standard uncertainty {size}")
     for name, needed in held.items():
         columns = ", ".join(study.model.conditions[n].column for n in needed if n in study.model.conditions)
         click.echo(f"  {name} is held at its default: {columns or ', '.join(needed)} does not vary")

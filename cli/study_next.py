@@ -8,6 +8,7 @@ import click
 
 from specan_cli.output import Verb, draw, emit_json, plot_option
 from specan_cli.study import open_study, study_options, told
+from specan_cli.study_diagnose import show_next
 
 
 @click.command("next", cls=Verb)
@@ -26,10 +27,10 @@ def command(directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Pat
     found = study.diagnose(progress=told()).next()
     if as_json:
         emit_json(found.to_json())
-    elif not found.rows:
+    elif found.rows:
+        show_next(found.rows)
+    else:
         click.echo("Nothing is left to decide: no two explanations compete for these data.")
         if study.model.words.what_else:
             click.echo(study.model.words.what_else.format(study=directory))
-    for number, row in enumerate(found.rows if not as_json else (), 1):
-        click.echo(f"{number}. {row['text']}")
     draw(found, plot)

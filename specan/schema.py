@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -36,23 +36,89 @@ def parse(kind: type[Kind], content: Mapping[str, Any], where: str) -> Kind:
     try:
         return kind.model_validate(dict(content))
     except ValidationError as fault:
-        first = fault.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
+        first = _nearest_to_intended(fault.errors())
+        keys = _keys_in(content, first["loc"], first["type"] in ("missing", "extra_forbidden"))
+        place = _spoken(keys)
         if first["type"] == "extra_forbidden":
             known = _keys_at(kind, first["loc"][:-1])
             hint = nearest(str(first["loc"][-1]), known)
-            raise RequestError(f"{where}: unknown key '{place}'", remedy=hint) from None
+            raise RequestError(f"{where}: unknown key {place}", remedy=hint) from None
+        if first["type"] == "missing" and isinstance(keys[-1], int):
+            raise RequestError(
+                f"{where}: {_spoken(keys[:-1])} is {first['input']!r}",
+                expected=f"at least {keys[-1] + 1} entries",
+            ) from None
         if first["type"] == "missing":
-            raise RequestError(f"{where}: the key '{place}' is missing", remedy="add it") from None
-        value = first.get("input")
-        message = first["msg"].removeprefix("Value error, ")
+            raise RequestError(f"{where}: the key {place} is missing", remedy="add it") from None
         if not place:  # the keys contradict each other
+            message = first["msg"].removeprefix("Value error, ")
             raise RequestError(f"{where}: {message}", remedy="correct it") from None
         raise RequestError(
-            f"{where}: '{place}' is {value!r}",
-            expected=message[:1].lower() + message[1:],
-            remedy="correct it",
+            f"{where}: {place} is {first['input']!r}", expected=_expected(first), remedy="correct it"
         ) from None
+
+
+WORDS = {
+    "tuple_type": "a list in square brackets", "list_type": "a list in square brackets",
+    "model_type": "a table of keys", "dict_type": "a table of keys", "string_type": "a text in quotes",
+    "float_type": "a number", "float_parsing": "a number", "int_type": "a whole number",
+    "int_from_float": "a whole number", "int_parsing": "a whole number", "bool_type": "true or false",
+    "too_short": "at least {min_length} entries", "too_long": "at most {max_length} entries",
+    "greater_than": "more than {gt:g}", "greater_than_equal": "at least {ge:g}",
+    "less_than": "less than {lt:g}", "less_than_equal": "at most {le:g}",
+}  # fmt: skip
+
+
+def _expected(fault: Any) -> str:
+    """What a value should be, in a user's words."""
+    if fault["type"] in WORDS:
+        return WORDS[fault["type"]].format(**fault.get("ctx", {}))
+    message = str(fault["msg"]).removeprefix("Value error, ").removeprefix("Input should be ")
+    return message[:1].lower() + message[1:]
+
+
+def _nearest_to_intended(faults: Sequence[Any]) -> Any:
+    """The first fault; of a value that may be of several forms, the one of the form that was meant.
+
+    A form of another kind fails as a whole (``tuple_type``); what was meant fails within.
+    """
+    first = faults[0]
+    alike = [f for f in faults if f["loc"][: len(first["loc"]) - 1] == first["loc"][:-1]]
+    return (
+        max(alike, key=lambda f: (not f["type"].endswith("_type"), len(f["loc"])))
+        if len(alike) > 1
+        else first
+    )
+
+
+def _keys_in(content: Any, place: Sequence[str | int], of_a_key: bool) -> list[str | int]:
+    """Keys and numbers of entries on the way to a fault, without the names of the forms that a value may have."""
+    found: list[str | int] = []
+    for number, part in enumerate(place):
+        last = number == len(place) - 1
+        if isinstance(content, Mapping):
+            if part in content or (last and of_a_key):
+                found.append(part)
+                content = content.get(part)
+        elif isinstance(content, Sequence) and isinstance(part, int):
+            found.append(part)
+            content = content[part] if part < len(content) else None
+    return found
+
+
+def _spoken(keys: Sequence[str | int]) -> str:
+    """``'mics.position_m' entry 2 entry 3``, as a user counts them."""
+    words: list[str] = []
+    joined = False
+    for key in keys:
+        if isinstance(key, int):
+            words.append(f"entry {key + 1}")
+        elif joined:
+            words[-1] = f"{words[-1][:-1]}.{key}'"
+        else:
+            words.append(f"'{key}'")
+        joined = isinstance(key, str)
+    return " ".join(words)
 
 
 def read_toml(path: Path) -> dict[str, Any]:

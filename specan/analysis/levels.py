@@ -120,7 +120,7 @@ class LevelsAccumulator:
             self._times(),
             offset=self._constant,
         )
-        self._transform = MultirateTransform(rows, self.sampling_rate, [self._energy], self._constant)
+        self._transform = MultirateTransform(rows, self.sampling_rate, self._energy, self._constant)
         self._quality = QualityAccumulator(self.channels)
         self._c_peak = WeightedPeak(int(self._pressure.sum()), self.sampling_rate, "C")
 

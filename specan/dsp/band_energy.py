@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from specan.dsp.frequency_nodes import (
     node_weights,
 )
 from specan.dsp.lag_spectrum import LagSpectrum, total_energy, working_memory
-from specan.dsp.multirate import LENGTH, MultirateTransform, Stage
+from specan.dsp.multirate import LENGTH, MultirateTransform, PaddedTransform, Stage, few_rows
 from specan.dsp.record_ends import Fade, RecordEnds
 from specan.dsp.short_record import LONGEST, add_energy, share_of_lines
 from specan.dsp.weighting import Weighting
@@ -150,34 +150,56 @@ class BandEnergy:
         self._count = 0
         self._sum = np.zeros(rows)
         self._spectra: dict[Stage, LagSpectrum] = {}
-        self._buffers = working_memory(rows, LENGTH)
+        self._buffers, self._padded = working_memory(rows, LENGTH), PaddedTransform(rows)
         self._first, count = node_range(sampling_rate)
         self._nodes, self._energy = np.zeros((rows, count)), np.zeros(rows)
         self._inner = np.zeros_like(self._nodes) if self._fade else None
 
     def take(
-        self, stage: Stage, block: NDArray[np.float64], transform: NDArray[np.complex128], half: int
+        self,
+        stage: Stage,
+        rows: slice,
+        block: NDArray[np.float64],
+        transform: NDArray[np.complex128],
+        half: int,
     ) -> None:
-        """See the next block of a stage; see `specan.dsp.multirate.Consumer`."""
+        """See some rows of the next block of a stage; see `specan.dsp.multirate.Consumer`."""
         if stage.number == 0:
-            self._count += block.shape[1]
-            self._sum += transform[:, 0].real
-        if stage not in self._spectra:
-            self._spectra[stage] = LagSpectrum(self._rows, LENGTH, self._buffers)
-        end = None if self._ends is None else self._ends.of(stage, block, half)
-        self._spectra[stage].add(transform, end, block.shape[1])
-        if self._spectra[stage].closed:
+            self._count += block.shape[1] if rows.start == 0 else 0
+            self._sum[rows] += transform[:, 0].real
+        if stage not in self._spectra:  # lower rates have few blocks, and what they hold counts as much
+            self._spectra[stage] = LagSpectrum(
+                self._rows,
+                LENGTH,
+                self._buffers,
+                sparing=stage.number > 0,
+                at_ends=partial(self._add_end, stage),
+            )
+        taken = end = None
+        if self._ends is not None:
+            taken = self._ends.of(stage, rows, block)
+            end = None if taken is None else self._padded(taken, half)
+            if not stage.last:
+                self._ends.decimate(stage, rows, end, half)
+        spectrum = self._spectra[stage]
+        spectrum.add(rows, block, transform, half, taken, end)
+        if spectrum.closed:
             self._read(stage)
 
     def _read(self, stage: Stage) -> None:
         """Bring a stage's lines to the nodes, and let go of them: those of all stages together are large."""
         spectrum, place = self._spectra.pop(stage), _spread(stage, self._first)
-        lines = spectrum.energy()
-        if stage.number == 0:
-            self._energy = total_energy(lines)
-        place.add(self._nodes, lines)
-        if self._inner is not None:
-            place.add(self._inner, spectrum.energy(faded=True))
+        for rows in few_rows(self._rows):
+            lines = spectrum.energy(rows)
+            if stage.number == 0:
+                self._energy[rows] = total_energy(lines)
+            place.add(self._nodes[rows], lines)
+            if self._inner is not None:
+                place.add(self._inner[rows], lines)
+
+    def _add_end(self, stage: Stage, rows: slice, energy: NDArray[np.float64]) -> None:
+        assert self._inner is not None
+        _spread(stage, self._first).add(self._inner[rows], energy)
 
     def result(self) -> EnergySpectrum:
         """The energy spectrum; call it once, after the transform is finished."""
@@ -279,7 +301,7 @@ class BandEnergyAccumulator:
             self._short = []
             return
         self._energy = BandEnergy(rows, sampling_rate, n_samples)
-        self._transform = MultirateTransform(rows, sampling_rate, [self._energy], offset)
+        self._transform = MultirateTransform(rows, sampling_rate, self._energy, offset)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""

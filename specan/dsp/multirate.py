@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
@@ -11,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.dsp.freed_memory import keep_freed_memory
 from specan.dsp.overlapped_blocks import BlockGrid
 from specan.dsp.windows import falling_step
 
@@ -48,8 +48,10 @@ class Decimator:
         self._response = low_pass(self._low)
         self._pending = np.zeros((rows, self._low))
 
-    def add(self, spectrum: NDArray[np.complex128], half: int) -> NDArray[np.float64]:
-        """Take the transform of the next block; return L / 8 samples of the decimated stream.
+    def add(
+        self, spectrum: NDArray[np.complex128], half: int, rows: slice = slice(None)
+    ) -> NDArray[np.float64]:
+        """Take the transform of the next block of some rows; return L / 8 samples of their decimated stream.
 
         `half` says in which half of the 2 L samples the block stands. The stream begins L / 16 of its
         samples before the first block: there the filter rings already.
@@ -58,8 +60,8 @@ class Decimator:
         filtered = np.fft.irfft(spectrum[:, : low + 1] * self._response, 2 * low)
         # The block's own samples stand from half * low on; half a block of ringing on either side.
         filtered = np.roll(filtered, low // 2 - half * low, axis=1)
-        complete = self._pending + filtered[:, :low]
-        self._pending = filtered[:, low:]
+        complete = self._pending[rows] + filtered[:, :low]
+        self._pending[rows] = filtered[:, low:]
         return complete
 
     def rest(self) -> NDArray[np.float64]:
@@ -123,17 +125,27 @@ def stages_of(sampling_rate: float) -> list[Stage]:
     return stages
 
 
+def few_rows(rows: int) -> list[slice]:
+    """The rows in groups that are transformed together."""
+    return [slice(top, min(top + ROWS, rows)) for top in range(0, rows, ROWS)]
+
+
 class Consumer(Protocol):
     """What looks at the blocks of all stages."""
 
     def take(
-        self, stage: Stage, block: NDArray[np.float64], transform: NDArray[np.complex128], half: int
+        self,
+        stage: Stage,
+        rows: slice,
+        block: NDArray[np.float64],
+        transform: NDArray[np.complex128],
+        half: int,
     ) -> None:
-        """See the next block of a stage, shape (channels, LENGTH), the last one of a stage shorter.
+        """See some rows of the next block of a stage, shape (rows, LENGTH), the last block of a stage shorter.
 
-        `transform` is that of 2 `LENGTH` samples, shape (channels, LENGTH + 1), zero but for the block in
-        the half that `half` says; successive blocks of a stage alternate. The array may be kept until the
-        next block of the stage has been seen; the one after that may be written over it.
+        All rows of a block come one after the other, from the first one on. `transform` is that of 2 `LENGTH` samples,
+        shape (rows, LENGTH + 1), zero but for the block in the half that `half` says; successive blocks of a stage
+        alternate. The array is written over afterwards.
         """
         ...
 
@@ -147,8 +159,7 @@ class MultirateTransform:
         Number of channels.
     sampling_rate : float
         In Hz.
-    consumers : sequence of Consumer
-        One transform serves them all.
+    consumer : Consumer
     offset : ndarray, shape (channels,), optional
         A constant part of each channel that is taken off all its samples: a filter at rest would be struck by it
         when the record begins and ends.
@@ -158,19 +169,17 @@ class MultirateTransform:
         self,
         rows: int,
         sampling_rate: float,
-        consumers: Sequence[Consumer],
+        consumer: Consumer,
         offset: NDArray[np.float64] | None = None,
     ) -> None:
+        keep_freed_memory()
         self._offset = None if offset is None or not offset.any() else offset[:, None]
         self.stages = stages_of(sampling_rate)
-        self._rows, self._consumers = rows, consumers
+        self._rows, self._consumer = rows, consumer
         self._grids = [BlockGrid(rows, LENGTH) for _ in self.stages]
         self._decimators: list[Decimator | None] = [None] * len(self.stages)
         self._halves = [0] * len(self.stages)
-        # Memory that is used again: on fresh memory, a transform takes twice the time. The lower stages
-        # have so few blocks that it is not worth it.
-        self._reused: dict[int, NDArray[np.complex128]] = {}
-        self._padded = np.zeros((min(rows, ROWS), 2 * LENGTH))
+        self._padded = PaddedTransform(rows)
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """Take the next samples, shape (channels, n), n of any size."""
@@ -179,43 +188,52 @@ class MultirateTransform:
     def finish(self) -> None:
         """Take what is left after the last samples, on every stage."""
         for number, grid in enumerate(self._grids):
-            if grid.rest().shape[1]:
-                self._take(number, grid.rest())
-            if number == 0:
-                self._reused.clear()
+            low = self._take(number, grid.rest()) if grid.rest().shape[1] else None
+            self._grids[number] = BlockGrid(self._rows, LENGTH)
+            if low is not None:
+                self._pass_on(number + 1, low)
             decimator, self._decimators[number] = self._decimators[number], None
             if decimator is not None:
                 self._pass_on(number + 1, decimator.rest())
 
     def _pass_on(self, number: int, samples: NDArray[np.float64]) -> None:
-        for block in self._grids[number].add(samples):
-            self._take(number, block)
+        blocks = self._grids[number].add(samples)
+        while blocks:  # a block is let go of before the lower rates have theirs
+            low = self._take(number, blocks.pop(0))
+            if low is not None:
+                self._pass_on(number + 1, low)
 
-    def _take(self, number: int, block: NDArray[np.float64]) -> None:
+    def _take(self, number: int, block: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Show a block to the consumer, and return it thinned out if there is a lower rate."""
         stage, half = self.stages[number], self._halves[number]
         self._halves[number] = 1 - half
-        if number == 0 and self._offset is not None:
-            block = block - self._offset
-        transform = self._transform(number, block, half)
-        for consumer in self._consumers:
-            consumer.take(stage, block, transform, half)
-        if stage.last:
-            return
-        decimator = self._decimators[number] or Decimator(self._rows, LENGTH)
-        self._decimators[number] = decimator
-        self._pass_on(number + 1, decimator.add(transform, half))
+        low = None if stage.last else np.empty((self._rows, LENGTH // FACTOR))
+        for rows in few_rows(self._rows):
+            part = block[rows]
+            if number == 0 and self._offset is not None:
+                part = part - self._offset[rows]
+            transform = self._padded(part, half)
+            self._consumer.take(stage, rows, part, transform, half)
+            if low is not None:
+                decimator = self._decimators[number] or Decimator(self._rows, LENGTH)
+                self._decimators[number] = decimator
+                low[rows] = decimator.add(transform, half, rows)
+        return low
 
-    def _transform(self, number: int, block: NDArray[np.float64], half: int) -> NDArray[np.complex128]:
-        result = self._reused.get(half) if number == 0 else None
-        if result is None:
-            result = np.empty((self._rows, LENGTH + 1), dtype=np.complex128)
-        if number == 0:
-            self._reused[half] = result
-        self._padded[...] = 0.0
-        place = slice(half * LENGTH, half * LENGTH + block.shape[1])
-        for top in range(0, self._rows, ROWS):
-            part = block[top : top + ROWS]
-            padded = self._padded[: part.shape[0]]
-            padded[:, place] = part
-            np.fft.rfft(padded, out=result[top : top + ROWS])
-        return result
+
+class PaddedTransform:
+    """Transforms of 2 `LENGTH` samples, of which a block fills the first or the second half, a few rows at a time.
+
+    The memory is used again: on fresh memory, a transform takes twice the time.
+    """
+
+    def __init__(self, rows: int) -> None:
+        self._samples = np.zeros((min(rows, ROWS), 2 * LENGTH))
+        self._lines = np.empty((min(rows, ROWS), LENGTH + 1), dtype=np.complex128)
+
+    def __call__(self, block: NDArray[np.float64], half: int) -> NDArray[np.complex128]:
+        """The lines of some rows; the next call writes over them."""
+        samples = self._samples[: block.shape[0]]
+        samples[...] = 0.0
+        samples[:, half * LENGTH : half * LENGTH + block.shape[1]] = block
+        return np.fft.rfft(samples, out=self._lines[: block.shape[0]])

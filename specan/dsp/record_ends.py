@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from specan.dsp.multirate import FACTOR, LENGTH, ROWS, Decimator, Stage
+from specan.dsp.multirate import FACTOR, LENGTH, Decimator, Stage
 from specan.dsp.windows import falling_step
 
 LONGEST_FADE_S = 0.5
@@ -77,7 +77,7 @@ def _rise(samples: int) -> NDArray[np.float64]:
 
 
 class RecordEnds:
-    """Transforms of what a fade takes away from the blocks of a `MultirateTransform`: of nothing but the ends.
+    """What a fade takes away from the blocks of a `MultirateTransform`, on every stage: nothing but at the ends.
 
     Parameters
     ----------
@@ -90,39 +90,37 @@ class RecordEnds:
         self._rows, self._fade, self._position = rows, fade, 0
         self._decimators: dict[int, Decimator] = {}
         self._pieces: dict[int, list[NDArray[np.float64] | None]] = {}
+        self._parts: dict[int, NDArray[np.float64] | None] = {}
 
-    def of(self, stage: Stage, block: NDArray[np.float64], half: int) -> NDArray[np.complex128] | None:
-        """Transform of the part of a stage's next block that the fade takes away; None where it takes nothing."""
-        part = self._taken_away(block) if stage.number == 0 else self._decimated(stage.number, block.shape[1])
-        spectrum = None if part is None else self._transform(part, half)
-        if not stage.last:
-            self._decimate(stage.number + 1, spectrum, half)
-        return spectrum
-
-    def _taken_away(self, block: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        first, count = self._position, block.shape[1]
-        self._position += count
-        if not self._fade.touches(first, count):
-            return None
-        return block * (1.0 - self._fade.weights(first, count))
-
-    def _transform(self, part: NDArray[np.float64], half: int) -> NDArray[np.complex128]:
-        padded = np.zeros((min(self._rows, ROWS), 2 * LENGTH))
-        result = np.empty((self._rows, LENGTH + 1), dtype=np.complex128)
-        for top in range(0, self._rows, ROWS):
-            rows = part[top : top + ROWS]
-            padded[: rows.shape[0], half * LENGTH : half * LENGTH + part.shape[1]] = rows
-            np.fft.rfft(padded[: rows.shape[0]], out=result[top : top + ROWS])
-        return result
-
-    def _decimate(self, number: int, spectrum: NDArray[np.complex128] | None, half: int) -> None:
-        pieces = self._pieces.setdefault(number, [])
-        if spectrum is None:
-            pieces.append(self._rest(number))
-        else:
-            pieces.append(
-                self._decimators.setdefault(number, Decimator(self._rows, LENGTH)).add(spectrum, half)
+    def of(self, stage: Stage, rows: slice, block: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """What the fade takes away from some rows of a stage's next block; None where it takes nothing."""
+        count = block.shape[1]
+        if stage.number == 0:
+            first = self._position
+            self._position += count if rows.stop == self._rows else 0
+            return (
+                block * (1.0 - self._fade.weights(first, count)) if self._fade.touches(first, count) else None
             )
+        if rows.start == 0:
+            self._parts[stage.number] = self._decimated(stage.number, count)
+        part = self._parts[stage.number]
+        if rows.stop == self._rows:
+            del self._parts[stage.number]
+        return None if part is None else part[rows]
+
+    def decimate(self, stage: Stage, rows: slice, spectrum: NDArray[np.complex128] | None, half: int) -> None:
+        """Thin out what was taken away from these rows, of which this is the transform."""
+        number = stage.number + 1
+        pieces = self._pieces.setdefault(number, [])
+        if rows.start == 0:
+            pieces.append(
+                self._rest(number) if spectrum is None else np.empty((self._rows, LENGTH // FACTOR))
+            )
+        if spectrum is not None:
+            decimator, piece = self._decimators.get(number) or Decimator(self._rows, LENGTH), pieces[-1]
+            self._decimators[number] = decimator
+            assert piece is not None
+            piece[rows] = decimator.add(spectrum, half, rows)
 
     def _rest(self, number: int) -> NDArray[np.float64] | None:
         decimator = self._decimators.pop(number, None)

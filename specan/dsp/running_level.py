@@ -124,7 +124,11 @@ class RunningLevel:
                 square[:, : max(self._start - self._position, 0)] = 0.0
                 weighted = self._peaks(square, factor)
             self._maximum = np.fmax(self._maximum, np.fmax.reduce(weighted[:, high], axis=1, initial=np.nan))
-            self._look(self.due(square.shape[1]), lambda places: known[:, places + 1])
+            # A reading on the end of the last interval, as computed, may lie behind it by a rounding error.
+            self._look(
+                self.due(square.shape[1]),
+                lambda at: (known[:, at + 1], known[:, np.minimum(at + 2, square.shape[1])]),
+            )
         else:
             sparse = self._weighting.sparse(square, factor)
             if low.start < low.stop:
@@ -137,7 +141,7 @@ class RunningLevel:
                     self._before_start = earlier + share * (at_end - earlier)
                 later = self._position - 1 - self._from
                 self._maximum = sparse.largest(high, self._maximum, self._before_start, later)
-            self._look(self.due(square.shape[1]), sparse.at)
+            self._look(self.due(square.shape[1]), sparse.pairs)
         if ripple is not None and ripple.shape[1]:
             some = self._readings[:, self._read - ripple.shape[1] : self._read]
             some += ripple if factor is None else ripple * factor[:, None]
@@ -161,12 +165,16 @@ class RunningLevel:
             lowest = np.fmin(lowest, np.fmin(readings[:, -2], readings[:, -1]))
         return readings[:, :-2], highest, lowest
 
-    def _look(self, due: NDArray[np.float64], at: Callable[[NDArray[np.intp]], NDArray[np.float64]]) -> None:
+    def _look(
+        self,
+        due: NDArray[np.float64],
+        pairs: Callable[[NDArray[np.intp]], tuple[NDArray[np.float64], NDArray[np.float64]]],
+    ) -> None:
         """Interpolate between the ends of two intervals."""
         if due.size:
             last = self._known_from[self._read : self._read + due.size] - self._position
             before = np.floor(last).astype(int)
-            earlier, later = np.hsplit(at(np.concatenate([before, before + 1])), 2)
+            earlier, later = pairs(before)
             share = due - before
             done = self._read + due.size
             # What is left of an earlier average is taken off that at the end: both as if the square were constant.

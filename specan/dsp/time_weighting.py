@@ -19,6 +19,8 @@ IMPULSE, IMPULSE_DECAY = 0.035, 1.5
 _BLOCK, _AT_ONCE = 16, 512
 # Blocks that are summed up at once make at most this many time constants, so that the powers do not overflow.
 _GROWTH = 200.0
+# What is so small beside a number does not change it.
+_NOTHING = 2.0**-54
 
 
 class TimeWeighting:
@@ -185,6 +187,12 @@ class SparseAverages:
         found += np.einsum("ijk,jk->ij", squares, weights) * self._factors[:, None]
         return np.where(np.isfinite(found), found, np.nan)
 
+    def pairs(self, places: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Averages at these places, and those one place later."""
+        found, after = self.at(places), np.minimum(places + 1, self._squared.shape[1] - 1)
+        fresh = np.take(self._squared, after, axis=1) * ((1.0 - self._keep) * self._factors[:, None])
+        return found, self._keep * found + fresh
+
     def largest(
         self, span: slice, least: NDArray[np.float64], earlier: NDArray[np.float64], later: float
     ) -> NDArray[np.float64]:
@@ -192,52 +200,79 @@ class SparseAverages:
 
         `earlier`, shape (rows, 1), is the average before that; what precedes place 0 comes so many places `later`.
         """
-        begins = np.maximum(np.arange(self._before.shape[1]), span.start // _BLOCK) * _BLOCK
-        before = self._before - earlier * self._keep ** (later + begins)
-        # Nothing is larger than if all of the block came with its first interval.
+        before = self._before
         with np.errstate(invalid="ignore"):
-            bound = self._keep * before + self._ends * self._keep ** (1 - _BLOCK)
-            return self._searched(span, before, bound, least, np.fmax)
+            left = np.max(earlier * self._keep ** (later + span.start))
+            if not left < _NOTHING * np.min(least):
+                begins = np.maximum(np.arange(before.shape[1]), span.start // _BLOCK) * _BLOCK
+                before = before - earlier * self._keep ** (later + begins)
+            # Nothing is larger than if all of the block came with its first interval.
+            return self._searched(span, before, self._keep ** (_BLOCK - 1), least, np.fmax)
 
     def smallest(self, span: slice, most: NDArray[np.float64]) -> NDArray[np.float64]:
         """The smallest average of each row in a span, or `most`."""
         # Nothing is smaller than if all of the block came after its last interval.
         with np.errstate(invalid="ignore"):
-            return self._searched(span, self._before, self._keep**_BLOCK * self._before, most, np.fmin)
+            return self._searched(span, self._before, self._keep**-_BLOCK, most, np.fmin)
 
     def _searched(
         self,
         span: slice,
         before: NDArray[np.float64],
-        bound: NDArray[np.float64],
+        reach: float,
         best: NDArray[np.float64],
         better: np.ufunc,
     ) -> NDArray[np.float64]:
-        """Look into the blocks that may hold something better than what blocks end with."""
-        sought = np.zeros(before.shape, dtype=np.bool_)
-        sought[:, span.start // _BLOCK : -(-span.stop // _BLOCK)] = True
+        """Look into the blocks that may hold something better than what blocks end with.
+
+        A block may if what it ends with (for the largest) or begins with (for the smallest) is better than `reach`
+        times the best.
+        """
+        first, last = span.start // _BLOCK, -(-span.stop // _BLOCK)
+        sought = np.ones((before.shape[0], last - first), dtype=np.bool_)
         whole = slice(-(-span.start // _BLOCK), span.stop // _BLOCK)
         if whole.stop > whole.start:
-            ended = self._keep**_BLOCK * before[:, whole] + self._ends[:, whole]
-            lost = ~np.isfinite(ended)
-            ended[lost] = np.nan
-            best = better(best, better.reduce(ended, axis=1))
-            sought[:, whole] = lost | (better(bound[:, whole], best[:, None]) != best[:, None])
-        rows, blocks = np.nonzero(sought)
+            ended = before[
+                :, whole.start + 1 : whole.stop + 1
+            ]  # a block ends with what is before the next one
+            finite = np.isfinite(ended[:, -1])  # what is not finite stays so
+            if finite.all():
+                plain, seen = (np.maximum, ended) if better is np.fmax else (np.minimum, before[:, whole])
+                best = better(best, plain.reduce(ended, axis=1))
+                compare = np.greater if better is np.fmax else np.less
+                mine = sought[:, whole.start - first : whole.stop - first]
+                compare(seen, reach * best[:, None], out=mine)
+        rows, blocks = np.divmod(np.flatnonzero(sought), sought.shape[1])
+        blocks += first
         values = self._inside(rows, blocks, before[rows, blocks])
-        places = blocks[:, None] * _BLOCK + np.arange(_BLOCK)
-        values[(places < span.start) | (places >= span.stop)] = np.nan
-        best = best.copy()
-        better.at(best, rows, better.reduce(values, axis=1))
+        for block in {end // _BLOCK for end in (span.start, span.stop) if end % _BLOCK}:
+            places = block * _BLOCK + np.arange(_BLOCK)[:, None]
+            some = np.flatnonzero(blocks == block)
+            inside = (places >= span.start) & (places < span.stop)
+            values[:, some] = np.where(inside, values[:, some], np.nan)
+        best, mine = best.copy(), values[0]
+        for value in values[1:]:  # faster than to reduce along a first axis
+            better(mine, value, out=mine)
+        better.at(best, rows, mine)
         return best
 
     def _inside(
         self, rows: NDArray[np.intp], blocks: NDArray[np.intp], known: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """All averages of some blocks, from those before them."""
-        places = np.minimum(blocks * _BLOCK + np.arange(_BLOCK)[:, None], self._squared.shape[1] - 1)
-        values = self._squared[rows, places] * ((1.0 - self._keep) * self._factors[rows])
+        """All averages of some blocks, shape (intervals, blocks), from those before them."""
+        whole = self._squared.shape[1] // _BLOCK
+        pieces = np.zeros((blocks.size, _BLOCK), dtype=self._squared.dtype)
+        full = blocks < whole
+        of_rows = self._squared[:, : whole * _BLOCK].reshape(self._factors.size, whole, _BLOCK)
+        if full.all():
+            pieces = of_rows[rows, blocks]
+        else:
+            pieces[full] = of_rows[rows[full], blocks[full]]
+            pieces[~full, : self._squared.shape[1] % _BLOCK] = self._squared[rows[~full], whole * _BLOCK :]
+        values = pieces.T * ((1.0 - self._keep) * self._factors[rows])
         for value in values:
             value += self._keep * known
             known = value
-        return np.where(np.isfinite(values), values, np.nan).T
+        if not np.isfinite(known).all():
+            values[~np.isfinite(values)] = np.nan
+        return values

@@ -13,7 +13,6 @@ import numpy as np
 
 from specan.impedance.surface_impedance import Impedance
 from specan.impedance.wall_admittance import USE, Point, Space, free_walls
-from specan.models import Model
 from specan.models.measurement_kinds import Places
 from specan.models.room.places import with_microphones
 from specan.study.design.receiver_places import (
@@ -89,7 +88,10 @@ def advise(found: Impedance) -> tuple[Advice, ...]:
     space, state = found.fit.space, found.fit.state
     jacobian = space.jacobian(state)
     known = jacobian.T @ jacobian
-    return (_further_microphones(space, state, known, goal), _covered_wall(space, state, known, goal))
+    receivers = space.assembly.model.receivers
+    places = receivers.places if receivers else None
+    further = () if places is None else (_further_microphones(space, state, known, goal, places),)
+    return (*further, _covered_wall(space, state, known, goal))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +130,9 @@ class _Goal:
         return tuple(name for name, ok in zip(self.names, enough, strict=True) if ok)
 
 
-def _further_microphones(space: Space, state: Point, known: Array, goal: _Goal) -> Advice:
+def _further_microphones(space: Space, state: Point, known: Array, goal: _Goal, where: Places) -> Advice:
     """One place after the other, each the best beside those that are taken."""
-    places = _places(space.assembly.model).free()
+    places = where.free()
     each = information_at(space, state, places)
     chosen: list[int] = []
     for _ in range(min(MICROPHONES, len(places))):
@@ -172,9 +174,3 @@ def _covered_wall(space: Space, state: Point, known: Array, goal: _Goal) -> Advi
             (goal.shortfall(both), Advice("cover-wall", (), wall, goal.reached(both), len(goal.names)))
         )
     return min(tried, key=lambda pair: pair[0])[1]
-
-
-def _places(model: Model) -> Places:
-    assert model.receivers is not None
-    assert model.receivers.places is not None
-    return model.receivers.places

@@ -21,10 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError, nearest
-from specan.impedance.absorption import diffuse_absorption, normal_absorption
 from specan.impedance.wall_admittance import WallFit, wall_fit
 from specan.models.effect import ParameterName
-from specan.models.room.places import wall_areas
+from specan.models.room.absorption import diffuse_absorption, normal_absorption
 from specan.result import Result, counted
 from specan.study.build_problem import assemble
 from specan.study.observation import Array
@@ -211,7 +210,9 @@ def study_impedance(
     others = [n for n in problem.free if n not in problem.priors and ParameterName(n).owner not in own]
     fit = wall_fit(problem, study.best.values if others else None, progress)
     lines = np.concatenate([o.conditions["frequency"] for o in problem.observations])
-    areas = wall_areas(study.model.settings["rig"]["room"]["dims_m"])
+    wall_of_face = study.model.quantities["wall_of_face"]()
+    summed = np.bincount(wall_of_face, study.model.settings["face_areas_m2"])
+    areas = dict(zip(fit.walls, summed.tolist(), strict=True))
     return impedance(fit, areas, (float(lines.min()), float(lines.max())), accuracy)
 
 
@@ -221,11 +222,6 @@ def _check_room(study: Study) -> None:
             f"the model of this study is {study.model.name}, which has no walls",
             expected="a study of a room",
             remedy="begin one with specan study new DIR --model room --rig RIG.toml --measurement RECORDING",
-        )
-    if study.model.settings["rig"]["room"]["dims_m"] is None:
-        raise RequestError(
-            "the room of this study is a mesh, whose walls can be anywhere",
-            expected="a rectangular room ([room] dims_m)",
         )
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError, RequestError, SpecanError
 from specan.models import Assembly, Parameter, Use, effect
+from specan.models.room.known_walls import with_nothing_stated
 from specan.study.estimation.continuation import down_weighted
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
@@ -177,9 +178,11 @@ class Space:
         if not all(isinstance(o, FrfObservation) for o in problem.observations):
             raise RequestError("the study holds no recordings", expected="transfer functions of microphones")
         for use in problem.assembly.uses:
-            if set(model.effects[use.name].changes) == {"wall_admittance"}:
+            if set(model.effects[use.name].changes) <= {"wall_admittance", "wall_data_error"}:
                 problem = without(problem, use)
         problem = problem.holding({"wall_admittance.common": 0.0})
+        model = with_nothing_stated(model)  # what is estimated can then be held against it
+        problem = replace(problem, assembly=model.assemble(problem.assembly.uses))
         assembly = model.with_effect(free_walls).assemble({*problem.assembly.uses, USE})
         known = {n: v for n, v in start.items() if n not in problem.priors}
         lines = np.concatenate([o.conditions["frequency"] for o in problem.observations])

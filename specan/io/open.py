@@ -125,18 +125,26 @@ def find_recordings(directories: Sequence[Path | str]) -> list[Found]:
         if not os.path.isdir(directory):  # Path.is_dir raises where a name is too long
             what = "is a file" if os.path.exists(directory) else "does not exist"
             raise RequestError(f"the directory {directory} {what}", remedy="name a directory of recordings")
-        found += [Found(path, prefix + path.relative_to(directory).as_posix()) for path in _below(directory)]
+        found += [Found(path, prefix + below) for path, below in _below(directory)]
     return sorted(found, key=lambda f: f.label)
 
 
-def _below(directory: Path) -> Iterator[Path]:
-    """Recordings, and directories that cannot be read: what they hold would be missed without a word."""
+def _below(directory: Path) -> Iterator[tuple[Path, str]]:
+    """Recordings, and directories that cannot be read: what they hold would be missed without a word.
+
+    Each with its path from `directory` on. There may be very many: a path is taken apart once for a directory.
+    """
     closed: list[Path] = []
     for place, below, files in os.walk(directory, onerror=lambda fault: closed.append(Path(fault.filename))):
         below.sort()
-        # A broken link and a pipe are inputs that fail.
-        yield from (Path(place, name) for name in files if Path(name).suffix.lower() in SUFFIXES)
-    yield from closed
+        here = Path(place)
+        inside = "" if here == directory else here.relative_to(directory).as_posix() + "/"
+        for name in files:  # a broken link and a pipe are inputs that fail
+            stem, dot, end = name.rpartition(".")
+            if stem and (dot + end).lower() in SUFFIXES:
+                yield here / name, inside + name
+    for path in closed:
+        yield path, path.relative_to(directory).as_posix()
 
 
 def _prefixes(directories: Sequence[Path]) -> list[str]:

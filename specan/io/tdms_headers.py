@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -141,14 +142,14 @@ _LEAD_IN, _BIG_ENDIAN, _NOT_CLOSED = 28, 1 << 6, 0xFFFFFFFFFFFFFFFF
 _PIECE = 1 << 20
 
 
-def metadata_of(path: Path) -> Iterator[bytes]:
+def metadata_of(path: Path | str) -> Iterator[bytes]:
     """Lead-in and metadata of every segment, in the order of the file and in pieces of at most 1 MiB.
 
     Ends without an error where a segment does not begin as it should: what the bytes mean is for
     `read_headers` to say.
     """
-    with path.open("rb") as file:
-        size = file.seek(0, 2)
+    with open(path, "rb") as file:
+        size = os.fstat(file.fileno()).st_size
         position = 0
         while position + _LEAD_IN <= size:
             file.seek(position)

@@ -252,16 +252,20 @@ def read_rig_file(path: Path) -> dict[str, Any]:
         It does not exist or is not valid TOML.
     """
     content = read_toml(path)
-    for table, key in _FILES:
-        given = content.get(table)
-        if isinstance(given, dict) and isinstance(given.get(key), str):
-            given[key] = str((path.parent / given[key]).resolve())
+    for table, key in _naming_files(content):
+        table[key] = str((path.parent / table[key]).resolve())
     return content
+
+
+def _naming_files(content: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """Tables and keys of a rig file whose values are paths."""
+    walls = content.get("walls")
+    tables = [(content.get(table), key) for table, key in _FILES]
+    tables += [(wall, "file") for wall in (walls.values() if isinstance(walls, dict) else ())]
+    return [(t, key) for t, key in tables if isinstance(t, dict) and isinstance(t.get(key), str)]
 
 
 def rig_files(path: Path) -> tuple[Path, ...]:
     """The rig file and the files that it names: everything that decides what the rig is."""
     content = read_rig_file(path)
-    tables = [(content.get(table), key) for table, key in _FILES]
-    named = [table.get(key) for table, key in tables if isinstance(table, dict)]
-    return (path, *(Path(name) for name in named if isinstance(name, str)))
+    return (path, *(Path(table[key]) for table, key in _naming_files(content)))

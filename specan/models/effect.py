@@ -46,6 +46,8 @@ class Parameter:
     as_declared : bool
         The function that owns the parameter receives it in `unit`, not in SI: so in a model that
         `specan.models.model.Model.from_function` makes.
+    spread : float
+        Of one that is held: its standard uncertainty, in `unit`. It widens the intervals of what is fitted beside it.
 
     Examples
     --------
@@ -65,6 +67,7 @@ class Parameter:
     per: str = ""
     needs: tuple[str, ...] = ()
     as_declared: bool = False
+    spread: float = 0.0
 
     def __post_init__(self) -> None:
         low, high = self.domain

@@ -30,6 +30,24 @@ class Parts(Protocol):
     def axes(self) -> Mapping[str, tuple[str, ...]]: ...  # noqa: D102
 
 
+class _Call:
+    """How one function of a quantity or an effect is called: what it reads, and its parameters by their full names."""
+
+    def __init__(self, of: Quantity | Effect, key: str) -> None:
+        self.of, self.key, self.function, self.reads = of, key, of.function, tuple(of.reads)
+        self.parameters = tuple((name, f"{key}.{name}") for name in of.parameters)
+
+    def tell(self, fault: Exception, known: Collection[str]) -> None:
+        """Raise what is a user's mistake as such."""
+        missing = next((name for name in self.reads if name not in known), None)
+        if missing is not None:
+            raise RequestError(
+                f"{self.of.name!r} reads {missing!r}, which the data do not have",
+                remedy=f"add {missing} to the data",
+            ) from None
+        _tell(fault, self.of)
+
+
 @dataclass(frozen=True)
 class Evaluator:
     """Quantities, conditions and effects with a set of effects switched on."""
@@ -117,16 +135,14 @@ class Evaluator:
         parameters = {**self.defaults, **(values or {})}
         known: dict[str, Any] = dict(self._condition_defaults)
         known.update(conditions)
-        parts: dict[str, dict[str, Any]] = {}
-        needed = self._needed(tuple(wanted)) if wanted is not None else None
-        touched = self.downstream(tuple(changed)) if after is not None else None
-        for loop, order, guessed in self._plan:
-            if after is not None and touched is not None and not touched.intersection(loop):
-                known.update((name, after.values[name]) for name in loop if name in after.values)
-                parts.update((name, dict(after.parts[name])) for name in loop if name in after.parts)
-                continue
-            if needed is not None and not needed.intersection(loop):
-                continue
+        parts: dict[str, Mapping[str, Any]] = {}
+        taken, steps = self._schedule(
+            self._plan, None if wanted is None else tuple(wanted), None if after is None else tuple(changed)
+        )
+        if after is not None:
+            known.update((name, after.values[name]) for name in taken if name in after.values)
+            parts.update((name, after.parts[name]) for name in taken if name in after.parts)
+        for loop, order, guessed in steps:
             if guessed:
                 self._settle(loop, order, guessed, known, parameters, parts)
             else:
@@ -185,26 +201,44 @@ class Evaluator:
         return [(part, *cut(part, self._reads)) for part in parts]
 
     @cached_property
-    def _needed_cache(self) -> dict[tuple[str, ...], set[str]]:
+    def _schedules(self) -> dict[Any, tuple[list[str], list[Any]]]:
         return {}
 
-    def _needed(self, wanted: tuple[str, ...]) -> set[str]:
-        if wanted not in self._needed_cache:
-            seen: set[str] = set()
-            stack = list(wanted)
-            while stack:
+    def _schedule(
+        self, plan: list[Any], wanted: tuple[str, ...] | None, changed: tuple[str, ...] | None
+    ) -> tuple[list[str], list[Any]]:
+        """Quantities that are taken over from an evaluation before, and parts of the plan that are worked out."""
+        if (wanted, changed) not in self._schedules:
+            needed: set[str] = set(self._reads) if wanted is None else set()
+            stack = list(wanted or ())
+            while stack:  # what is wanted, and what it rests on
                 name = stack.pop()
-                if name not in seen and name in self.model.quantities:
-                    seen.add(name)
+                if name not in needed and name in self._reads:
+                    needed.add(name)
                     stack.extend(self._reads[name])
-            self._needed_cache[wanted] = seen
-        return self._needed_cache[wanted]
+            touched = set(self._reads) if changed is None else self.downstream(changed)
+            steps = [step for step in plan if touched.intersection(step[0])]
+            self._schedules[wanted, changed] = (
+                [name for step in plan if not touched.intersection(step[0]) for name in step[0]],
+                [step for step in steps if needed.intersection(step[0])],
+            )
+        return self._schedules[wanted, changed]
 
     @cached_property
-    def _downstream_cache(self) -> dict[tuple[str, ...], set[str]]:
+    def _calls(self) -> dict[str, tuple[_Call, list[tuple[Use, Effect, _Call]]]]:
+        """Of each quantity the call of the base, and those of the effects that act on it."""
+        effects = self.model.effects
+        calls = {use: _Call(effects[use.name], str(use)) for use in self.uses}
+        return {
+            name: (_Call(node, name), [(use, effects[use.name], calls[use]) for use in self._acting[name]])
+            for name, node in self.model.quantities.items()
+        }
+
+    @cached_property
+    def _downstream_cache(self) -> dict[tuple[str, ...], frozenset[str]]:
         return {}
 
-    def downstream(self, changed: tuple[str, ...]) -> set[str]:
+    def downstream(self, changed: tuple[str, ...]) -> frozenset[str]:
         """Quantities that depend on any of the parameters."""
         if changed not in self._downstream_cache:
             touched: set[str] = set()
@@ -217,38 +251,54 @@ class Evaluator:
             for part, _, _ in self._plan:  # what is read comes first, so one pass suffices
                 if any(not touched.isdisjoint(self._reads[name]) or name in touched for name in part):
                     touched.update(part)
-            self._downstream_cache[changed] = touched
+            self._downstream_cache[changed] = frozenset(touched)
         return self._downstream_cache[changed]
+
+    def read_by(self, touched: frozenset[str], wanted: Iterable[str]) -> frozenset[str]:
+        """Other quantities that some of them read directly, and those that are wanted."""
+        if touched not in self._read_by:
+            self._read_by[touched] = frozenset(r for name in touched for r in self._reads[name])
+        return self._read_by[touched].union(wanted) - touched
+
+    @cached_property
+    def _read_by(self) -> dict[frozenset[str], frozenset[str]]:
+        return {}
 
     def _value(
         self,
         name: str,
         known: dict[str, Any],
         parameters: Mapping[str, Any],
-        parts: dict[str, dict[str, Any]],
+        parts: dict[str, Mapping[str, Any]],
     ) -> None:
         """(base + what is added) x what scales it; or the base collection and what joins it."""
         # Functions are called here and in `_settle`, not through a helper: it would cost at every evaluation of a fit.
-        base = self.model.quantities[name]
+        base, acting = self._calls[name]
+        given = map(known.__getitem__, base.reads)
         try:
-            own = {p: parameters[f"{name}.{p}"] for p in base.parameters}
-            contributions = {BASE: base.function(*_reads(base, known), **own)}
+            if base.parameters:
+                found = base.function(*given, **{own: parameters[full] for own, full in base.parameters})
+            else:
+                found = base.function(*given)
         except Exception as fault:
-            _tell(fault, base)
+            base.tell(fault, known)
             raise
-        for use in self._acting[name]:
-            effect = self.model.effects[use.name]
+        contributions = {BASE: found}
+        for use, effect, call in acting:
+            given = map(known.__getitem__, call.reads)
             try:
-                own = {p: parameters[f"{use}.{p}"] for p in effect.parameters}
-                given = effect.function(*_reads(effect, known), **own)
+                found = call.function(*given, **{own: parameters[full] for own, full in call.parameters})
             except Exception as fault:
-                _tell(fault, effect)
+                call.tell(fault, known)
                 raise
             if len(effect.changes) > 1:
-                given = given[name]
+                found = found[name]
             if effect.at:
-                given = (use.at, given) if name in effect.joins else self._spread(use, effect, name, given)
-            contributions[str(use)] = given
+                found = (use.at, found) if name in effect.joins else self._spread(use, effect, name, found)
+            contributions[call.key] = found
+        if not acting:
+            known[name], parts[name] = contributions[BASE], contributions
+            return
         try:
             known[name] = self._combined(name, contributions)
         except ValueError:
@@ -257,8 +307,8 @@ class Evaluator:
 
     def _combined(self, name: str, contributions: Mapping[str, Any]) -> Any:
         total, factor = contributions[BASE], None
-        for use in self._acting[name]:
-            effect, given = self.model.effects[use.name], contributions[str(use)]
+        for _, effect, call in self._calls[name][1]:
+            given = contributions[call.key]
             if name in effect.joins:
                 total = (*total, given)
             elif name in effect.adds_to:
@@ -300,18 +350,18 @@ class Evaluator:
         guessed: tuple[str, ...],
         known: dict[str, Any],
         parameters: Mapping[str, Any],
-        parts: dict[str, dict[str, Any]],
+        parts: dict[str, Mapping[str, Any]],
     ) -> None:
         """Solve a loop from the values without effects; see `specan.models.loops`."""
         import numpy as np
 
         for name in loop:
-            base = self.model.quantities[name]
+            base = self._calls[name][0]
             try:
-                own = {p: parameters[f"{name}.{p}"] for p in base.parameters}
-                known[name] = base.function(*_reads(base, known), **own)
+                own = {own: parameters[full] for own, full in base.parameters}
+                known[name] = base.function(*map(known.__getitem__, base.reads), **own)
             except Exception as fault:
-                _tell(fault, base)
+                base.tell(fault, known)
                 raise
         point = FixedPoint({name: known[name] for name in guessed})
         with np.errstate(all="ignore"):  # a loop that runs away is told below, once
@@ -329,8 +379,11 @@ class Evaluator:
         )
 
 
-def varying(rows: Iterable[Mapping[str, Any]], least: float = 0.01) -> frozenset[str]:
+def varying(rows: Iterable[Mapping[str, Any]], least: float = 5e-4) -> frozenset[str]:
     """Conditions that take several values over some data: a spread of more than `least` of the largest.
+
+    Of an oil temperature 0.2 K: the viscosity differs by 1 %, which repeats within 0.2 % tell. A dependence that is
+    held at a default then looks like an effect; one that is free and hardly determined costs nothing.
 
     Examples
     --------
@@ -366,17 +419,6 @@ class Evaluation:
     def contributions(self, name: str) -> Mapping[str, Any]:
         """Contribution of the base and of every effect to a quantity (terms, and factors as factors)."""
         return self.parts[name]
-
-
-def _reads(owner: Quantity | Effect, known: Mapping[str, Any]) -> list[Any]:
-    """Values of the quantities that a quantity or an effect reads."""
-    try:
-        return [known[name] for name in owner.reads]
-    except KeyError as missing:
-        name = missing.args[0]
-        raise RequestError(
-            f"{owner.name!r} reads {name!r}, which the data do not have", remedy=f"add {name} to the data"
-        ) from None
 
 
 def _tell(fault: Exception, owner: Quantity | Effect) -> None:

@@ -291,6 +291,28 @@ class NamedModes:
 
 
 @dataclass(frozen=True, eq=False)
+class InRecording:
+    """What of the receivers and the conditions holds in one recording.
+
+    Attributes
+    ----------
+    rows : array of int
+        Receivers of the axis that it has, in the order of its channels.
+    conditions : mapping
+        Conditions that hold for the whole of it.
+    drift : tuple of str and array (n,), optional
+        A condition that changed while it was recorded, and by how much it was off its mean, at even steps.
+    text : str
+        What was found, for a person.
+    """
+
+    rows: NDArray[np.intp]
+    conditions: Mapping[str, float] = field(default_factory=dict)
+    drift: tuple[str, Array] | None = None
+    text: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class Receivers:
     """Channels at places in a field, compared with a reference channel.
 
@@ -328,6 +350,9 @@ class Receivers:
         Bands whose lines are not looked at.
     background : str, optional
         Path of a recording of the receivers while the source is silent.
+    in_recording : callable, optional
+        ``in_recording(file name, start, duration_s) -> InRecording``, `start` a datetime64 (UTC) or None where nothing
+        tells; all receivers where it is not given.
     """
 
     axis: str
@@ -352,3 +377,4 @@ class Receivers:
     block_s: float | None = None
     left_out_hz: tuple[tuple[float, float], ...] = ()
     background: str | None = None
+    in_recording: Callable[[str, Any, float], InRecording] | None = None

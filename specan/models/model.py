@@ -22,13 +22,15 @@ class Nuisance:
     """An instrument error that every fit of a study carries, held by its certificate.
 
     `effect` names the effect whose parameter follows a normal law about its neutral value with the
-    standard deviation `prior_sd`, in the parameter's unit.
+    standard deviation `prior_sd`, in the parameter's unit. Of several recordings each has its own where `per_recording`
+    says so.
     """
 
     effect: str
     parameter: str
     prior_sd: float
     source: str = ""
+    per_recording: bool = False
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from specan.errors import RequestError, nearest
 from specan.models import Model, Parameter, Use, varying
 from specan.models.effect import ParameterName
-from specan.study.estimation.fit import NORMAL_95, Fit
+from specan.study.estimation.fit import Fit, intervals_95
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array, Observation
 from specan.study.selection.candidates import grouped_by
@@ -216,8 +216,8 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
     plausible range by more than two standard uncertainties, or more than three of its certificate off.
     """
     table: dict[str, dict[str, Any]] = {}
-    low, high = problem.bounds()
     widen = np.sqrt(max(best.reduced_chi2, 1.0)) if np.isfinite(best.reduced_chi2) else 1.0
+    intervals = intervals_95(problem, best, widen)
     for k, name in enumerate(problem.names):
         parameter = problem.assembly.parameters[name.whole]
         value, sd = float(best.theta[k]), best.standard_error(name) * widen
@@ -228,7 +228,7 @@ def parameter_table(problem: Problem, best: Fit) -> dict[str, dict[str, Any]]:
             if prior is None
             else abs(value - prior[0]) <= TOO_FAR * prior[1]
         )
-        ends = max(value - NORMAL_95 * sd, low[k]), min(value + NORMAL_95 * sd, high[k])
+        ends = intervals[name]
         table[name] = {
             "value": parameter.from_si(value),
             "low": parameter.from_si(float(ends[0])),

@@ -232,6 +232,32 @@ class OfForms:
     best: Explained
     form: str
     rivals: Mapping[str, Explained]
+    declared: Explained | None = None
+
+    def beside(self) -> str:
+        """Effects with which the declared form fits as well as the best one does without any; what tells them apart."""
+        best = self.best.search.best
+        if (
+            best.uses
+            or not self.form
+            or self.declared is None
+            or self.declared.found.kind == "nothing-missing"
+        ):
+            return ""
+        declared = self.declared.search
+        within = [(refit, "") for refit in declared.refits.of_size(1) if not declared.too_far(refit)]
+        beyond = [(refit, f" with {_values(values)}") for refit, values in sizes_beyond(declared, ())]
+        near = {refit.uses: (refit, values) for refit, values in [*beyond, *within]
+                if _ahead(best, refit) < DECISIVE}  # fmt: skip
+        if not near:
+            return ""
+        likeliest = sorted(near.values(), key=lambda one: _ahead(best, one[0]))[:MOST_PULLS]
+        names = " or ".join(f"{_names([refit])}{values}" for refit, values in likeliest)
+        effects = best.problem.assembly.model.effects
+        telling = dict.fromkeys(text for name in self.form.split() if name in effects
+                                for text in [effects[name].separate_by] if text)  # fmt: skip
+        wanted = f"; what would tell: {' and '.join(telling)}" if telling else ""
+        return f"with the declared form, {names} fits as well{wanted}"
 
     def others(self) -> list[str]:
         """What is missing with a form that is as likely, where that is not what the verdict says."""
@@ -274,7 +300,7 @@ def likeliest_form(tried: Mapping[str, Explained]) -> OfForms:
     chosen = min(whole, key=lambda form: -_ahead(tried[form].search.best, lead), default=chosen)
     best = tried[chosen]
     rivals = {form: one for form, one in tried.items() if form != chosen and _as_likely(one, best)}
-    return OfForms(best, chosen, rivals)
+    return OfForms(best, chosen, rivals, tried[""])
 
 
 def _ahead(one: Refit, other: Refit) -> float:
@@ -301,7 +327,7 @@ def with_forms(forms: OfForms) -> Conclusion:
     """The verdict with the form of a part that it rests on; a doubt only where another form would change it."""
     found, others = _with_doubts(forms.best), forms.others()
     said = f"it rests on {forms.form}, another published form of the same part" if forms.form else ""
-    reason = "; ".join(text for text in (said, found.reason) if text)
+    reason = "; ".join(text for text in (said, found.reason, forms.beside()) if text)
     if found.kind not in ("nothing-missing", "effect", "group") or not others:
         return replace(found, reason=reason)
     said = f"the form of the base is not certain, and {' and '.join(others)}"

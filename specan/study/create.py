@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from specan.errors import RequestError
-from specan.models import Model, Use
+from specan.models import Model, Nuisance, Use
 from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
 from specan.study.build_problem import undetermined
@@ -95,7 +95,7 @@ def begin(
     if hold_out:
         content["hold_out"] = [{"where": where} for where in hold_out]
     model = with_groups(model, groups)
-    content["effect"] = _effects(model, model.base_effects if effects is None else effects)
+    content["effect"] = _effects(model, model.base_effects if effects is None else effects, len(measurements))
     existed = directory.exists()
     directory.mkdir(parents=True, exist_ok=True)
     try:
@@ -133,25 +133,31 @@ def _data_entry(directory: Path, path: Path, model: Model) -> dict[str, Any]:
     return {"file": relative_to(directory, path), "sha256": file_hash(path), "kind": kind_of(path, model)}
 
 
-def _effects(model: Model, names: Sequence[str]) -> list[dict[str, Any]]:
+def _effects(model: Model, names: Sequence[str], recordings: int) -> list[dict[str, Any]]:
     """Entries of the effects to begin with, and of the instrument errors that have a prior."""
     entries: list[dict[str, Any]] = []
     uses = model.assemble(names).uses
     for use in uses:
         entries.append(effect_entry(use))
-    held: dict[Use, dict[str, float]] = {}
+    held: dict[Use, list[Nuisance]] = {}
     for nuisance in model.nuisances:
         use = Use.parse(nuisance.effect)
         if use not in uses:
-            held.setdefault(use, {})[nuisance.parameter] = nuisance.prior_sd
-    for use, widths in held.items():
+            held.setdefault(use, []).append(nuisance)
+    for use, parts in held.items():
         entry = effect_entry(use, "nuisance")
-        effect = model.effects[use.name]
-        if len(widths) == 1:
-            entry["prior_sd"] = next(iter(widths.values()))
+        own = {n.parameter for n in parts if n.per_recording and recordings > 1}
+        if len(parts) == 1 and not own:
+            entry["prior_sd"] = parts[0].prior_sd
         else:
+            known = model.effects[use.name].parameters
             entry["parameters"] = {
-                p: {"prior_sd": sd, "unit": effect.parameters[p].unit} for p, sd in widths.items()
+                n.parameter: {
+                    "prior_sd": n.prior_sd,
+                    "unit": known[n.parameter].unit,
+                    **({"per": "recording"} if n.parameter in own else {}),
+                }
+                for n in parts
             }
         entries.append(entry)
     return entries

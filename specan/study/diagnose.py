@@ -77,9 +77,12 @@ class Stopped(KeyboardInterrupt):
 
     @cached_property
     def content(self) -> dict[str, Any]:
-        """The effects that were refitted, the likeliest first, as plain values; of the latest search."""
-        search = self.searches[-1] if self.searches else None
-        done = [r for r in search.refits.done.values() if r.uses] if search else []
+        """The effects that were refitted, the likeliest first, as plain values; of the latest search that has any.
+
+        ``rough`` where only a few lines, known to some per cent, were looked at so far.
+        """
+        refits = next((s.refits for s in reversed(self.searches) if len(s.refits.done) > 1), None)
+        done = [r for r in refits.done.values() if r.uses] if refits else []
         rows = []
         for refit in sorted(done, key=lambda r: r.bic(1.0)):
             error = main_error(refit)
@@ -92,7 +95,7 @@ class Stopped(KeyboardInterrupt):
                     "parameters": parameters_of(refit),
                 }
             )
-        return {"finished": False, "refitted": rows}
+        return {"finished": False, "rough": bool(refits and refits.rough), "refitted": rows}
 
 
 def diagnose(
@@ -137,7 +140,7 @@ def diagnose(
         progress("checking positions and signs of the channels against the data", 0.0)
         mistake, near = mistaken_set_up(problem), InitialFit(start)
         if not mistake.text:
-            near = initial_fit(start, progress)
+            near = initial_fit(start, progress, lambda rough: begun.append(Search(rough)))
             mistake = mistake_beside(near, problem)
         if mistake.text:
             return Diagnosis(
@@ -285,6 +288,8 @@ def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
 
 def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Block]) -> Sequence[Proposal]:
     """Measurements between the rivals; between the best and the next in rank where there are none."""
+    if verdict == "unknown-effect" and suspect_rows(search.base):
+        return (Proposal("what carries the misfit once more, before anything else", {}, {}, "", None, None),)
     if verdict == "unknown-effect":
         return explore(search.best, fails_at)
     others = [r for r in search.refits.of_size(1) if r not in sets and search.believable(r)]
@@ -297,9 +302,12 @@ def _next(search: Search, sets: list[Refit], verdict: str, fails_at: Sequence[Bl
 
 
 def _law_of_what_is_left(search: Search, found: Conclusion) -> ResidualLaw | None:
-    """A law for what the base lacks where that is unknown, else for what the best set leaves if that follows one."""
+    """A law for what the base lacks where that is unknown, else for what the best set leaves if that follows one.
+
+    None where a single condition or reading carries the misfit: it has no law.
+    """
     if found.kind == "unknown-effect":
-        return residual_law(search.base)
+        return None if suspect_rows(search.base) else residual_law(search.base)
     law = residual_law(search.best) if found.doubt and search.best.uses else None
     return law if law is not None and law.p_value < LACK_OF_FIT else None
 

@@ -13,10 +13,11 @@ import numpy as np
 from specan.errors import RequestError, SpecanError, nearest
 from specan.models import Use
 from specan.models.catalogue import effects_from_file
+from specan.models.effect import ParameterName
 from specan.result import Result
 from specan.study.build_problem import undetermined
 from specan.study.create import effect_entry, hold_undetermined
-from specan.study.estimation.fit import NORMAL_95, fit, profile_interval
+from specan.study.estimation.fit import fit, intervals_95, profile_interval
 from specan.study.history import History, Step, changing, commit, line_of
 from specan.study.selection.candidates import without
 from specan.study.study import STARTS, Study
@@ -293,10 +294,7 @@ def _interval(study: Study, name: str) -> tuple[float, float]:
     problem, best = study.problem, study.best
     if problem.strategy.secondary_refits:
         return profile_interval(problem, best, name, inflate=True)
-    k = problem.names.index(name)
-    reach = NORMAL_95 * best.standard_error(name) * max(best.reduced_chi2, 1.0) ** 0.5
-    low, high = (float(end[k]) for end in problem.bounds())
-    return max(float(best.theta[k]) - reach, low), min(float(best.theta[k]) + reach, high)
+    return intervals_95(problem, best, max(best.reduced_chi2, 1.0) ** 0.5)[ParameterName(name)]
 
 
 def _remarks_on_adding(

@@ -12,9 +12,11 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.result import Result, counted
-from specan.study.estimation.fit import NORMAL_95, profile_interval
+from specan.study.estimation.fit import intervals_95, profile_interval
 from specan.study.estimation.prediction_error import ObservableError, observable_errors
 from specan.study.selection.acceptance import left_out_error
+from specan.study.selection.doubtful_data import CARRIES
+from specan.study.selection.initial_fit import about_itself
 from specan.study.selection.pulls import Pull, pulls, shown
 from specan.study.selection.refits import Refit
 from specan.study.selection.residual_law import ResidualLaw
@@ -270,7 +272,7 @@ def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
                 held_out_gain=decision.held_out_gain,
                 error_after=error.rms,
                 level_after_dB=error.level_dB,
-                parameters=parameters_of(refit, refit in sets),
+                parameters=parameters_of(about_itself(refit) if refit in sets else refit, refit in sets),
                 plausible=search.believable(refit),
                 at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
                 pulls=shown(pulls(refit)),
@@ -287,13 +289,12 @@ def parameters_of(refit: Refit, profiled: bool = False) -> dict[str, dict[str, A
     """
     table: dict[str, dict[str, Any]] = {}
     own = {str(u) for u in refit.uses}
-    lowest, highest = refit.problem.bounds()
+    intervals = intervals_95(refit.problem, refit.fit, float(np.sqrt(refit.dispersion)))
     for k, name in enumerate(refit.fit.names):
         if name.owner not in own:
             continue
         value = float(refit.fit.theta[k])
-        reach = NORMAL_95 * refit.fit.standard_error(name) * float(np.sqrt(refit.dispersion))
-        low, high = float(max(value - reach, lowest[k])), float(min(value + reach, highest[k]))
+        low, high = intervals[name]
         if profiled and refit.problem.strategy.secondary_refits:
             # A refit that fails, or an end that is not bracketed, leaves the interval of the covariance.
             with contextlib.suppress(ComputationError, ValueError):
@@ -344,6 +345,9 @@ MOST_IN_HEADLINE = 3  # sets of effects; the others stand in the table
 # Nothing-missing where the data alone would rather take values that contradict what is known.
 WITHIN_WHAT_IS_KNOWN = "Nothing is missing if the values are as known; the data alone would take others."
 
+# Unknown where the model meets all data but one condition or reading.
+OR_WRONG_DATA = "One condition is wrong, or something is missing there that is not on the list of effects."
+
 
 def headline(found: Diagnosis) -> str:
     """The verdict as one sentence: ``Missing: windage or seal-drag; these data cannot tell which.``"""
@@ -362,6 +366,8 @@ def headline_of(content: Mapping[str, Any]) -> str:
         return f"Nothing is missing with {content['other_form']}."
     if content["verdict"] == "nothing-missing" and content.get("unknown_possible"):
         return WITHIN_WHAT_IS_KNOWN
+    if content["verdict"] == "unknown-effect" and any(CARRIES in text for text in content.get("remarks", ())):
+        return OR_WRONG_DATA
     # The simplest first; the table below has them by likelihood.
     sets = [" with ".join(members) for members in sorted(content["alternatives"], key=len)]
     more = len(sets) - MOST_IN_HEADLINE

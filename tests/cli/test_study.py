@@ -7,6 +7,9 @@ import sys
 import pytest
 from click.testing import CliRunner
 
+from specan.models.effect import ParameterName
+from specan.study.selection import pulls
+from specan.study.selection.pulls import DataAlone, Pull
 from specan_cli.main import main, run
 from truth.worm_gear import simulate, write
 
@@ -136,6 +139,32 @@ def test_help_is_quick_and_names_every_step_without_loading_them():
     for step in ("new", "compare", "diagnose", "add", "drop", "history", "next", "report"):
         assert step in out
     assert out.splitlines()[-1] == "[]"
+
+
+def test_the_next_measurements_stand_in_one_table_of_80_columns(begun, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    text, proposed = specan("next", "s").stdout, answer("next", "s")["next_measurement"]
+    assert max(map(len, text.splitlines())) <= 80
+    assert text.strip() in specan("diagnose", "s").stdout
+    rows = [line.split("  ") for line in text.splitlines()]
+    speeds = next(row for row in rows if row[0] == "speed_rpm")
+    assert [float(cell) for cell in speeds[1:] if cell.strip()] == [
+        row["conditions"]["speed_rpm"] for row in proposed
+    ]
+    for name, value in proposed[0]["predictions"].items():
+        (row,) = (row for row in rows if row[0] == f"{name}, N*m")
+        assert float(next(cell for cell in row[1:] if cell.strip())) == pytest.approx(value, rel=1e-3)
+
+
+def test_compare_says_what_diagnose_says_of_values_outside_what_is_known(tmp_path, monkeypatch):
+    table, rig = write(simulate(5, {}, "small"), tmp_path)
+    specan("new", "n", "--model", "worm-gear", "--rig", rig, "--measurement", table)
+    assert "The model fits" in specan("compare", "n").stdout
+    name = ParameterName("tooth-friction.mu")
+    alone = DataAlone((Pull(name, 0.22, (0.01, 0.12), 3.6, "1", False),), gain=30.0, held=1, p_value=1e-6)
+    monkeypatch.setattr(pulls, "data_alone", lambda base: alone)
+    text = specan("compare", "n").stdout
+    assert "only with values outside what is known: tooth-friction.mu = 0.22, known 0.01 to 0.12." in text
 
 
 def test_without_uncertainty_diagnose_refuses_and_says_what_it_needs(bench, tmp_path):

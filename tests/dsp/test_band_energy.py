@@ -13,6 +13,7 @@ from specan.dsp.band_energy import BandEnergyAccumulator, EnergySpectrum
 from specan.dsp.lag_spectrum import LagSpectrum
 from specan.dsp.multirate import LENGTH
 from specan.dsp.weighting import power_weighting
+from specan.dsp.windows import falling_step
 
 RATE = 8000.0
 RNG = np.random.default_rng(11)
@@ -119,12 +120,33 @@ def test_silence_is_nothing() -> None:
     assert (spectrum.band_mean_square([0, 3], 3) == 0.0).all()
 
 
-def test_a_short_record_has_the_spectrum_of_its_correlation() -> None:
-    length, n = 64, 48
-    x, taken = np.random.default_rng(5).standard_normal((2, 3, n))
-    short, general = LagSpectrum(3, length), LagSpectrum(3, length)
-    pair = np.fft.rfft(x, 2 * length), np.fft.rfft(taken, 2 * length)
-    short.add(*pair, n)
-    general.add(*pair)  # not known to be short: by way of the lags
-    for faded in (False, True):
-        np.testing.assert_allclose(short.energy(faded=faded), general.energy(faded=faded), atol=1e-11)
+@pytest.mark.parametrize("sparing", [False, True])
+@pytest.mark.parametrize("counts", [[48], [48, 0], [64, 64, 40], [64, 64, 64, 40]])
+def test_a_record_has_the_spectrum_of_its_correlation(sparing: bool, counts: list[int]) -> None:
+    length, n = 64, sum(counts)
+    x, taken = np.random.default_rng(5).standard_normal((2, 6, n))
+    taken[:, 64 : max(n - 40, 64)] = 0.0  # the middle of a long record is not faded
+    ends, first = np.zeros((6, length + 1)), 0
+
+    def at_ends(rows: slice, energy: np.ndarray) -> None:
+        ends[rows] += energy
+
+    spectrum = LagSpectrum(6, length, sparing=sparing, at_ends=at_ends)
+    for number, count in enumerate(counts):
+        block, end = (part[:, first : first + count] for part in (x, taken))
+        first += count
+        half = number % 2
+        lines, lines_end = (
+            np.fft.rfft(np.pad(part, ((0, 0), (half * length, 2 * length - half * length - count))))
+            for part in (block, end)
+        )
+        for rows in (slice(0, 4), slice(4, 6)):
+            gone = (end[rows], lines_end[rows]) if end.any() else (None, None)
+            spectrum.add(rows, block[rows], lines[rows], half, *gone)
+    found = spectrum.energy()
+    for more, signal in ((0.0, x), (ends, x - taken)):
+        lags = np.stack([np.correlate(row, row, "full")[n - 1 :] for row in signal])
+        lags = np.pad(lags, ((0, 0), (0, length + 1)))[:, : length + 1]
+        lags *= falling_step(np.arange(length + 1.0), 0.75 * length, length)
+        expected = np.fft.rfft(np.concatenate([lags, lags[:, -2:0:-1]], axis=1)).real
+        np.testing.assert_allclose(found + more, expected, atol=1e-10)

@@ -116,3 +116,12 @@ def test_the_peak_detector_is_a_running_maximum_that_falls(pieces: int) -> None:
     found = TimeWeighting(2, 100.0, 0.035, 1.5)
     parts = [found(squared[:, first : first + pieces]) for first in range(0, 400, pieces)]
     np.testing.assert_allclose(np.concatenate(parts, axis=1), np.array(peaks).T, rtol=1e-12)
+
+
+def test_a_reading_on_the_end_of_the_last_interval_is_found_by_the_peak_detector() -> None:
+    """At these numbers the place of a reading, as computed, is a rounding error behind the end of an interval."""
+    rate, seconds, tau = 51200.0, 7.3, 0.035
+    n, times = round(rate * seconds), np.append(np.arange(1, 7.3 / tau) * tau, 7.3)
+    found = BandHistoryAccumulator(1, rate, n, [weighting_filter("Z")], tau, 1.5, times)
+    found.add(np.ones((1, n)))
+    np.testing.assert_allclose(found.result().readings[0, 0, 60:], 1.0, atol=1e-9)

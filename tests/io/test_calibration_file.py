@@ -57,7 +57,7 @@ def test_what_is_written_is_read_again(tmp_path_factory, calibration):
         ("schema = 2", "schema"),
         ("made_from = []", "'schema' is missing"),
         ("schema = 1\nsensitivities = 3", "unknown key 'sensitivities'"),
-        ('schema = 1\n[[channel]]\nchannel = "a"\nsensitivity = 0.0', "greater than 0"),
+        ('schema = 1\n[[channel]]\nchannel = "a"\nsensitivity = 0.0', "more than 0"),
         ('schema = 1\n[[channel]]\nchannel = "a"\nsensitivity = 1.0\nphase = 3', "did you mean"),
         ('schema = 1\n[[channel]]\nchannel = "a"\nsensitivity = 1.0\ntone_hz = [1e3]', "as many values"),
         (

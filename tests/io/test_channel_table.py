@@ -145,8 +145,8 @@ def test_a_vibrometer_in_metres_by_the_table(path, tmp_path):
     ("text", "message"),
     [
         ('[[channel]]\nchannel = "a"\nsensitivty = 1.0\n', "did you mean 'sensitivity'"),
-        ('[[channel]]\nrole = "microphone"\n', "key 'channel.0.channel' is missing"),
-        ('[[channel]]\nchannel = "a"\nrole = "mike"\n', "'channel.0.role' is 'mike'"),
+        ('[[channel]]\nrole = "microphone"\n', "the key 'channel' entry 1 'channel' is missing"),
+        ('[[channel]]\nchannel = "a"\nrole = "mike"\n', "'channel' entry 1 'role' is 'mike'"),
         ('[[channel]]\nchannel = "a"\nsensitivity = 1.0\n', "sensitivity and sensitivity_unit together"),
         ('[[channel]]\nchannel = "a"\nsensitivity = 1.0\nsensitivity_unit = "Pa"\n', "can be used"),
         (
@@ -154,7 +154,7 @@ def test_a_vibrometer_in_metres_by_the_table(path, tmp_path):
             "V per m/s",
         ),
         ('[[channel]]\nchannel = "a"\ngain = 1.0\n', "unit with the gain"),
-        ('[[channel]]\nchannel = "a"\nu_delay_s = -1.0\n', "greater than or equal to 0"),
+        ('[[channel]]\nchannel = "a"\nu_delay_s = -1.0\n', "at least 0"),
         ("channel = 3", "channel"),
         ("[[channel]\n", "not valid TOML"),
     ],

@@ -8,8 +8,9 @@ import pytest
 from specan.models import Use
 from specan.models.catalogue import load_model
 from specan.models.measurement_kinds import ReceiverErrors
+from specan.study.diagnose import diagnose
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
-from specan.study.estimation.fit import fit
+from specan.study.estimation.fit import describe, fit
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
@@ -18,6 +19,7 @@ from specan.study.selection.initial_fit import _screened
 from specan.study.selection.refits import Refit
 from specan.study.selection.score_test import best_of_each, score
 from specan.study.selection.signatures import shape_grid, signatures
+from specan.study.selection.single_instruments import displaced
 from specan.study.selection.starting_values import (
     kept_values,
     scan_promising,
@@ -287,3 +289,53 @@ def test_values_of_a_step_come_back_in_si_without_what_is_gone(model):
 def test_the_view_of_a_problem_is_of_all_its_recordings(model):
     o = recorded(model, [], {})
     assert down_weighted(base_problem(model, [o, o])).n_data == 2 * o.down_weighted(5.0).n
+
+
+def test_a_receiver_that_stands_elsewhere_is_found_by_its_own_rows(model):
+    """Three centimetres off, where the field has bent; the others stand where they are drawn."""
+    away = {"dx": 0.024, "dy": -0.011, "dz": 0.016}
+    true = {f"microphone-position@Mic 2.{name}": value for name, value in away.items()}
+    problem = base_problem(model, [recorded(model, ["microphone-position@Mic 2"], true)])
+    base = Refit(frozenset(), problem, describe(problem, problem.start({})))
+    assert base.reduced > 1.5
+    uses = [c.use for c in candidates(problem)[0]]
+    found = displaced(base, uses)
+    assert [str(use) for use in found] == ["microphone-position@Mic 2"]
+    (one,) = found.values()
+    assert one.values == pytest.approx(true, abs=2e-4)
+
+
+@pytest.mark.parametrize("warmer", [-3.0, 4.0])
+def test_a_certificate_that_a_lining_contradicts_is_part_of_the_verdict(model, warmer):
+    """With the wall alone the air is taken far off what its thermometer says: both are missing, not one."""
+    lining = {
+        "wall-impedance@y1.conductance": 0.4,
+        "wall-impedance@y1.mass": 0.2,
+        "wall-impedance@y1.stiffness": 4e5,
+    }
+    true = {**lining, "temperature.offset": warmer}
+    found = diagnose(base_problem(model, [recorded(model, ["wall-impedance@y1", "temperature"], true)]))
+    assert found.alternatives[0] == ("temperature", "wall-impedance")
+    assert found.at == {"wall-impedance": ("y1",)}
+    offset = found.ranking[0].parameters["temperature.offset"]
+    assert offset["low"] - 0.1 < warmer < offset["high"] + 0.1
+
+
+def test_an_edge_far_off_its_drawing_is_named(model):
+    """The base fits with it, but only against its tolerance: what is wrong is the drawing."""
+    true = {"dimension-error@z.error": -0.0076}
+    found = diagnose(base_problem(model, [recorded(model, ["dimension-error@z"], true)]))
+    assert found.verdict == "effect"
+    assert found.alternatives == (("dimension-error",),)
+    assert found.ranking[0].parameters["dimension-error@z.error"]["value"] == pytest.approx(-0.0076, abs=2e-4)
+
+
+def test_nothing_is_named_beside_a_lining_that_is_all(model):
+    lining = {
+        "wall-impedance@y1.conductance": 0.4,
+        "wall-impedance@y1.mass": 0.2,
+        "wall-impedance@y1.stiffness": 4e5,
+    }
+    found = diagnose(base_problem(model, [recorded(model, ["wall-impedance@y1"], lining)]))
+    assert found.alternatives[0] == ("wall-impedance",)
+    assert all(len(names) == 1 for names in found.alternatives)

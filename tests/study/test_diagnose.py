@@ -752,3 +752,44 @@ def test_one_place_that_sees_nothing_makes_no_effect_invisible():
     )  # fmt: skip
     assert found["gain"] == {"value": 0.02, "unit": "1", "places": {"Mic 1": 0.02, "Mic 2": None}}
     assert found["leak"] is None
+
+
+@effect("tide", adds_to="heat", neutral={"c": 0.0})
+def tide(x, *, c=Parameter(1.0, "W", min=0.0, max=4.0, upper=50.0),
+         rate=Parameter(5.0, "1", min=4.0, max=6.0, lower=2.0, upper=12.0)):  # fmt: skip
+    "A wave whose rate is known, and whose size is known roughly."
+    return c * np.cos(rate * x)
+
+
+@pytest.mark.parametrize(
+    ("size", "rate", "doubted"), [(3.0, 6.06, True), (3.0, 5.94, False), (4.1, 5.9, False)]
+)
+def test_a_shape_outside_of_what_is_known_is_doubted_and_a_size_only_beyond_its_interval(
+    toy, size, rate, doubted
+):
+    """Without noise; the standard error of the rate is 1 / (c sqrt(sum (x sin(rate x))^2)) = 0.06, of the size 0.2."""
+    found = diagnose(toy.problem(lambda x, z: size * np.cos(rate * x), ["tide"], also=(tide,), noise=0.0))
+    assert found.alternatives == (("tide",),)
+    assert found.unknown_possible is doubted
+    assert ("one unknown effect would explain the data as well" in found.reason) is doubted
+
+
+def test_the_smallest_visible_size_is_seen_beside_a_base_that_follows_far(toy):
+    """A base 3 (1 - exp(-a x)) z takes up c x z by far steps of a, which the tangent plane at a = 2 does not know."""
+    base = replace(toy.model("saturating", "cross"), base_effects=("line", "saturating"))
+
+    def problem_of(added):
+        readings = 2.0 + 3.0 * toy.x + 3.0 * (1 - np.exp(-2.0 * toy.x)) * toy.z + added * toy.x * toy.z
+        return base_problem(base, [toy.observation(readings)])
+
+    clean = problem_of(0.0)
+    start = Refit(frozenset(), clean, fit(clean, starts=3))
+    step = Search(Refits(start)).step(start)
+    size = by_effect(minimum_detectable_sizes(start, step.acceptance, 1.0))["cross"]["value"]
+    gain = max(step.acceptance.needed_reduction, 6 + np.log(48))
+    wanted = brentq(lambda shift: stats.ncx2.sf(gain, 1, shift) - 0.8, 1.0, 100.0)
+    planted = problem_of(size)
+    assert fit(planted, starts=3).chi2 == pytest.approx(wanted, rel=0.15)
+    change = np.zeros(start.fit.residual.size)
+    change[:48] = size * toy.x * toy.z
+    assert abs(np.log(start.linear.free_chi2(change) / wanted)) > 0.2

@@ -1,11 +1,13 @@
 """Problem and fit on a toy model whose answers are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from specan.errors import ComputationError, RequestError
 from specan.models import Condition, Model, Nuisance, Observable, Parameter, Use, effect, quantity
-from specan.study.estimation.fit import fit, profile_interval
+from specan.study.estimation.fit import fit, intervals_95, profile_interval
 from specan.study.observation import Observation
 from specan.study.observation.table import TableObservation
 from specan.study.selection.candidates import base_problem, without
@@ -43,6 +45,17 @@ def power_law(
     return size * speed**by if size > 0 else 0.0 * speed
 
 
+@effect("hole", adds_to="loss", neutral={"area": 0.0})
+def hole(
+    speed,
+    *,
+    area=Parameter(2.0, "m^2", min=0.1, max=50.0, lower=0.0),
+    per_area=Parameter(0.5, min=0.1, max=1.0, fixed=True, spread=0.25),
+):
+    "A loss of which only the product of two parameters is seen."
+    return area * per_area * speed
+
+
 @effect("drift", adds_to="loss", neutral={"step": 0.0})
 def drift(speed, *, step=Parameter(0.1, "W", min=-2.0, max=2.0, per="recording")):
     "Each recording has its own loss."
@@ -54,7 +67,7 @@ MODEL = Model(
     "a toy",
     {"speed": Condition("speed", "rad/s", "speed", "speed", "rad/s")},
     {"loss": loss, "indicated": indicated},
-    {e.name: e for e in (seal, zero, power_law, drift)},
+    {e.name: e for e in (seal, zero, power_law, hole, drift)},
     {"loss": Observable("loss", "indicated", "W", "loss")},
     base_effects=("seal",),
     nuisances=(Nuisance("zero", "offset", 20.0),),
@@ -97,6 +110,33 @@ def test_a_linear_fit_is_generalised_least_squares():
     gap = observed.measured - design @ expected
     assert found.chi2 == pytest.approx(gap @ weight @ gap + (expected[2] / 0.02) ** 2, rel=1e-8)
     assert found.dof == 30 + 1 - 3
+
+
+def test_what_is_held_widens_the_interval_by_a_factor():
+    """Of a product of two, one known to 50 %: the other is known to exp(1.96 x 0.5), were there no noise."""
+    problem = without(base_problem(MODEL, [table(noisy(3 * SPEED**2 + 4 * SPEED))]), "seal").with_uses(
+        ["hole"]
+    )
+    found = fit(problem)
+    area = found.values["hole.area"]
+    alone = found.standard_error("hole.area") / area
+    low, high = intervals_95(problem, found)["hole.area"]
+    expected = 1.96 * np.hypot(alone, 0.25 / 0.5)
+    assert np.log([area / low, high / area]) == pytest.approx([expected, expected], rel=1e-3)
+    drag = found.values["loss.drag"]  # does not see the other two's product shared otherwise
+    reach = 1.96 * found.standard_error("loss.drag")
+    assert intervals_95(problem, found)["loss.drag"] == pytest.approx((drag - reach, drag + reach), rel=1e-6)
+
+
+def test_what_a_study_states_has_no_spread():
+    problem = without(base_problem(MODEL, [table(noisy(3 * SPEED**2 + 4 * SPEED))]), "seal").with_uses(
+        ["hole"]
+    )
+    stated = replace(problem, values={**problem.values, "hole.per_area": 0.5})
+    found = fit(stated)
+    reach = 1.96 * found.standard_error("hole.area")
+    low, high = intervals_95(stated, found)["hole.area"]
+    assert (high - low) / 2 == pytest.approx(reach, rel=1e-6)
 
 
 def test_the_jacobian_is_that_of_the_residual_also_at_a_bound():

@@ -13,6 +13,8 @@ from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem
+from specan.study.selection.initial_fit import about_itself
+from specan.study.selection.refits import Refit
 
 RIG = {
     "room": {"dims_m": [0.9, 0.6, 0.7]},
@@ -30,17 +32,10 @@ def model():
     return load_model("room", RIG)
 
 
-@pytest.fixture(scope="module")
-def measured(model):
-    """Microphones that stand millimetres off, read without windows, a little noise."""
-    uses = [f"microphone-position@Mic {m}" for m in (1, 2, 3)]
-    values = {
-        f"{use}.{axis}": AWAY[m, a] for m, use in enumerate(uses) for a, axis in enumerate(("dx", "dy", "dz"))
-    }
+def simulated(model, values, uses):
+    """Transfer functions of the model without windows, with a little noise."""
     conditions = {"frequency": FREQUENCY, "velocity_psd": np.ones(FREQUENCY.size)}
-    true = model.assemble(uses).evaluate(
-        conditions, {**values, "wall_admittance.common": ADMITTANCE}, wanted=["indicated_frf"]
-    )["indicated_frf"]
+    true = model.assemble(uses).evaluate(conditions, values, wanted=["indicated_frf"])["indicated_frf"]
     noise = np.full(true.shape, 0.01)
     rng = np.random.default_rng(5)
     return FrfObservation(
@@ -59,6 +54,16 @@ def measured(model):
         kept=np.ones(true.shape, dtype=bool),
         declared=CommonErrors(replace(model.receivers, errors=ReceiverErrors(0.003, 0.0, 0.0, 0.0, 0.0))),
     )
+
+
+@pytest.fixture(scope="module")
+def measured(model):
+    """Microphones that stand millimetres off, read without windows, a little noise."""
+    uses = [f"microphone-position@Mic {m}" for m in (1, 2, 3)]
+    values = {
+        f"{use}.{axis}": AWAY[m, a] for m, use in enumerate(uses) for a, axis in enumerate(("dx", "dy", "dz"))
+    }
+    return simulated(model, values | {"wall_admittance.common": ADMITTANCE}, uses)
 
 
 def test_microphones_are_found_where_they_stand(model, measured):
@@ -104,3 +109,18 @@ def test_a_subsample_has_the_residual_of_the_whole(model, measured):
     np.testing.assert_allclose(
         subsample.response - subsample.responses(assembly, [values])[0], gap, atol=1e-9
     )
+
+
+def test_a_displaced_microphone_is_told_where_it_stands(model):
+    """25 mm off where 3 mm are declared: about the drawn places a part of that would count as declared error."""
+    use, away = "microphone-position@Mic 2", np.array([0.02, -0.014, 0.006])
+    values = {f"{use}.{axis}": v for axis, v in zip(("dx", "dy", "dz"), away, strict=True)}
+    seen = simulated(model, values | {"wall_admittance.common": ADMITTANCE}, [use])
+    problem = linearised(base_problem(model, [seen])).with_uses([use])
+    near = fit(problem, problem.start(values))
+    found = about_itself(Refit(frozenset(problem.assembly.uses), problem, near))
+    numbers = [found.problem.names.index(name) for name in values]
+    sd = np.sqrt(np.diag(found.fit.covariance))[numbers]
+    assert np.all(np.abs(found.fit.theta[numbers] - away) < 4 * sd)
+    assert np.all(sd < 1e-3)
+    assert np.linalg.norm(near.theta[numbers] - away) > 2 * np.linalg.norm(found.fit.theta[numbers] - away)

@@ -74,7 +74,9 @@ def test_a_model_that_cannot_tell_of_places_gives_none(model):
 
 def set_of(chi2, dof=4000, p=0.5, peaks=True):
     problem = SimpleNamespace(strategy=Strategy(continuation=peaks))
-    return SimpleNamespace(problem=problem, chi2=chi2, lack_of_fit_chi2=chi2, dof=dof, lack_of_fit=p)
+    return SimpleNamespace(
+        problem=problem, uses=frozenset(), chi2=chi2, lack_of_fit_chi2=chi2, dof=dof, lack_of_fit=p
+    )
 
 
 @pytest.mark.parametrize(

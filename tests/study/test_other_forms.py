@@ -77,3 +77,30 @@ def test_the_verdict_says_which_form_it_rests_on_and_doubts_only_where_that_matt
     unsure = with_forms(OfForms(best, "a in place of b", {"": searched(102, SEAL)}))
     assert unsure.doubt
     assert "seal-drag would be missing" in unsure.reason
+
+
+def test_an_effect_that_does_with_the_declared_form_what_another_form_does_without_any_is_told(monkeypatch):
+    effects = {
+        "a": SimpleNamespace(separate_by="turn the shafts alone"),
+        "b": SimpleNamespace(separate_by=""),
+    }
+    best = searched(100)
+    best.search.best.problem = SimpleNamespace(
+        assembly=SimpleNamespace(model=SimpleNamespace(effects=effects))
+    )
+    declared = searched(120, kind="fits-only-if")
+    near, far = searched(105.9, WINDAGE).search.best, searched(106.1, SEAL).search.best
+    impossible = searched(101, frozenset({Use("a")})).search.best
+    declared.search.refits = SimpleNamespace(of_size=lambda size: [far, impossible, near])
+    declared.search.too_far = lambda refit: ["mu"] if refit is impossible else []
+    huge = searched(103, frozenset({Use("b")})).search.best
+    monkeypatch.setattr(
+        conclusion, "sizes_beyond", lambda search, sets: [(huge, (SimpleNamespace(text="b.c = 9"),))]
+    )
+    told = OfForms(best, "a in place of b", {}, declared).beside()
+    assert (
+        told
+        == "with the declared form, b with b.c = 9 or windage fits as well; what would tell: turn the shafts alone"
+    )
+    declared.found.kind = "nothing-missing"
+    assert OfForms(best, "a in place of b", {}, declared).beside() == ""

@@ -11,9 +11,9 @@ from scipy.integrate import quad
 
 import specan
 from specan.errors import RequestError
-from specan.impedance.absorption import diffuse_absorption, normal_absorption
 from specan.impedance.surface_impedance import impedance
 from specan.impedance.wall_admittance import WallFit, spline_basis, third_octaves
+from specan.models.room.absorption import diffuse_absorption, normal_absorption
 from specan.models.room.places import wall_areas, with_microphones
 from specan_cli.main import main
 from specan_cli.study_impedance import _print

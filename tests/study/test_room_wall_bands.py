@@ -1,13 +1,10 @@
 """A wall's impedance free in every third octave: the engine makes vectors of the effect's parameters."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from specan.errors import RequestError
-from specan.impedance.surface_impedance import study_impedance
 from specan.impedance.wall_admittance import spline_basis, third_octaves, wall_fit
 from specan.models.catalogue import load_model
 from specan.models.room import EXAMPLE_RIG
@@ -146,11 +143,3 @@ def test_in_a_narrow_band_straight_lines_do():
     assert len(narrow) == 3
     basis = spline_basis(np.array([narrow[0], np.sqrt(narrow[0] * narrow[1]), narrow[2]]), narrow)
     assert basis == pytest.approx(np.array([[1, 0.5, 0], [0, 0.5, 0], [0, 0, 1]]), abs=1e-9)
-
-
-def test_the_walls_of_a_mesh_are_refused():
-    room = SimpleNamespace(
-        quantities={"wall_admittance": None}, settings={"rig": {"room": {"dims_m": None}}}, name="room"
-    )
-    with pytest.raises(RequestError, match="is a mesh"):
-        study_impedance(SimpleNamespace(model=room))

@@ -258,6 +258,21 @@ def test_friction_follows_load(strength):
     assert exponent(ratio, TORQUES) == pytest.approx(strength, abs=0.04)
 
 
+@pytest.mark.parametrize("seed", range(6))  # of the form: supply, replenishment, or dry from a speed on
+def test_friction_of_a_starved_mesh_rises_with_speed_and_does_not_know_the_load(seed):
+    at = conditions(speed=np.array([600.0, 1500.0, 2800.0]))
+    loss = added_power("mesh-starvation", at, seed=seed) / omega(at.speed_rpm)
+    assert np.all(np.diff(loss) > 0)
+    power = added_power("mesh-starvation", conditions(torque=TORQUES, speed=2800.0), seed=seed)
+    assert exponent(power, TORQUES) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_preload_costs_most_where_the_mesh_does_not_push():
+    power = added_power("axial-preload", conditions(torque=np.array([0.0, 10.0, 40.0, 80.0])), strength=500.0)
+    assert np.all(np.diff(power) < 0)
+    assert np.all(power > 0)
+
+
 def test_heated_oil_takes_from_the_viscous_loss_where_much_is_lost():
     power = added_power("oil-heating", conditions(torque=TORQUES), strength=0.02)
     assert np.all(power < 0)

@@ -10,6 +10,7 @@ from truth.room.box import Box
 from truth.room.line import Real
 
 _POINTS = 4  # of the quadrature along each edge of the object
+_SHELLS = 2  # of mirror rooms around the room
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,8 @@ class Obstacle:
     """What a block takes from the mass and the stiffness of the grid, as products of vectors over the nodes.
 
     The mean pressure over the block loses its volume, the mean gradient along each axis the volume times
-    `flow_factors`. The grid resolves a part of the flow around the block itself; that part is taken off.
+    `flow_factors`. The grid resolves a part of the flow around the block itself; that part is taken off. What the walls
+    near it mirror belongs to the room, and stays.
     """
 
     def __init__(self, box: Box, block: Block) -> None:
@@ -62,12 +64,33 @@ class Obstacle:
         self.pressure = np.sqrt(block.volume_m3) * pressure.ravel()
         self.gradient = np.array(
             [
-                np.sqrt(_taken(box, shape, factor * block.volume_m3)) * shape.ravel()
-                for shape, factor in zip(gradient, block.flow_factors, strict=True)
+                np.sqrt(_taken(box.yield_of(shape) - mirrored, factor * block.volume_m3)) * shape.ravel()
+                for shape, factor, mirrored in zip(
+                    gradient, block.flow_factors, _mirrored(box, block), strict=True
+                )
             ]
         )
 
 
-def _taken(box: Box, shape: Real, wanted: float) -> float:
-    """Coefficient in the grid's equation that gives the wanted one to whoever stands far away."""
-    return wanted / (1.0 + wanted * box.yield_of(shape))
+def _taken(free_yield: float, wanted: float) -> float:
+    """Coefficient in the grid's equation that gives the wanted one to whoever stands far away in free space."""
+    return wanted / (1.0 + wanted * free_yield)
+
+
+def _mirrored(box: Box, block: Block) -> Real:
+    """Gradient along each axis at the block from the mirror images of a unit dipole there along that axis, 1/m^3.
+
+    A static source at a distance d has the field ``1 / (4 pi |d|)``; rigid walls mirror its place, and the dipole along
+    an axis turns round in a mirror across it.
+    """
+    edges, place = np.array([line.nodes[-1] for line in box.lines]), np.array(block.centre_m)
+    total = np.zeros(3)
+    for number in np.ndindex(*3 * [2 * _SHELLS + 1]):
+        n = np.array(number) - _SHELLS
+        if not n.any():
+            continue
+        turned = np.where(n % 2 == 0, 1.0, -1.0)
+        away = place - (n * edges + np.where(n % 2 == 0, place, edges - place))
+        distance = np.linalg.norm(away)
+        total -= turned * (3.0 * away**2 / distance**5 - 1.0 / distance**3) / (4.0 * np.pi)
+    return total

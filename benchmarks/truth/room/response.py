@@ -17,7 +17,8 @@ from truth.room.line import Real
 SAMPLING_RATE = 2048.0
 BEFORE_S = 0.05  # the end of a response is what the band limit rings ahead of its beginning
 _FADE_HZ = 100.0  # up to HIGHEST_HZ
-_METHOD = "1"  # to be counted up when the field is computed otherwise: cached responses are then made anew
+# To be counted up when the field is computed otherwise: cached responses are then made anew.
+_METHOD, _WITH_A_BLOCK = "1", "2"
 
 
 def impulse_responses(room: Room, cache: Path | str | None = None) -> Real:
@@ -35,7 +36,8 @@ def impulse_responses(room: Room, cache: Path | str | None = None) -> Real:
     """
     if cache is None:
         return _compute(room)
-    key = hashlib.sha256(f"{_METHOD} {room!r}".encode()).hexdigest()[:24]
+    method = _METHOD if room.block is None else _WITH_A_BLOCK
+    key = hashlib.sha256(f"{method} {room!r}".encode()).hexdigest()[:24]
     kept = Path(cache) / f"room-{key}.npy"
     try:
         return np.load(kept)

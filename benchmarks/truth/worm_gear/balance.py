@@ -73,6 +73,8 @@ class Slots:
         Factor on the viscosity of the oil that the rotating parts shear; what that does to the drag is the drag's law.
     friction_factor, friction_added
         On the mesh friction coefficient, per contact point.
+    thrust
+        Further axial load of the locating bearings, N.
     torque
         Further drag at the worm shaft, Nm.
     indicated_torque, indicated_temperature
@@ -85,6 +87,7 @@ class Slots:
     rolling_factor: list[Callable[[State], Array]] = field(default_factory=list)
     friction_factor: list[Callable[[State], Array]] = field(default_factory=list)
     friction_added: list[Callable[[State], Array]] = field(default_factory=list)
+    thrust: list[Callable[[State], Array]] = field(default_factory=list)
     torque: list[Callable[[State], Array]] = field(default_factory=list)
     indicated_torque: list[Callable[[State, Array], Array]] = field(default_factory=list)
     indicated_temperature: list[Callable[[State], Array]] = field(default_factory=list)
@@ -138,6 +141,7 @@ def _bearing_torques(
             contact, shaft, near.position, far.position, SHAFT_WEIGHT[shaft]
         )
         total = np.zeros_like(omega)
+        axial = axial + sum((thrust(state) for thrust in slots.thrust), np.zeros_like(omega))
         for bearing, radial in ((near, at_near), (far, at_far)):
             thrust = (axial if bearing.locating else 0.0 * axial) + gear.bearing_seat
             factors = np.ones_like(omega)

@@ -13,7 +13,7 @@ import numpy as np
 from specan.errors import RequestError, nearest
 from truth.worm_gear import plans, rig
 from truth.worm_gear.balance import Balance, Conditions, Slots, solve
-from truth.worm_gear.effects import EFFECTS
+from truth.worm_gear.effects import EFFECTS, STREAMS
 from truth.worm_gear.forms import Forms, draw_forms
 from truth.worm_gear.forms import noise as drawn_noise
 from truth.worm_gear.gear import RATIO, Array, Gear, draw
@@ -90,14 +90,13 @@ class TruthCase:
 
 def _streams(seed: int, effects: Mapping[str, float]) -> dict[str, np.random.Generator]:
     """Independent generators per purpose: hiding an effect changes neither gear nor noise."""
-    names = sorted(EFFECTS)
     streams = {
         purpose: np.random.default_rng([seed, number])
         for number, purpose in enumerate(
             ("gear", "order", "setting", "unseen", "reading", "instruments", "forms", "plan")
         )
     }
-    streams |= {name: np.random.default_rng([seed, 100 + names.index(name)]) for name in effects}
+    streams |= {name: np.random.default_rng([seed, STREAMS[name]]) for name in effects}
     return streams
 
 

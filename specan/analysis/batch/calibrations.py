@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from specan.io.calibration_file import read_calibration, write_calibration
 from specan.io.tdms_headers import metadata_of
 
 FILE_NAME = "calibration.toml"
+_WORDS = tuple(word.encode() for word in CALIBRATOR_WORDS)
 _USED = "calibrator recording: used for the calibration, not analysed"
 _UNUSED = "calibrator recording: not analysed, and not used because a calibration was given"
 
@@ -82,8 +84,12 @@ def assign_calibrations(
             header |= dict.fromkeys(f"calibration: {note}" for note in notes)
     assigned: list[Input] = []
     faults: dict[Path, str | None] = {}
+    nearest: dict[tuple[str, str], Path | None] = {}  # looked for once in a directory: files may be very many
     for entry in others:
-        beside = _nearest(entry)
+        where = entry.root, os.path.dirname(entry.path)
+        if where not in nearest:
+            nearest[where] = _nearest(*map(Path, where))
+        beside = nearest[where]
         if beside is not None:
             if (fault := _fault_of(beside, faults)) is not None:
                 results.append(FileResult(entry.label, "failed", entry.neutral(fault)))
@@ -91,7 +97,7 @@ def assign_calibrations(
             place = beside.relative_to(entry.root).as_posix()
             header[f"calibration: {place} ({fingerprint(beside)}), from the directory"] = None
         chosen = beside or made.get(entry.root)
-        assigned.append(replace(entry, calibration="" if chosen is None else str(chosen)))
+        assigned.append(entry if chosen is None else replace(entry, calibration=str(chosen)))
     return Assigned(assigned, results, list(header) or ["calibration: none"])
 
 
@@ -111,14 +117,13 @@ def _fault_of(calibration: Path, known: dict[Path, str | None]) -> str | None:
 def _may_be_calibrator(path: str) -> bool:
     """Whether one of the words that name a calibrator is in the metadata: much faster than parsing it."""
     # A pipe would be waited for without end: it is refused when it is opened for its own sake.
-    if not path.lower().endswith(".tdms") or not Path(path).is_file():
+    if not path.lower().endswith(".tdms") or not os.path.isfile(path):
         return True
-    return any(word.encode() in part.lower() for part in metadata_of(Path(path)) for word in CALIBRATOR_WORDS)
+    return any(word in part for part in map(bytes.lower, metadata_of(path)) for word in _WORDS)
 
 
-def _nearest(entry: Input) -> Path | None:
-    """The `calibration.toml` closest above the file, not above the directory of the batch."""
-    root, place = Path(entry.root), Path(entry.path).parent
+def _nearest(root: Path, place: Path) -> Path | None:
+    """The `calibration.toml` closest above a file in `place`, not above the directory of the batch."""
     while True:
         if (place / FILE_NAME).is_file():
             return place / FILE_NAME

@@ -64,12 +64,15 @@ def find_inputs(directories: Sequence[Path]) -> list[Input]:
         There is no recording at all.
     """
     found = []
+    roots: dict[tuple[str, int], str] = {}
     for recording in find_recordings(directories):
         below = recording.label if len(directories) == 1 else recording.label.split("/", 1)[1]
-        above = recording.path.parents[below.count("/")]
         # Absolute: in a message such a path is found again, where "in" or "." would be parts of words.
-        path, root = os.path.abspath(recording.path), os.path.abspath(above)
-        found.append(Input(path, recording.label, root, _size(path)))
+        path = os.path.abspath(recording.path)
+        place = os.path.dirname(path), below.count("/")
+        if place not in roots:
+            roots[place] = os.path.abspath(recording.path.parents[place[1]])
+        found.append(Input(path, recording.label, roots[place], _size(path)))
     if not found:
         listed = ", ".join(str(directory) for directory in directories)
         raise InputError(

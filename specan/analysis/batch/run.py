@@ -138,15 +138,16 @@ def run_batch(
     if jobs is not None and cluster is not None:
         raise RequestError("processes and a cluster are asked for", expected="--jobs or --cluster, not both")
     settings = (settings or BatchSettings()).completed()
-    inputs = [
-        replace(entry, channel_table=str(channel_table or ""), sampling_rate=settings.sampling_rate)
-        for entry in find_inputs(directories)
-    ]
+    inputs = find_inputs(directories)
+    if channel_table is not None or settings.sampling_rate is not None:
+        told = {"channel_table": str(channel_table or ""), "sampling_rate": settings.sampling_rate}
+        inputs = [replace(entry, **told) for entry in inputs]  # type: ignore[arg-type]
     if channel_table is not None:
         read_channel_table(channel_table)
     with claim(out, _certain(settings)):
         store = Store(out / STORE)
-        earlier = {entry.label: unchanged(entry, store, verify=verify) for entry in inputs}
+        begun = store.holds_results()
+        earlier = {entry.label: unchanged(entry, store, verify=verify) if begun else None for entry in inputs}
         assigned = assign_calibrations(
             inputs,
             calibration,

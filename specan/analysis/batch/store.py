@@ -179,6 +179,10 @@ class Store:
         except OSError as fault:
             raise RequestError(f"{place} cannot be used ({fault.strerror})", remedy="remove it") from None
 
+    def holds_results(self) -> bool:
+        """Whether there is a result of any file."""
+        return any(self.place.glob(f"*{_SUFFIX}"))
+
     def find(self, label: str) -> Kept | None:
         """The result of a file; None where there is none, or none that this version can read."""
         path = self._path(label)

@@ -53,6 +53,12 @@ def iso_9613_1() -> ModuleType:
     return module
 
 
+@quantity(unit="K")
+def air_temperature(nominal_air_temperature, temperature_difference):
+    """Temperature of the air; a recording may differ from the rig's nominal one."""
+    return nominal_air_temperature + temperature_difference
+
+
 @quantity(unit="m/s", reference="ISO 9613-1:1993, eq. A.5: c = 343.2 sqrt(T / 293.15)")
 def sound_speed(air_temperature):
     """Speed of sound below all relaxation."""
@@ -114,4 +120,4 @@ def _relaxation_hz(temperature: float, pressure: float, humidity: float) -> tupl
     return oxygen, float(iso.relaxation_frequency_nitrogen(kilopascal, temperature, water))
 
 
-QUANTITIES = (sound_speed, density, air_attenuation, air_dispersion)
+QUANTITIES = (air_temperature, sound_speed, density, air_attenuation, air_dispersion)

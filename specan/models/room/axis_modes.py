@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from specan.models.room.frequency_interpolation import FrequencyInterpolation
 
 Complex = NDArray[np.complex128]
 
-CARRIED = 0.1  # of the distance to the next mode
 HELD = 1e-8  # step by which a mode known from few lines may be off, part of its squared wave number and one
 
 
@@ -47,15 +45,6 @@ class AxisModes:
     def q2(self) -> Complex:
         """Squared wave numbers, 1/m^2."""
         return self.w / self.length**2
-
-    @cached_property
-    def turns(self) -> tuple[Complex, Complex, NDArray[np.float64]]:
-        """Derivatives of the squared wave numbers by both walls, and the distance of each to the next."""
-        _, slope = characteristic(self.w, self.a0, self.a1)
-        by_a0, by_a1 = wall_slopes(self.w, self.a0, self.a1)
-        apart = np.abs(self.w[:, :, None] - self.w[:, None, :])
-        apart[:, np.arange(self.w.shape[1]), np.arange(self.w.shape[1])] = np.inf
-        return -by_a0 / slope, -by_a1 / slope, np.min(apart, axis=2)
 
     def holds(self, few: FrequencyInterpolation, count: int, a0: Complex, a1: Complex) -> bool:
         """Whether its first modes, known at few lines, are modes between walls with ``j k beta L`` of (lines,)."""
@@ -96,7 +85,8 @@ def slopes(w: Complex, a0: Complex, part: NDArray[np.float64] | float) -> Comple
     return found
 
 
-# A fit changes one wall or one edge at a time; the other axes stay.
+# A fit changes one wall or one edge at a time; the other axes stay. Zeros are always looked for from the same start:
+# one that depends on what was solved before makes two processes differ in the last digits.
 _AXES: OrderedDict[tuple[object, ...], AxisModes] = OrderedDict()
 _KEPT = 8
 
@@ -130,39 +120,11 @@ def axis_modes(length: float, a0: Complex | float, a1: Complex | float, count: i
     if key in _AXES:
         _AXES.move_to_end(key)
         return _AXES[key]
-    w = _carried(a0, a1, count)
-    solved = w is None
-    if w is None:
-        w = _zeros(length, a0, a1, count)
+    w = _zeros(length, a0, a1, count)
     while len(_AXES) >= _KEPT:
         _AXES.popitem(last=False)
-    found = _AXES[key] = AxisModes(length, w, a0, length * norms(w, a0), a1)
-    if solved:
-        _SOLVED.insert(0, found)
-        del _SOLVED[_KEPT:]
-    return found
-
-
-# Modes that were solved for from the beginning, the last ones first: what is not far from them starts there.
-_SOLVED: list[AxisModes] = []
-
-
-def _carried(a0: Complex, a1: Complex, count: int) -> Complex | None:
-    """Zeros from those between walls that are not much different; None where there are none.
-
-    Moved by a tenth of the distance to the next zero at most, a zero stays in the reach of Newton's method. Only modes
-    solved for from the beginning are taken to start from, so that a long way in small steps leads nowhere else.
-    """
-    for near in _SOLVED:
-        if near.w.shape != (len(a0), count):
-            continue
-        by_a0, by_a1, gap = near.turns
-        step = by_a0 * (a0 - near.a0) + by_a1 * (a1 - near.a1)
-        if np.all(np.abs(step) < CARRIED * gap):
-            w = near.w + step
-            settled = _refined(w, a0, a1)
-            return w if np.all(settled) else None
-    return None
+    _AXES[key] = AxisModes(length, w, a0, length * norms(w, a0), a1)
+    return _AXES[key]
 
 
 def _zeros(length: float, a0: Complex, a1: Complex, count: int) -> Complex:

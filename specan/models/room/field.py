@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.effect import Parameter
+from specan.models.kept import forgotten_by
 from specan.models.quantity import quantity
 from specan.models.room.box_field import BoxField, box
 from specan.models.room.port import Port, point
@@ -63,21 +64,34 @@ class LocalLoad:
     admittance: Complex
 
 
-def opening(area: float, impedance: Complex, mass_factor: Complex, radius: float) -> Complex:
+def opening(area: float, impedance: Complex, mass_factor: Complex, radius: float, end: float) -> Complex:
     """Admittance of an opening whose `impedance` (Pa s/m) counts the air on the room's side already.
 
-    The coupling of a patch with itself holds the mass of that air once more, ``8 / (3 pi^2 a)`` for a
-    patch in a baffle; it is taken off. `mass_factor` is ``j w rho``.
+    The coupling of a patch with itself holds the mass of that air once more, ``end / (pi a)`` for a patch in a baffle,
+    with an `end` correction of 8 / (3 pi) radii where it moves as one; it is taken off. `mass_factor` is ``j w rho``.
     """
-    return area / (impedance - area * mass_factor * 8 / (3 * np.pi**2 * radius))
+    return area / (impedance - area * mass_factor * end / (np.pi * radius))
 
 
 @quantity(unit="1", axes=("wall",))
 def wall_admittance(
-    frequency, wall_names, *, common=Parameter(0.005, "1", min=0.0, max=0.03, doc="the same on all walls")
+    frequency,
+    wall_of_face,
+    known_admittance,
+    known_walls,
+    *,
+    common=Parameter(0.005, "1", min=0.0, max=0.03, doc="the same on all walls of which nothing is known"),
 ):
-    """Specific admittance rho c / Z of each wall, array (walls, lines)."""
-    return np.full((len(wall_names), len(frequency)), common, dtype=complex)
+    """Specific admittance rho c / Z of each wall, of tied walls together, array (walls, lines)."""
+    found = np.full((max(wall_of_face) + 1, len(frequency)), common, dtype=complex)
+    found[known_walls] = known_admittance
+    return found
+
+
+@quantity(unit="1", axes=("face",))
+def face_admittance(wall_admittance, wall_of_face):
+    """Specific admittance of each face of the room, array (faces, lines): tied walls have one for all of theirs."""
+    return wall_admittance[wall_of_face]
 
 
 @quantity(unit="1", opaque=True)
@@ -86,7 +100,7 @@ def room_modes(
     sound_speed,
     air_attenuation,
     air_dispersion,
-    wall_admittance,
+    face_admittance,
     room_dimensions,
     drawn_dimensions,
     mode_margin,
@@ -97,7 +111,7 @@ def room_modes(
         sound_speed,
         air_attenuation,
         air_dispersion,
-        wall_admittance,
+        face_admittance,
         room_dimensions,
         drawn_dimensions,
         mode_margin,
@@ -112,6 +126,7 @@ def room_modes(
 
 # A fit changes one parameter at a time, most of which leave the modes alone.
 _BOXES: OrderedDict[tuple[bytes, ...], BoxField] = OrderedDict()
+forgotten_by(_BOXES.clear)
 
 
 def mode_counts(lengths: tuple[float, ...], k_max: float, margin: float) -> tuple[int, ...]:
@@ -138,13 +153,13 @@ def _make_box(
     return box(frequency, lengths, (k - 1j * attenuation) ** 2, 1j * k * admittance, as_drawn, k_max, counts)
 
 
-@quantity(unit="Pa*s/m", axes=("microphone",))
+@quantity(unit="Pa*s/m", axes=("place",))
 def field(
     frequency,
     room_modes,
     density,
     sound_speed,
-    wall_admittance,
+    face_admittance,
     wall_names,
     receiver_position,
     source_position,
@@ -153,21 +168,29 @@ def field(
     piston_velocity_profile,
     sources,
     local_loads,
+    further_loudspeakers,
+    loudspeaker_velocity,
 ):
-    """Sound pressure over the velocity at the vibrometer's point, array (microphones, lines).
+    """Sound pressure over the velocity at the vibrometer's point, array (places, lines).
 
-    ``p = j w rho sum_s G(r, s) q_s``: the piston with its area times mean velocity, further sources, and
-    what local loads give back. The piston itself does not yield to the pressure as the wall around it
+    ``p = j w rho sum_s G(r, s) q_s``: the pistons with their area times mean velocity, further sources, and
+    what local loads give back. A piston, moving or at rest, does not yield to the pressure as the wall around it
     does: it is a load with the negative admittance of its area.
     """
     omega = 2 * np.pi * frequency
-    piston = room_modes.patch(wall_names[piston_wall], source_position, float(piston_radius))
-    area = np.pi * piston.radius**2
-    microphones = [Port(point(p), piston.axis) for p in receiver_position]
-    given = [(piston, area * piston_velocity_profile)]
-    given += [(port, item.strength) for port, item in _placed(sources, room_modes)]
-    rigid = -area * wall_admittance[piston_wall] / (density * sound_speed)
-    loads = [(piston, rigid)] + [(port, item.admittance) for port, item in _placed(local_loads, room_modes)]
+    pistons = [(piston_wall, source_position, float(piston_radius)), *further_loudspeakers]
+    ports = [room_modes.patch(wall_names[wall], centre, radius) for wall, centre, radius in pistons]
+    areas = [np.pi * port.radius**2 for port in ports]
+    microphones = [Port(point(p), ports[0].axis) for p in receiver_position]
+    first, *others = loudspeaker_velocity
+    given = [(ports[0], areas[0] * (piston_velocity_profile * first))]
+    given += [(port, area * moving) for port, area, moving in zip(ports[1:], areas[1:], others, strict=True)]
+    given += [(port, item.strength * first) for port, item in _placed(sources, room_modes)]
+    loads = [
+        (port, -area * face_admittance[wall] / (density * sound_speed))
+        for port, area, (wall, _, _) in zip(ports, areas, pistons, strict=True)
+    ]
+    loads += [(port, item.admittance) for port, item in _placed(local_loads, room_modes)]
     factor = 1j * omega * density
     room_modes.prepare([port for port, _ in (*given, *loads)])
     strengths = _load_strengths(room_modes, factor, given, loads, microphones)
@@ -239,4 +262,35 @@ def piston_velocity_profile(frequency):
     return np.ones(len(frequency), dtype=complex)
 
 
-QUANTITIES = (wall_admittance, field, sources, local_loads, piston_velocity_profile)
+@quantity(unit="1", axes=("loudspeaker",))
+def loudspeaker_ratio(frequency, loudspeaker_nominal):
+    """Velocity of each further loudspeaker over that of the piston where all are driven, array (others, lines)."""
+    level_dB, delay_s, sign = loudspeaker_nominal
+    size = sign * 10 ** (level_dB / 20)
+    return size[:, None] * np.exp(-2j * np.pi * np.outer(delay_s, frequency))
+
+
+@quantity(unit="1")
+def loudspeaker_velocity(loudspeaker_ratio, driven, driven_sets):
+    """Velocity of the piston and the others over that of the vibrometer's in this recording; zero of one at rest."""
+    all_driven = np.concatenate(
+        [np.ones_like(loudspeaker_ratio, shape=(1, loudspeaker_ratio.shape[1])), loudspeaker_ratio]
+    )
+    seen, *others = driven_sets[int(driven)]
+    moving = np.zeros_like(all_driven)
+    moving[seen] = 1.0
+    for number in others:
+        moving[number] = all_driven[number] / all_driven[seen]
+    return moving
+
+
+QUANTITIES = (
+    wall_admittance,
+    face_admittance,
+    loudspeaker_ratio,
+    loudspeaker_velocity,
+    field,
+    sources,
+    local_loads,
+    piston_velocity_profile,
+)

@@ -15,7 +15,7 @@ from specan.models.quantity import constant
 
 STEP_M = 0.03  # about, between points of the plane
 MOST_POINTS = 120  # along an edge
-_OF_MICROPHONES = ("microphone", "card")
+_OF_MICROPHONES = ("microphone", "place", "card")
 
 Array = NDArray[np.float64]
 
@@ -165,11 +165,11 @@ def _field(chosen: ChosenModel, points: Array, frequency_hz: float) -> NDArray[n
     """The model's field with receivers at all points."""
     model = chosen.assembly.model
     uses = [u for u in chosen.assembly.uses if model.effects[u.name].at not in _OF_MICROPHONES]
-    receivers = constant("receiver_position", points, "m", "Points of the plane.", ("microphone",))
+    receivers = constant("receiver_position", points, "m", "Points of the plane.", ("place",))
     moved = replace(
         model,
         quantities={**model.quantities, "receiver_position": receivers},
-        axes={**model.axes, "microphone": tuple(f"point {k}" for k in range(len(points)))},
+        axes={**model.axes, "place": tuple(f"point {k}" for k in range(len(points)))},
         nuisances=(),
     )
     assembly = moved.assemble(uses)

@@ -37,11 +37,13 @@ def vibrometer_gain(frequency):
     return np.ones(len(frequency), dtype=complex)
 
 
-@quantity(unit="Pa*s/m", axes=("microphone",))
-def indicated_frf(frequency, field, receiver_gain, receiver_delay, vibrometer_delay, vibrometer_gain):
-    """Transfer function as the instruments indicate it, array (microphones, lines)."""
-    late = np.outer(receiver_delay - vibrometer_delay, frequency)
-    return field * receiver_gain[:, None] * np.exp(-2j * np.pi * late) / vibrometer_gain
+@quantity(unit="Pa*s/m", axes=("place",))
+def indicated_frf(
+    frequency, field, receiver_gain, receiver_delay, vibrometer_delay, vibrometer_gain, microphone_at_place
+):
+    """Transfer function as the instruments indicate it, array (places of microphones, lines)."""
+    late = np.outer(receiver_delay[microphone_at_place] - vibrometer_delay, frequency)
+    return field * receiver_gain[microphone_at_place, None] * np.exp(-2j * np.pi * late) / vibrometer_gain
 
 
 QUANTITIES = (receiver_gain, card_delay, receiver_delay, vibrometer_delay, vibrometer_gain, indicated_frf)

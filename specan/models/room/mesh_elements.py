@@ -77,8 +77,8 @@ class Elements:
 
     Attributes
     ----------
-    stiffness, mass : sparse arrays
-        ``int grad u . grad v`` and ``int u v`` over the room.
+    along, stiffness, mass : sparse arrays
+        ``int du/da dv/da`` for each axis, their sum, and ``int u v`` over the room.
     walls : list of sparse arrays
         ``int u v`` over each wall.
     """
@@ -92,8 +92,11 @@ class Elements:
         mass, slopes = self.inside.integrals()
         volume = np.abs(np.linalg.det(self.edges))
         back = np.linalg.inv(self.edges)  # (elements, axis, local): d(local)/d(axis)
-        metric = np.einsum("e,exa,exb->eab", volume, back, back)
-        self.stiffness = self._matrix(self.numbers, np.einsum("eab,abmn->emn", metric, slopes))
+        metrics = np.einsum("e,exa,exb->xeab", volume, back, back)
+        self.along = [
+            self._matrix(self.numbers, np.einsum("eab,abmn->emn", metric, slopes)) for metric in metrics
+        ]
+        self.stiffness = sum(self.along[1:], self.along[0])
         self.mass = self._matrix(self.numbers, volume[:, None, None] * mass)
         flat, _ = on_wall.integrals()
         self.walls = [

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models.kept import forgotten_by
 from specan.models.quantity import Quantity, constant, quantity
 from specan.models.room.mesh_file import RoomMesh
 from specan.models.room.mesh_modes import MeshModes, reduce
@@ -50,12 +51,23 @@ class MeshRoom:
 
 _REDUCED: OrderedDict[tuple[object, ...], MeshModes] = OrderedDict()
 _FIELDS: OrderedDict[tuple[object, ...], MeshField] = OrderedDict()
+forgotten_by(_FIELDS.clear)
 
 
 @quantity(unit="1", opaque=True)
-def room_modes(frequency, sound_speed, air_attenuation, air_dispersion, wall_admittance, room_mesh):
+def room_modes(
+    frequency,
+    sound_speed,
+    air_attenuation,
+    air_dispersion,
+    face_admittance,
+    room_mesh,
+    room_dimensions,
+    drawn_dimensions,
+):
     """The room's modes, and the couplings that were asked of them."""
-    inputs = (frequency, sound_speed, air_attenuation, air_dispersion, wall_admittance)
+    stretch = np.asarray(room_dimensions) / drawn_dimensions
+    inputs = (frequency, sound_speed, air_attenuation, air_dispersion, face_admittance, stretch)
     key = (id(room_mesh.modes), *(np.asarray(value).tobytes() for value in inputs))
     if key not in _FIELDS:
         while len(_FIELDS) >= _KEPT:
@@ -65,7 +77,13 @@ def room_modes(frequency, sound_speed, air_attenuation, air_dispersion, wall_adm
 
 
 def _make_field(
-    room: MeshRoom, frequency: Any, sound_speed: Any, attenuation: Any, dispersion: Any, admittance: Any
+    room: MeshRoom,
+    frequency: Any,
+    sound_speed: Any,
+    attenuation: Any,
+    dispersion: Any,
+    admittance: Any,
+    stretch: Any,
 ) -> MeshField:
     k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + dispersion))
     if k.max() > REACH * room.k_max:
@@ -74,7 +92,7 @@ def _make_field(
             expected=f"at most {REACH * room.k_max / k.max() * np.max(frequency):.1f} Hz",
             remedy="raise [band] f_max_hz in the rig file",
         )
-    return MeshField(room.modes, (k - 1j * attenuation) ** 2, 1j * k * admittance)
+    return MeshField(room.modes, (k - 1j * attenuation) ** 2, 1j * k * admittance, stretch)
 
 
 @dataclass(eq=False)
@@ -88,11 +106,16 @@ class MeshField:
         Squared wave number with the air's attenuation in it, 1/m^2.
     soft : array (walls, lines)
         ``j k beta`` of each wall in 1/m.
+    stretch : array (3,)
+        Factors of the room along x, y and z, from the lowest corner of the box around it. Functions are kept on the
+        mesh as drawn: slopes along an axis fall with its factor, walls grow as the faces that they are made of, and
+        what lies above the modes is taken from the room as drawn.
     """
 
     modes: MeshModes
     k2: Complex
     soft: Complex
+    stretch: Real
     _answers: dict[Port, Complex] = field(default_factory=dict, repr=False)
     _done: dict[tuple[Port, Port], Complex] = field(default_factory=dict, repr=False)
 
@@ -100,7 +123,7 @@ class MeshField:
         """Solve for several sources at once, which costs hardly more than for one."""
         new = [port for port in dict.fromkeys(ports) if port not in self._answers]
         if new:
-            answers = self._solve(np.stack([self.modes.at(port) for port in new], axis=1))
+            answers = self._solve(np.stack([self._at(port) for port in new], axis=1))
             self._answers |= dict(zip(new, answers, strict=True))
 
     def coupling(self, source: Port, receivers: Sequence[Port]) -> Complex:
@@ -108,7 +131,7 @@ class MeshField:
         new = [port for port in dict.fromkeys(receivers) if (source, port) not in self._done]
         if new:
             self.prepare([source])
-            found = self._answers[source] @ np.stack([self.modes.at(port) for port in new], axis=1)
+            found = self._answers[source] @ np.stack([self._at(port) for port in new], axis=1)
             plain = [i for i, port in enumerate(new) if not port.ball]
             # A ball averages away what lies above the modes, but for its own field.
             if source.ball and source in new:
@@ -122,7 +145,16 @@ class MeshField:
 
     def patch(self, wall: str, position: Sequence[float], radius: float) -> Port:
         """A round patch at a position in a wall."""
-        return Port(point(position), 0, radius)
+        return Port(point(self.modes.in_wall(wall, self._as_drawn(position))), 0, radius)
+
+    def _as_drawn(self, position: Sequence[float]) -> Real:
+        origin = self.modes.mesh.origin
+        return np.asarray(origin + (np.asarray(position) - origin) / self.stretch)
+
+    def _at(self, port: Port) -> Real:
+        """Mean of each vector over a port: of a patch, which is known by the wall, or of a place in the room."""
+        patch = port.radius and not port.ball
+        return self.modes.at(port if patch else replace(port, position=point(self._as_drawn(port.position))))
 
     def place(self, wall: str, across: float, along: float, radius: float) -> Port:
         """A round patch in parts of the rectangle around a wall."""
@@ -130,10 +162,17 @@ class MeshField:
 
     def _solve(self, loads: NDArray[np.float64]) -> Complex:
         """Answers of the vectors to loads (n, sources): array (sources, lines, n)."""
+        modes, stretched = self.modes, np.any(self.stretch != 1)
+        own = 1 - modes.facing() @ (self.stretch - 1) if stretched else np.ones(len(modes.walls))
         # Walls of one admittance act as one.
         rows, which = np.unique(self.soft, axis=0, return_inverse=True)
-        walls = np.array([self.modes.walls[which.ravel() == i].sum(axis=0) for i in range(len(rows))])
-        return Lines(self.modes.values, walls, self.k2, rows).solve(loads).transpose(2, 0, 1)
+        parts = [np.tensordot(own * (which.ravel() == i), modes.walls, axes=1) for i in range(len(rows))]
+        if stretched:
+            parts += list(modes.along)
+            change = np.broadcast_to((self.stretch**-2 - 1)[:, None], (3, len(self.k2)))
+            rows = np.concatenate([rows, change])
+        found = Lines(modes.values, np.array(parts), self.k2, rows).solve(loads / np.prod(self.stretch))
+        return found.transpose(2, 0, 1)
 
 
 Real = NDArray[np.float64]

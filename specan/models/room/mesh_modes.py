@@ -50,6 +50,8 @@ class MeshModes:
         How many of them are modes of the rigid room; the others carry the walls' answer.
     walls : array (walls, n, n)
         Boundary mass of each wall between them, 1/m.
+    along : array (3, n, n)
+        Part of the stiffness that slopes along each axis have; their sum is diagonal, `values`.
     shift : float
         Squared wave number about which near fields are expanded, 1/m^2.
     """
@@ -60,6 +62,7 @@ class MeshModes:
     vectors: Real
     exact: int
     walls: Real
+    along: Real
     shift: float
     _elements: Elements
     _solve: Any
@@ -92,8 +95,22 @@ class MeshModes:
         for axis, part in zip((i for i in range(3) if i != first), (across, along), strict=True):
             low, high = corners[..., axis].min(), corners[..., axis].max()
             target[axis] = low + part * (high - low)
-        place: Real = self._skin[wall].nearest(target[None])[1][0]
-        return place
+        return self.in_wall(wall, target)
+
+    def in_wall(self, wall: str, position: Real) -> Real:
+        """The point of a wall nearest to a place."""
+        found: Real = self._skin[wall].nearest(position[None])[1][0]
+        return found
+
+    def facing(self) -> Real:
+        """Mean square of each wall's normal along each axis, array (walls, 3)."""
+        found = []
+        for skin in self._skin.values():
+            a, b, c = skin.corners.transpose(1, 0, 2)
+            normal = np.cross(b - a, c - a)
+            size = np.linalg.norm(normal, axis=1)
+            found.append((normal**2 / size[:, None]).sum(axis=0) / size.sum())
+        return np.array(found)
 
     def near_field(self, source: Port, receivers: Sequence[Port]) -> tuple[Real, Real]:
         """What the vectors lack of a coupling, for receivers that are no balls.
@@ -236,7 +253,10 @@ def reduce(mesh: RoomMesh, degree: int, k_max: float) -> MeshModes:
     answers = _wall_answers(elements, factors.solve, modes, values, k_max)
     ritz_values, ritz = _ritz(elements, modes, answers)
     vectors = np.column_stack([modes, ritz])
-    walls = np.array([vectors.T @ (wall @ vectors) for wall in elements.walls])
+    walls, along = (
+        np.array([vectors.T @ (part @ vectors) for part in parts])
+        for parts in (elements.walls, elements.along)
+    )
     return MeshModes(
         mesh,
         k_max,
@@ -244,6 +264,7 @@ def reduce(mesh: RoomMesh, degree: int, k_max: float) -> MeshModes:
         vectors,
         len(values),
         walls,
+        along,
         shift,
         elements,
         factors.solve,

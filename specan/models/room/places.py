@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.measurement_kinds import (
+    InRecording,
     NamedModes,
     PlacedEffects,
     Places,
@@ -21,7 +23,8 @@ from specan.models.measurement_kinds import (
 from specan.models.model import Model
 from specan.models.quantity import constant
 from specan.models.room.port import Port, point
-from specan.models.room.rig import WALLS, Rig, left_out
+from specan.models.room.rig import WALLS, OwnRecording, Rig, left_out
+from specan.models.room.temperature_log import TemperatureLog
 
 Array = NDArray[np.float64]
 
@@ -30,16 +33,53 @@ FROM_WALL_M = 0.06
 FROM_PISTON_M = 0.15
 APART_M = 0.05
 NEAR = 0.3  # of an edge: within this distance a microphone is near a wall
+DRIFT_K = (
+    0.02  # standard deviation over a recording, below which it moves no mode by a hundredth of its width
+)
 STEP_K = 0.02  # of a difference quotient by the temperature
 
 
-def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
+def places_of(rig: Rig, microphones: Sequence[str]) -> tuple[str, ...]:
+    """Names of the places of all microphones: ``Mic 3``, and ``Mic 3 in second`` where it stands elsewhere."""
+    moved = [f"{name} in {Path(file).stem}" for file in rig.moved for name in microphones]
+    return (*microphones, *moved)
+
+
+def in_recording(
+    rig: Rig, log: TemperatureLog | None, file: str, start: np.datetime64 | None, duration_s: float
+) -> InRecording:
+    """Where the microphones stand in a recording, how warm its air is, and which loudspeakers move."""
+    name = Path(file).name
+    own = next((one for one in rig.recordings if one.file == name), OwnRecording(file=name))
+    count, number = len(rig.mics.position_m), 0
+    if own.position_m is not None:
+        number = 1 + list(rig.moved).index(name)
+    text, drift = "", None
+    moving = [one.driven for one in rig.recordings if one.driven is not None]
+    driven = 0 if own.driven is None else 1 + list(dict.fromkeys(moving)).index(own.driven)
+    conditions = {"driven": float(driven)} if driven else {}
+    if own.temperature_C is not None:
+        conditions["temperature_difference"] = own.temperature_C - rig.air.nominal_temperature_C
+        text = f"air of {own.temperature_C:g} degrees Celsius"
+    elif log is not None and log.timed and start is not None:
+        during = log.during(start, duration_s)
+        conditions["temperature_difference"] = float(during.mean()) - rig.air.nominal_temperature_C
+        text = f"air of {during.mean():.2f} degrees Celsius, {np.ptp(during):.2g} K of drift"
+        if during.std() > DRIFT_K:
+            drift = ("temperature_difference", during - during.mean())
+    return InRecording(number * count + np.arange(count), conditions, drift, text)
+
+
+def room_receivers(
+    rig: Rig, names: tuple[str, ...], of_recording: Callable[[str, Any, float], InRecording]
+) -> Receivers:
     """The microphones of a room, compared with the vibrometer."""
     given, dims = rig.uncertainty, rig.room.dims_m
     nominal_K = rig.air.nominal_temperature_C + 273.15
-    positions = np.array(rig.mics.position_m)
+    positions = np.concatenate([np.array(places) for places in (rig.mics.position_m, *rig.moved.values())])
+    sets = 1 + len(rig.moved)
     return Receivers(
-        axis="microphone",
+        axis="place",
         noun="microphone",
         plural="microphones",
         role="microphone",
@@ -50,7 +90,7 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
         moved_by="microphone-position",
         along=("dx", "dy", "dz"),
         errors=ReceiverErrors(
-            position_m=np.array(given.position_m)[:, None]
+            position_m=np.tile(given.position_m, sets)[:, None]
             if isinstance(given.position_m, tuple)
             else given.position_m,
             calibration_dB=given.calibration_dB,
@@ -64,6 +104,7 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
         block_s=rig.band.block_s,
         left_out_hz=left_out(rig.band),
         background=rig.background.recording,
+        in_recording=of_recording,
         # k goes as T^(-1/2), and the response as the density besides: dH/d ln k = -2 (T dH/dT + H)
         wave_number=WaveNumberStep("temperature", "offset", STEP_K, -2 * nominal_K, -2.0),
         groups=lambda channels: {} if dims is None else near_walls(dims, positions, names, channels),
@@ -80,7 +121,7 @@ def room_receivers(rig: Rig, names: tuple[str, ...]) -> Receivers:
         placed=None if dims is None else PLACED,
         modes=None if dims is None else NAMED,
         source=None
-        if dims is None
+        if dims is None or rig.loudspeakers
         else SourcePlaces(
             faces=WALLS,
             with_source=lambda model, wall, across, along: _with_source(rig, model, wall, across, along),
@@ -154,7 +195,7 @@ def free_places(rig: Rig) -> Array:
     margin = np.minimum(FROM_WALL_M, dims / 4)
     along = [np.round(np.linspace(m, edge - m, EACH_WAY), 3) for m, edge in zip(margin, dims, strict=True)]
     grid = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 3)
-    taken = np.array(rig.mics.position_m)
+    taken = np.concatenate([np.array(places) for places in (rig.mics.position_m, *rig.moved.values())])
     clear = np.min(np.linalg.norm(grid[:, None] - taken[None], axis=2), axis=1) > APART_M
     clear &= np.linalg.norm(grid - np.array(rig.piston.centre_m), axis=1) > FROM_PISTON_M
     return np.asarray(grid[clear])
@@ -163,13 +204,14 @@ def free_places(rig: Rig) -> Array:
 def with_microphones(model: Model, places: Array) -> tuple[Model, tuple[str, ...]]:
     """The model with further microphones behind its own, on the first card; and their names."""
     names = tuple(f"place {k}" for k in range(1, len(places) + 1))
+    further = len(model.axes["microphone"]) + np.arange(len(places))
     more = {"receiver_position": places, "receiver_nominal_gain": np.ones(len(places)),
-            "card_of_microphone": np.zeros(len(places), dtype=int)}  # fmt: skip
+            "card_of_microphone": np.zeros(len(places), dtype=int), "microphone_at_place": further}  # fmt: skip
     changed = {
         name: constant(name, np.concatenate([np.asarray(node()), more[name]]), node.unit, node.doc, node.axes)
         for name, node in ((name, model.quantities[name]) for name in more)
     }
-    axes = {**model.axes, "microphone": (*model.axes["microphone"], *names)}
+    axes = {**model.axes, **{axis: (*model.axes[axis], *names) for axis in ("microphone", "place")}}
     return replace(model, quantities={**model.quantities, **changed}, axes=axes), names
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from specan.errors import RequestError
+from specan.models.room.known_walls import KnownWall
 from specan.schema import Settings, parse
 
 Positive = Annotated[float, Field(gt=0)]
@@ -22,6 +23,7 @@ class Room(Settings):
 
     dims_m: tuple[Positive, Positive, Positive] | None = None
     mesh: str | None = None
+    tied_walls: tuple[tuple[str, ...], ...] = ()
 
 
 class Piston(Settings):
@@ -30,6 +32,25 @@ class Piston(Settings):
     wall: str
     centre_m: Point
     radius_m: Positive
+
+
+class Loudspeaker(Piston):
+    """A further diaphragm, driven by the same generator, or alone in recordings of its own."""
+
+    level_dB: float = 0.0
+    delay_s: float = 0.0
+    inverted: bool = False
+    u_level_dB: NotNegative = 0.5
+    u_delay_s: NotNegative = 1e-5
+
+
+class OwnRecording(Settings):
+    """What is otherwise in one recording than in the others."""
+
+    file: str
+    position_m: tuple[Point, ...] | None = None
+    temperature_C: Annotated[float, Field(gt=-50, lt=80)] | None = None
+    driven: tuple[int, ...] | None = None
 
 
 class Air(Settings):
@@ -122,6 +143,9 @@ class Rig(Settings):
 
     room: Room
     piston: Piston
+    loudspeakers: tuple[Loudspeaker, ...] = ()
+    recordings: tuple[OwnRecording, ...] = ()
+    walls: dict[str, KnownWall] = Field(default_factory=dict)
     air: Air = Air()
     band: Band
     mics: Mics
@@ -129,6 +153,17 @@ class Rig(Settings):
     background: Background = Background()
     rig: Identity = Identity()
     uncertainty: Uncertainty = Uncertainty()
+
+    @property
+    def pistons(self) -> dict[str, Piston]:
+        """All diaphragms, by what they are called in messages."""
+        further = {f"loudspeaker {i}": one for i, one in enumerate(self.loudspeakers, 2)}
+        return {"piston": self.piston, **further}
+
+    @property
+    def moved(self) -> dict[str, tuple[Point, ...]]:
+        """Places of the microphones in recordings in which they stand elsewhere."""
+        return {own.file: own.position_m for own in self.recordings if own.position_m is not None}
 
 
 def read_rig(content: Mapping[str, Any]) -> Rig:
@@ -158,9 +193,30 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
             raise RequestError(f"[band] left_out_hz says [{low:g}, {high:g}]", expected="the lower end first")
     if rig.room.dims_m is not None:
         _check_box(rig, np.array(rig.room.dims_m))
-    _check_apart(np.array(rig.mics.position_m))
+    for places in (rig.mics.position_m, *rig.moved.values()):
+        _check_apart(np.array(places))
     _check_cards(rig)
+    _check_recordings(rig)
     return rig
+
+
+def _check_recordings(rig: Rig) -> None:
+    count, files = len(rig.mics.position_m), [own.file for own in rig.recordings]
+    for own in rig.recordings:
+        where = f"[[recordings]] {own.file}"
+        if files.count(own.file) > 1:
+            raise RequestError(f"{where} is there twice", expected="one table a recording")
+        if own.position_m is not None and len(own.position_m) != count:
+            raise RequestError(
+                f"{where} has {len(own.position_m)} positions, [mics] {count}",
+                expected="the same microphones in the same order",
+            )
+        numbers = range(1, 2 + len(rig.loudspeakers))
+        if own.driven is not None and (not own.driven or not set(own.driven) <= set(numbers)):
+            raise RequestError(
+                f"{where} says driven = {list(own.driven)}",
+                expected=f"numbers of loudspeakers, 1 (the piston) to {numbers[-1]}, that of the vibrometer first",
+            )
 
 
 def microphone_outside(number: int, place: Sequence[float], expected: str) -> RequestError:
@@ -184,7 +240,13 @@ def _check_apart(points: np.ndarray) -> None:
 
 
 def _check_box(rig: Rig, dims: np.ndarray) -> None:
-    places = np.array(rig.mics.position_m)
+    for places in (rig.mics.position_m, *rig.moved.values()):
+        _check_inside(np.array(places), dims)
+    for name, piston in rig.pistons.items():
+        _check_in_wall(name, piston, dims)
+
+
+def _check_inside(places: np.ndarray, dims: np.ndarray) -> None:
     for size, unit in ((100, "centimetres"), (1000, "millimetres")):
         inside = np.all((places >= 0) & (places / size <= dims))
         if np.any(places > dims) and inside and np.max(places / size / dims) > REACHES:
@@ -196,24 +258,27 @@ def _check_box(rig: Rig, dims: np.ndarray) -> None:
     for number, point in enumerate(places, 1):
         if np.any(point < 0) or np.any(point > dims):
             raise microphone_outside(number, point, f"coordinates between 0 and {dims.tolist()} m")
-    if rig.piston.wall not in WALLS:
+
+
+def _check_in_wall(name: str, piston: Piston, dims: np.ndarray) -> None:
+    if piston.wall not in WALLS:
         raise RequestError(
-            f"[piston] wall is {rig.piston.wall!r}",
+            f"[piston] wall is {piston.wall!r}" if name == "piston" else f"wall of {name} is {piston.wall!r}",
             expected="one of " + ", ".join(WALLS),
             remedy="correct it",
         )
-    axis, far = "xyz".index(rig.piston.wall[0]), rig.piston.wall[1] == "1"
-    centre = np.array(rig.piston.centre_m)
+    axis, far = "xyz".index(piston.wall[0]), piston.wall[1] == "1"
+    centre = np.array(piston.centre_m)
     if abs(centre[axis] - (dims[axis] if far else 0.0)) > 1e-6:
         raise RequestError(
-            f"the piston's centre {centre.tolist()} m does not lie in wall {rig.piston.wall}",
+            f"the {name}'s centre {centre.tolist()} m does not lie in wall {piston.wall}",
             expected=f"{'xyz'[axis]} = {dims[axis] if far else 0.0}",
         )
     for other in {0, 1, 2} - {axis}:
-        if not rig.piston.radius_m <= centre[other] <= dims[other] - rig.piston.radius_m:
+        if not piston.radius_m <= centre[other] <= dims[other] - piston.radius_m:
             raise RequestError(
-                f"the piston of radius {rig.piston.radius_m} m at {centre.tolist()} m reaches over the wall's edge",
-                remedy="correct [piston] centre_m or radius_m",
+                f"the {name} of radius {piston.radius_m} m at {centre.tolist()} m reaches over the wall's edge",
+                remedy="correct its centre_m or radius_m",
             )
 
 

@@ -18,14 +18,9 @@ from specan.models.room.mesh_elements import Simplices
 from specan.models.room.mesh_field import Lines, MeshRoom, room_modes
 from specan.models.room.mesh_file import RoomMesh, read_room_mesh, triangle_areas
 from specan.models.room.mesh_modes import MARGIN, expected_modes
-from specan.models.room.rig import Rig, microphone_outside
+from specan.models.room.rig import Piston, Rig, microphone_outside
 
 _TOLERANCE = 1e-3  # m, between a curved wall and its triangles
-
-LACKS = {
-    "dimension": "a room from a mesh has no edges that could be stretched one by one (its size as a whole acts "
-    "as temperature does)"
-}
 
 
 @dataclass(frozen=True)
@@ -35,22 +30,22 @@ class RoomShape:
     Attributes
     ----------
     walls : tuple of str
-        Elements of the axis ``wall``.
+        Elements of the axis ``face``, and of ``wall`` as long as none are tied.
+    areas_m2 : tuple of float
+        Their areas.
     quantities : tuple of Quantity
         ``room_origin``, ``room_dimensions``, ``room_modes``, and what the latter reads of the shape.
     axes : mapping
         Axes that only this shape has.
-    lacks : mapping
-        ``{axis: reason}``: effects that act along such an axis is not available.
     notes : tuple of str
         What is to be known before a study starts.
     """
 
     title: str
     walls: tuple[str, ...]
+    areas_m2: tuple[float, ...]
     quantities: tuple[Quantity, ...]
     axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    lacks: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
@@ -64,19 +59,22 @@ def mesh_shape(rig: Rig) -> RoomShape:
     """
     path = Path(str(rig.room.mesh))
     mesh = read_room_mesh(path)
-    centre = _check_places(mesh, rig)
+    _check_microphones(mesh, rig)
+    pistons = [(_centre_in_wall(mesh, name, one), one.radius_m) for name, one in rig.pistons.items()]
     k_max = 2 * np.pi * rig.band.f_max_hz / COLD
-    degree = degree_for(mesh, k_max, rig.band.f_max_hz, (centre, rig.piston.radius_m))
+    degree = max(degree_for(mesh, k_max, rig.band.f_max_hz, piston) for piston in pistons)
     return RoomShape(
         title=f"Sound field of the room in {path.name} with a piston in one wall",
         walls=tuple(mesh.walls),
+        areas_m2=tuple(float(triangle_areas(mesh.points, t).sum()) for t in mesh.walls.values()),
         quantities=(
             constant("room_origin", mesh.origin, "m", "Lowest corner of the box around the room."),
-            constant("room_dimensions", mesh.edges, "m", "Edges of the box around the room."),
+            constant("room_dimensions", mesh.edges, "m", "Edges of the box around the room.", ("dimension",)),
+            constant("drawn_dimensions", mesh.edges, "m", "The same as drawn."),
             MeshRoom(mesh, degree, k_max).quantity(),
             room_modes,
         ),
-        lacks=LACKS,
+        axes={"dimension": ("x", "y", "z")},
         notes=_notes(mesh, degree, k_max, rig.band.f_max_hz, path.name),
     )
 
@@ -97,24 +95,28 @@ def _one_digit(seconds: float) -> str:
     return f"{float(f'{seconds:.1g}'):g}"
 
 
-def _check_places(mesh: RoomMesh, rig: Rig) -> np.ndarray:
-    """Microphones must be inside, the piston in its wall; returns its centre on the wall."""
-    places = np.array(rig.mics.position_m)
-    distance = Simplices(mesh.points[mesh.tetrahedra]).nearest(places)[2]
-    outside = np.flatnonzero(distance > 1e-6)
-    if outside.size:
-        first = int(outside[0])
-        raise microphone_outside(first + 1, rig.mics.position_m[first], "a place inside the mesh")
-    wall = rig.piston.wall
+def _check_microphones(mesh: RoomMesh, rig: Rig) -> None:
+    for places in (rig.mics.position_m, *rig.moved.values()):
+        distance = Simplices(mesh.points[mesh.tetrahedra]).nearest(np.array(places))[2]
+        outside = np.flatnonzero(distance > 1e-6)
+        if outside.size:
+            first = int(outside[0])
+            raise microphone_outside(first + 1, places[first], "a place inside the mesh")
+
+
+def _centre_in_wall(mesh: RoomMesh, name: str, piston: Piston) -> np.ndarray:
+    """A piston must be in its wall; returns its centre on the wall."""
+    wall = piston.wall
     if wall not in mesh.walls:
+        of = "[piston] wall" if name == "piston" else f"wall of {name}"
         raise RequestError(
-            f"[piston] wall is {wall!r}, no named surface of the mesh", remedy=nearest(wall, mesh.walls)
+            f"{of} is {wall!r}, no named surface of the mesh", remedy=nearest(wall, mesh.walls)
         )
     skin = Simplices(mesh.points[mesh.walls[wall]])
-    number, place, off = skin.nearest(np.array([rig.piston.centre_m]))
+    number, place, off = skin.nearest(np.array([piston.centre_m]))
     if off[0] > _TOLERANCE:
         raise RequestError(
-            f"the piston's centre {list(rig.piston.centre_m)} m lies {off[0]:.3g} m off the wall {wall!r}",
+            f"the {name}'s centre {list(piston.centre_m)} m lies {off[0]:.3g} m off the wall {wall!r}",
             expected=f"a place in that surface, such as {[round(float(x), 4) for x in place[0]]}",
         )
     a, b, c = skin.corners[number[0]]
@@ -122,12 +124,12 @@ def _check_places(mesh: RoomMesh, rig: Rig) -> np.ndarray:
     along = np.cross(np.cross(across, c - a), across)
     along /= np.linalg.norm(along)
     angle = 2 * np.pi * np.arange(36) / 36
-    rim = place[0] + rig.piston.radius_m * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * along)
+    rim = place[0] + piston.radius_m * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * along)
     if skin.nearest(rim)[2].max() > _TOLERANCE:
         raise RequestError(
-            f"the piston of radius {rig.piston.radius_m} m at {list(rig.piston.centre_m)} m reaches over the edge of "
+            f"the {name} of radius {piston.radius_m} m at {list(piston.centre_m)} m reaches over the edge of "
             f"the wall {wall!r}, or the wall is not flat there",
-            remedy="correct [piston] centre_m or radius_m",
+            remedy="correct its centre_m or radius_m",
         )
     return np.asarray(place[0])
 

@@ -146,4 +146,4 @@ def _transfer(chosen: ChosenModel, frequency: Array, velocity_psd: Array) -> NDA
     found: NDArray[np.complex128] = chosen.assembly.evaluate(conditions, values, wanted=["indicated_frf"])[
         "indicated_frf"
     ]
-    return found
+    return found[: len(chosen.assembly.model.axes["microphone"])]

@@ -110,8 +110,9 @@ def bearing_quantities(bearings: Sequence[PlacedBearing], ratio: float) -> list[
         constant("bearing_bore", np.array([1e-3 * b.bore for b in balls]), "m", "Bore.", AXES),
         constant("bearing_outside", np.array([1e-3 * b.outside for b in balls]), "m", "Outside diameter.", AXES),
         _speed(ratio),
-        _rolling(bearings),
-        _sliding(bearings),
+        _contact(bearings),
+        *_rolling(bearings),
+        *_sliding(bearings),
         _drag(bearings),
         _seals(bearings),
         *_palmgren(bearings),
@@ -131,9 +132,9 @@ def without_load(factor: np.ndarray, share: Any) -> np.ndarray:
     return 1.0 - share * (1.0 - factor[WORM].min(axis=0))
 
 
-def _column(values: Sequence[float], like: np.ndarray) -> np.ndarray:
+def _column(values: np.ndarray, like: np.ndarray) -> np.ndarray:
     """Values of the bearings, shaped to multiply an array whose first axis is theirs."""
-    return np.reshape(values, (len(values),) + (1,) * (np.ndim(like) - 1))
+    return values.reshape((-1,) + (1,) * (np.ndim(like) - 1))
 
 
 def _speed(ratio: float) -> Quantity:
@@ -147,54 +148,68 @@ def _speed(ratio: float) -> Quantity:
     return bearing_speed
 
 
-def _contact_angle(axial: np.ndarray, rating: float) -> np.ndarray:
-    """Sine of the angle under which the balls carry an axial load; 24.6 (Fa/C0)^0.24 degrees."""
-    return np.sin(np.deg2rad(24.6 * (np.maximum(axial, 1e-6) / rating) ** 0.24))
+def _contact(bearings: Sequence[PlacedBearing]) -> Quantity:
+    locating = [(i, b.bearing.static_rating) for i, b in enumerate(bearings) if b.locating]
+
+    @quantity(unit="1", axes=AXES, reference=f"{SKF}, angle 24.6 (Fa/C0)^0.24 degrees")
+    def bearing_contact(bearing_axial_load):
+        """Sine of the angle under which the balls of each locating bearing carry its axial load; one for the others."""
+        sine = np.ones_like(bearing_axial_load)
+        for i, rating in locating:
+            share = np.maximum(bearing_axial_load[i], 1e-6) / rating
+            sine[i] = np.sin(np.deg2rad(24.6 * share**0.24))
+        return sine
+
+    return bearing_contact
 
 
-def _rolling(bearings: Sequence[PlacedBearing]) -> Quantity:
-    factor = [1e-3 * b.bearing.r1 * b.bearing.mean_diameter**1.96 for b in bearings]  # N mm -> N m
-    locating = [(i, b.bearing.r2, b.bearing.static_rating) for i, b in enumerate(bearings) if b.locating]
+def _rolling(bearings: Sequence[PlacedBearing]) -> list[Quantity]:
+    factor = np.array([1e-3 * b.bearing.r1 * b.bearing.mean_diameter**1.96 for b in bearings])  # N mm -> N m
+    locating = [(i, b.bearing.r2) for i, b in enumerate(bearings) if b.locating]
 
-    @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, rolling frictional moment")
-    def bearing_rolling_moment(bearing_radial_load, bearing_axial_load, bearing_speed, kinematic_viscosity):
-        """Rolling moment of each bearing: G_rr (nu n)^0.6, without the factors for heating and starvation."""
+    @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, rolling frictional variable")
+    def bearing_rolling_variable(bearing_radial_load, bearing_axial_load, bearing_contact):
+        """Rolling moment of each bearing where the product of viscosity in mm^2/s and speed in r/min is one: G_rr."""
         load = bearing_radial_load
         if np.any(bearing_axial_load):
             load = load.copy()
-            for i, r2, rating in locating:
-                axial = bearing_axial_load[i]
-                load[i] += r2 * axial / _contact_angle(axial, rating)
-        speed = (1e6 * RPM * kinematic_viscosity * bearing_speed) ** 0.6
-        return _column(factor, load) * load**0.54 * speed
+            for i, r2 in locating:
+                load[i] += r2 * bearing_axial_load[i] / bearing_contact[i]
+        return _column(factor, load) * load**0.54
 
-    return bearing_rolling_moment
+    @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, rolling frictional moment")
+    def bearing_rolling_moment(bearing_rolling_variable, bearing_speed, kinematic_viscosity):
+        """Rolling moment of each bearing: G_rr (nu n)^0.6, without the factors for heating and starvation."""
+        return bearing_rolling_variable * (1e6 * RPM * kinematic_viscosity * bearing_speed) ** 0.6
+
+    return [bearing_rolling_variable, bearing_rolling_moment]
 
 
-def _sliding(bearings: Sequence[PlacedBearing]) -> Quantity:
-    radial = [
-        1e-3 * b.bearing.s1 * b.bearing.mean_diameter ** (-0.145 if b.locating else -0.26) for b in bearings
-    ]
-    diameters = [b.bearing.mean_diameter for b in bearings]
+def _sliding(bearings: Sequence[PlacedBearing]) -> list[Quantity]:
+    radial = np.array(
+        [1e-3 * b.bearing.s1 * b.bearing.mean_diameter ** (-0.145 if b.locating else -0.26) for b in bearings]
+    )
+    diameters = np.array([b.bearing.mean_diameter for b in bearings])
     locating = [
-        (i, b.bearing.s2 * b.bearing.mean_diameter**1.5, b.bearing.static_rating)
-        for i, b in enumerate(bearings)
-        if b.locating
+        (i, b.bearing.s2 * b.bearing.mean_diameter**1.5) for i, b in enumerate(bearings) if b.locating
     ]
+
+    @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, sliding frictional variable")
+    def bearing_sliding_variable(bearing_radial_load, bearing_axial_load, bearing_contact):
+        """Sliding moment of each bearing where the coefficient of friction is one: G_sl."""
+        load = bearing_radial_load**5
+        for i, s2 in locating:
+            load[i] += s2 * bearing_axial_load[i] ** 4 / bearing_contact[i]
+        return _column(radial, load) * np.cbrt(load)
 
     @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, sliding frictional moment")
-    def bearing_sliding_moment(bearing_radial_load, bearing_axial_load, bearing_speed, kinematic_viscosity):
+    def bearing_sliding_moment(bearing_sliding_variable, bearing_speed, kinematic_viscosity):
         """Sliding moment of each bearing: G_sl times a coefficient between bare and full-film contact."""
-        load = bearing_radial_load**5
-        for i, s2, rating in locating:
-            axial = bearing_axial_load[i]
-            load[i] += s2 * axial**4 / _contact_angle(axial, rating)
         film = (1e6 * RPM * kinematic_viscosity * bearing_speed) ** 1.4
-        bare = np.exp(-2.6e-8 * _column(diameters, load) * film)
-        coefficient = MU_FULL_FILM + (MU_BOUNDARY - MU_FULL_FILM) * bare
-        return _column(radial, load) * np.cbrt(load) * coefficient
+        bare = np.exp(-2.6e-8 * _column(diameters, film) * film)
+        return bearing_sliding_variable * (MU_FULL_FILM + (MU_BOUNDARY - MU_FULL_FILM) * bare)
 
-    return bearing_sliding_moment
+    return [bearing_sliding_variable, bearing_sliding_moment]
 
 
 def _drag(bearings: Sequence[PlacedBearing]) -> Quantity:
@@ -210,6 +225,7 @@ def _drag(bearings: Sequence[PlacedBearing]) -> Quantity:
         layer.append(
             1e-3 * 1.093e-7 * mean**3 * surface * (mean**2 * reach) ** -1.379 if b.oil_height else 0.0
         )
+    balls, layers = np.array(ball), np.array(layer)
     still = not any(ball) and not any(layer)
 
     @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, drag losses")
@@ -218,14 +234,14 @@ def _drag(bearings: Sequence[PlacedBearing]) -> Quantity:
         if still:
             return np.zeros_like(bearing_speed)
         speed = RPM * bearing_speed
-        moment = _column(ball, speed) * speed**2
-        return moment + _column(layer, speed) * speed**0.621 * (1e6 * kinematic_viscosity) ** 1.379
+        moment = _column(balls, speed) * speed**2
+        return moment + _column(layers, speed) * speed**0.621 * (1e6 * kinematic_viscosity) ** 1.379
 
     return bearing_drag_moment
 
 
 def _seals(bearings: Sequence[PlacedBearing]) -> Quantity:
-    moments = [b.seal_torque for b in bearings]
+    moments = np.array([b.seal_torque for b in bearings])
 
     @quantity(unit="N*m", axes=AXES, reference=f"{SKF}, frictional moment of seals")
     def bearing_seal_moment(bearing_speed):
@@ -242,8 +258,8 @@ SLOW = 2000.0  # nu n in mm^2/s r/min below which the moment without load no lon
 
 
 def _palmgren(bearings: Sequence[PlacedBearing]) -> list[Quantity]:
-    diameters = [b.bearing.mean_diameter for b in bearings]
-    ratings = [b.bearing.static_rating for b in bearings]
+    diameters = np.array([b.bearing.mean_diameter for b in bearings])
+    ratings = np.array([b.bearing.static_rating for b in bearings])
 
     @quantity(unit="N*m", axes=AXES, reference=f"{PALMGREN}; ISO/TR 14179-1")
     def bearing_load_moment(bearing_radial_load, bearing_axial_load):

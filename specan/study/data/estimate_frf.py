@@ -16,10 +16,11 @@ from specan.data.channel import Channel
 from specan.data.recording import Recording
 from specan.errors import InputError, RequestError
 from specan.models import Model, Receivers
+from specan.models.measurement_kinds import InRecording
 from specan.study.data.background_noise import Background, background_noise
 from specan.study.data.block_length import block_length
 from specan.study.observation.correlated_errors import CommonErrors
-from specan.study.observation.frf import FrfObservation
+from specan.study.observation.frf import Drift, FrfObservation
 from specan.study.observation.window_leakage import fold
 
 SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before the record began is to die out
@@ -74,13 +75,19 @@ def observe_recording(
     from specan.analysis.transfer_function import TransferFunction
 
     receivers = _receivers_of(model)
-    reference, channels_of_all = _channels_of(recording, model, receivers)
+    reference, channels_of_all = _channels_of(recording, receivers)
     rate, block_s = reference.sampling_rate, receivers.block_s
     if block_s is None:
         looked_at = channels_of_all[:: max(1, len(channels_of_all) // LISTENING)]
         heard = (recording.read([channel])[0] for channel in looked_at)
         block_s = block_length(recording.read([reference])[0], heard, rate, (f_min_hz, f_max_hz))
     settle = settling_s(reference.duration_s, block_s)
+    own = _own(recording, reference, model, receivers, settle)
+    if len(channels_of_all) != len(own.rows):
+        raise InputError(
+            f"{recording.label} has {len(channels_of_all)} {receivers.plural}, the rig file {len(own.rows)} positions",
+            expected=f"one position a {receivers.noun} channel, in order",
+        )
     settings = TransferFunction(
         reference=reference.name,
         channels=tuple(m.name for m in channels_of_all),
@@ -107,6 +114,7 @@ def observe_recording(
     conditions = {
         "frequency": folding.nodes,
         "velocity_psd": _density_at(signals[0], rate, block, reference, folding.nodes),
+        **own.conditions,
     }
     quiet = (
         background_noise(background, recording, channels_of_all, block / rate, found.frequency_hz)
@@ -116,24 +124,55 @@ def observe_recording(
     noise = noise_of_lines(
         recording, reference, channels_of_all, signals, found.frequency_hz, block, start, quiet
     )
+    names = model.axes[receivers.axis]
+    response, noise = (
+        _in_rows(own, len(names), part, fill) for part, fill in ((found.response, 0), (noise, 1))
+    )
+    kept = np.zeros(response.shape, dtype=bool)
+    kept[own.rows] = _looked_at(receivers, found.frequency_hz)
     plain = FrfObservation(
         name=recording.label,
         recording=recording.label,
         quantity=model.observables["frf"].quantity,
         frequency_hz=found.frequency_hz,
         line_hz=rate / block,
-        channels=model.axes[receivers.axis],
-        response=found.response,
+        channels=names,
+        response=response,
         noise=noise,
         random=noise,
         folding=folding,
         conditions_at_nodes=conditions,
-        shared=np.empty((*found.response.shape, 0), dtype=complex),
-        kept=np.tile(_looked_at(receivers, found.frequency_hz), (len(channels_of_all), 1)),
-        notes=(quiet.text,) if quiet else (),
+        shared=np.empty((*response.shape, 0), dtype=complex),
+        kept=kept,
+        notes=tuple(
+            filter(None, (f"{recording.label}: {own.text}" if own.text else "", quiet.text if quiet else ""))
+        ),
+        drift=Drift.of(*own.drift, _block_power(signals[0][start:], block, lines)) if own.drift else None,
     )
-    calibrated = _as_calibrated(receivers, channels_of_all, u_calibrator_percent)
+    here = replace(receivers, positions_m=_own_places(receivers, own))
+    calibrated = _as_calibrated(here, own, channels_of_all, u_calibrator_percent)
     return replace(plain, **_before_a_fit(calibrated, plain))
+
+
+def _block_power(reference: Real, block: int, lines: Any) -> Real:
+    """Power of the reference at some lines in every half-overlapping block, array (blocks, lines)."""
+    window = np.hanning(block + 1)[:-1]
+    starts = range(0, reference.size - block + 1, block // 2)
+    return np.array([np.abs(np.fft.rfft(window * reference[s : s + block])[lines]) ** 2 for s in starts])
+
+
+def _in_rows(own: InRecording, count: int, part: Any, fill: float) -> Any:
+    """What a recording tells of its own receivers, among all of the model's."""
+    whole = np.full((count, part.shape[1]), fill, dtype=part.dtype)
+    whole[own.rows] = part
+    return whole
+
+
+def _own_places(receivers: Receivers, own: InRecording) -> Real:
+    """Places of the receivers; those of other recordings in the middle, which a tilt of the frame turns about."""
+    places = np.tile(receivers.positions_m[own.rows].mean(axis=0), (len(receivers.positions_m), 1))
+    places[own.rows] = receivers.positions_m[own.rows]
+    return places
 
 
 def settling_s(duration_s: float, block_s: float = 1.0) -> float:
@@ -159,22 +198,25 @@ def _looked_at(receivers: Receivers, frequency_hz: Any) -> Any:
     return found
 
 
-def _as_calibrated(receivers: Receivers, channels: Sequence[Channel], common_percent: float) -> Receivers:
+def _as_calibrated(
+    receivers: Receivers, own: InRecording, channels: Sequence[Channel], common_percent: float
+) -> Receivers:
     """Receivers with the uncertainties that their calibration states, where it states any.
 
     The level of the calibrator is common to them and is taken off what each has for itself. A phase that is known at
     the calibrator's tone only counts with the mean square of its uncertainty over the band, or as the rig file has it
     where that is more: phases are relative to one receiver, not to the reference channel.
     """
-    given, band = receivers.errors, np.linspace(*receivers.band_hz)
-    stated = np.array([c.u_gain_percent for c in channels])[:, None]
-    phase = np.array([np.sqrt(np.mean(c.u_phase_deg(band) ** 2)) for c in channels])[:, None]
+    given, band, count = receivers.errors, np.linspace(*receivers.band_hz), len(receivers.positions_m)
+    stated = _in_rows(own, count, np.array([[c.u_gain_percent] for c in channels]), 0.0)
+    known = np.array([[np.sqrt(np.mean(c.u_phase_deg(band) ** 2))] for c in channels])
+    phase = _in_rows(own, count, known, 0.0)
     if not stated.any():
         return receivers
-    own = np.sqrt(np.clip(stated**2 - common_percent**2, 0.0, None))
+    single = np.sqrt(np.clip(stated**2 - common_percent**2, 0.0, None))
     changed = replace(
         given,
-        calibration_dB=np.where(stated > 0, _in_dB(own), given.calibration_dB),
+        calibration_dB=np.where(stated > 0, _in_dB(single), given.calibration_dB),
         calibration_phase_deg=np.maximum(given.calibration_phase_deg, phase),
         common_dB=_in_dB(common_percent) if common_percent else given.common_dB,
     )
@@ -234,23 +276,25 @@ def _receivers_of(model: Model) -> Receivers:
     return model.receivers
 
 
-def _channels_of(
-    recording: Recording, model: Model, receivers: Receivers
-) -> tuple[Channel, tuple[Channel, ...]]:
+def _channels_of(recording: Recording, receivers: Receivers) -> tuple[Channel, tuple[Channel, ...]]:
     references = recording.by_role(receivers.reference_role)
     if not references:
         raise InputError(
             f"{recording.label} has no {receivers.reference_role} channel",
             remedy=f"name one in the channel table (role = {receivers.reference_role!r})",
         )
-    channels = recording.by_role(receivers.role)
-    count = len(model.axes[receivers.axis])
-    if len(channels) != count:
-        raise InputError(
-            f"{recording.label} has {len(channels)} {receivers.plural}, the rig file {count} positions",
-            expected=f"one position a {receivers.noun} channel, in order",
-        )
-    return references[0], channels
+    return references[0], recording.by_role(receivers.role)
+
+
+def _own(
+    recording: Recording, reference: Channel, model: Model, receivers: Receivers, settle: float
+) -> InRecording:
+    """What holds in a recording, from where it is analysed."""
+    if receivers.in_recording is None:
+        return InRecording(np.arange(len(model.axes[receivers.axis])))
+    began = reference.properties.get("wf_start_time")
+    start = None if began is None else np.datetime64(began, "us") + np.timedelta64(round(1e6 * settle), "us")
+    return receivers.in_recording(recording.label, start, reference.duration_s - settle)
 
 
 def _check_coherence(

@@ -108,7 +108,7 @@ def _observe(
     block_s = receivers.block_s or 1 / found.line_hz
     settle = settling_s(recording.by_role(receivers.reference_role)[0].duration_s, block_s)
     return found, [
-        f"{file.name}: {len(found.channels)} {receivers.plural}, {found.frequency_hz.size} lines of "
+        f"{file.name}: {int(found.kept.any(axis=1).sum())} {receivers.plural}, {found.frequency_hz.size} lines of "
         f"{1 / block_s:.3g} Hz, {file.estimator or 'H1'}, blocks of {block_s:.3g} s "
         f"after {settle:.3g} s; "
         "the model filters the recorded velocity and goes through the same blocks",
@@ -178,7 +178,8 @@ def put_aside(
 def _alike(labels: NDArray[Any], level: str) -> NDArray[np.bool_]:
     """Which labels are what a user wrote: ``25`` is the third octave 25.0."""
     if labels.dtype.kind != "f":
-        return np.asarray(labels == level)
+        # one that stands elsewhere in another recording is named after its channel there, too
+        return np.asarray((labels == level) | np.char.startswith(labels.astype(str), f"{level} in "))
     try:
         return np.isclose(labels, float(level), rtol=SAME_LEVEL)
     except ValueError:

@@ -48,10 +48,8 @@ def few_lines(observation: FrfObservation) -> FrfObservation:
         modal=None if observation.modal is None else observation.modal[:, lines],
         kept=observation.kept[:, lines],
         folding=Folding.none(frequency),
-        conditions_at_nodes={
-            name: np.interp(frequency, observation.folding.nodes, value)
-            for name, value in observation.conditions_at_nodes.items()
-        },
+        conditions_at_nodes=observation.conditions_at(frequency),
+        drift=observation.drift and observation.drift.at(lines),
     )
 
 
@@ -121,7 +119,9 @@ def can_place(problem: Problem) -> bool:
     receivers = problem.assembly.model.receivers
     if receivers is None or receivers.places is None:
         return False
-    own = any(problem.assembly.parameters[name].per == receivers.axis for name in problem.free)
+    axes = problem.assembly.model.axes
+    alike = [axis for axis, names in axes.items() if not set(names).isdisjoint(axes[receivers.axis])]
+    own = any(problem.assembly.parameters[name].per in alike for name in problem.free)
     return not own and all(isinstance(o, FrfObservation) for o in problem.observations)
 
 
@@ -183,9 +183,12 @@ def _views(rivals: Sequence[Refit], places: Array) -> list[_View]:
         if seen is None:
             there = planned(first, names)
             seen = there.about(wider.assembly, problem.seen_by(there, problem.values_at(rival.fit.theta)))
-        wider = wider.over([seen])
-        predicted = wider.predictions(rival.fit.theta)[0]
-        slopes = seen.whiten(wider.sensitivities(rival.fit.theta)[0])
+        there_only = wider.over([seen])
+        own = [wider.names.index(name) for name in there_only.names]  # without what other recordings have
+        theta = rival.fit.theta[own]
+        predicted = there_only.predictions(theta)[0]
+        slopes = np.zeros((seen.n, rival.fit.theta.size))
+        slopes[:, own] = seen.whiten(there_only.sensitivities(theta)[0])
         half = seen.n // 2
         response = (predicted[:half] + 1j * predicted[half:]).reshape(len(places), -1)
         views.append(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from specan.study.observation import Array
 NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
 LEVEL = 0.95  # confidence of profile intervals
 NORMAL_95 = 1.96  # standard deviations on either side of 95 % of a normal law
+PART_OF_SPREAD = 0.05  # of the uncertainty of what is held, over which a derivative is taken
 FLOOR = 1e-8  # of the largest singular value: directions below it count as determined that well
 
 
@@ -290,6 +291,46 @@ def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_erro
     return float(fdtrc(own, noise_dof, max(lack, 0.0) / own))
 
 
+def intervals_95(problem: Problem, best: Fit, widen: float = 1.0) -> dict[ParameterName, tuple[float, float]]:
+    """95 % intervals of all elements of theta from the covariance, inside their domains.
+
+    What is held and has a standard uncertainty q (`Parameter.spread`) moves the minimum by ``-(J'J)^-1 J' dr/dq q``,
+    which is added in squares. Of a quantity that is positive that may be more than the quantity: a factor, then.
+
+    Parameters
+    ----------
+    widen : float
+        Factor on what the covariance says.
+    """
+    moved = _moved_by_what_is_held(problem, best)
+    sd = np.hypot(widen * np.sqrt(np.diag(best.covariance)), moved)
+    found = {}
+    for name, value, reach, held, low, high in zip(
+        best.names, best.theta, NORMAL_95 * sd, moved, *problem.bounds(), strict=True
+    ):
+        if held > 0 and problem.assembly.parameters[name.whole].si.min > 0 < value:
+            ends = value * np.exp(-reach / value), value * np.exp(reach / value)
+        else:
+            ends = value - reach, value + reach
+        found[name] = max(float(ends[0]), float(low)), min(float(ends[1]), float(high))
+    return found
+
+
+def _moved_by_what_is_held(problem: Problem, best: Fit) -> Array:
+    """Standard deviation of theta from the standard uncertainties of all parameters that are held."""
+    moved = [np.zeros(best.theta.size)]
+    for name, parameter in problem.assembly.parameters.items():
+        if not parameter.spread or name in problem.free or name in problem.values:
+            continue
+        held, one = parameter.si.default, parameter.to_si(parameter.default + parameter.spread)
+        ends = [
+            replace(problem, values={**problem.values, name: held + part * (one - held)}).residual(best.theta)
+            for part in (PART_OF_SPREAD, -PART_OF_SPREAD)
+        ]
+        moved.append(best.covariance @ (best.jacobian.T @ (ends[0] - ends[1])) / (2 * PART_OF_SPREAD))
+    return np.asarray(np.linalg.norm(moved, axis=0))
+
+
 def profile_interval(problem: Problem, best: Fit, name: str, *, inflate: bool = False) -> tuple[float, float]:
     """95 % interval {x : min chi2(x) - chi2_min < quantile}, all other parameters refitted (Raue et al. 2009).
 
@@ -330,7 +371,7 @@ def _profile_end(problem: Problem, best: Fit, name: str, side: int, quantile: fl
                 return end
             outer = end
         if excess(outer) > 0:
-            return float(brentq(excess, inner, outer, xtol=1e-4 * abs(outer - centre), rtol=1e-10))
+            return float(brentq(excess.root, inner, outer, xtol=1e-4 * abs(outer - centre), rtol=1e-10))
         inner, step = outer, 1.6 * step
     return end
 
@@ -370,6 +411,10 @@ class _Excess:
             chi2 = 2 * float(found.cost)
         self.known[value] = chi2 - best.chi2 - self.quantile
         return self.known[value]
+
+    def root(self, value: float) -> float:
+        """The same for the root of chi-square, which is nearly straight: zero in the same place."""
+        return float(np.sqrt(max(self(value) + self.quantile, 0.0)) - np.sqrt(self.quantile))
 
     def _whole(self, part: Array, value: float) -> Array:
         theta = np.empty(self.others.size)

@@ -220,6 +220,10 @@ class Problem:
     def values_at(self, theta: Array) -> dict[str, Any]:
         """SI value of every parameter, those held and linked included."""
         values: dict[str, Any] = dict(self._held)
+        if not self._vectors:
+            values.update(zip(self.free, map(float, theta), strict=True))
+            values.update((name, values[other]) for name, other in self.links.items())
+            return values
         position = 0
         for name in self.free:
             if name in self.elements:
@@ -232,6 +236,11 @@ class Problem:
         for name, other in self.links.items():
             values[name] = values[other]
         return values
+
+    @cached_property
+    def _vectors(self) -> bool:
+        """Whether a free parameter is a vector."""
+        return any(name in self.elements for name in self.free)
 
     @cached_property
     def _held(self) -> dict[str, Any]:
@@ -359,10 +368,12 @@ class Problem:
         return np.split(array, np.cumsum([o.n for o in self.observations]))
 
     def seen_by(self, observation: Observation, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Values as one observation sees them: of vectors over recordings, its own elements."""
+        """Values as one observation sees them: of vectors over recordings its own elements, or their mean."""
         own = [name for name in self._per_recording if name in values]
         if not own or observation.recordings == self.recordings:
             return values
+        if not set(observation.recordings) <= set(self.recordings):
+            return {**values, **{n: np.full(len(observation.recordings), np.mean(values[n])) for n in own}}
         index = [self.recordings.index(r) for r in observation.recordings]
         return {**values, **{name: values[name][index] for name in own}}
 

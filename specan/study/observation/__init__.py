@@ -9,7 +9,7 @@ Decisions: docs/decisions/covariance.md, docs/decisions/leakage.md.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -262,10 +262,13 @@ class Observation(Protocol):
     def without_leakage(self, assembly: Assembly, values: Mapping[str, Any]) -> Observation:
         """The same without windows, as far as the model at these values knows what they do; itself where none are."""
 
-    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> Observation:
+    def about(
+        self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True, placed: Collection[str] = ()
+    ) -> Observation:
         """The same with a covariance that is linearised about the model at these values; itself where it is not.
 
-        What is held out may not be `seen`: then the measured values themselves must not enter.
+        What is held out may not be `seen`: then the measured values themselves must not enter. Receivers whose places
+        are free by effects that are `placed` stand where these say, whatever is declared of their places.
         """
 
 
@@ -284,7 +287,9 @@ class Fixed:
         """Itself."""
         return self
 
-    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> Self:
+    def about(
+        self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True, placed: Collection[str] = ()
+    ) -> Self:
         """Itself."""
         return self
 

@@ -100,7 +100,7 @@ def _with_slopes(
 ) -> tuple[Complex, list[Complex], Complex]:
     """Response; its change a metre along x, y and z (all receivers move at once); its change with ln k."""
     model, tuned = assembly.model, receivers.wave_number
-    places = _movers(assembly)
+    places = movers(assembly)
     whole = model.assemble({*map(str, assembly.uses), *places, tuned.effect})
     here = {**whole.neutral, **values}
     many = [here]
@@ -116,7 +116,7 @@ def _with_slopes(
     return found[0], slopes[:3], tuned.slope * slopes[3] + tuned.own * found[0]
 
 
-def _movers(assembly: Assembly) -> list[str]:
+def movers(assembly: Assembly) -> list[str]:
     """Uses that move each of the model's receivers."""
     receivers = assembly.model.receivers
     assert receivers is not None
@@ -127,7 +127,7 @@ def moved_to(
     assembly: Assembly, many: Sequence[Mapping[str, Any]], moved: Array
 ) -> tuple[Assembly, list[dict[str, Any]]]:
     """The model with its receivers somewhere else than drawn, on top of what an effect moves them."""
-    receivers, places = assembly.model.receivers, _movers(assembly)
+    receivers, places = assembly.model.receivers, movers(assembly)
     assert receivers is not None
     by = {
         f"{use}.{axis}": moved[m, a] for m, use in enumerate(places) for a, axis in enumerate(receivers.along)

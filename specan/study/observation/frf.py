@@ -6,7 +6,7 @@ imaginary parts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from specan.models import Assembly, Evaluation
 from specan.study.observation import NO_VERDICT, Strategy, Variable
-from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to
+from specan.study.observation.correlated_errors import PLACE, CommonErrors, moved_to, movers
 from specan.study.observation.kept_lines import KeptLines
 from specan.study.observation.window_leakage import Folding
 
@@ -30,6 +30,39 @@ DOWN_WEIGHTED_HZ = 3.0  # between the lines of a down-weighted view
 DOWN_WEIGHTED_NEIGHBOURS = 5  # lines on either side that its uncertainty is averaged over
 PLACED = 2  # times that the places of receivers are improved
 FARTHEST = 3.5  # standard uncertainties that a receiver may be found away
+
+
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """A condition that changed while a recording was made.
+
+    Attributes
+    ----------
+    condition : str
+    sd : float
+        Standard deviation over the recording.
+    by_line : array (lines,)
+        Its mean in the blocks, as the estimate of each line weighs them, off the plain mean; over `sd`.
+    """
+
+    condition: str
+    sd: float
+    by_line: Array
+
+    @classmethod
+    def of(cls, condition: str, course: Array, power: Array) -> Drift:
+        """From its course over a record, and the reference's power (blocks, lines) in half-overlapping blocks.
+
+        An estimate H1 is the mean of what the blocks show, weighed by the power that drives each: sum_b |V_b|^2 H(T_b).
+        """
+        step = 1 / (len(power) + 1)
+        middle = np.interp(step * np.arange(1, len(power) + 1), np.linspace(0, 1, course.size), course)
+        sd = float(course.std())
+        return cls(condition, sd, middle @ power / power.sum(axis=0) / sd)
+
+    def at(self, lines: Any) -> Drift:
+        """Of some of the lines."""
+        return replace(self, by_line=self.by_line[lines])
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +111,8 @@ class FrfObservation(KeptLines):
         Down-weighted: nothing is concluded from its exact minimum.
     notes : tuple of str
         What was found about the recording, for a person.
+    drift : Drift, optional
+        Of a condition that changed while it was recorded.
     """
 
     name: str
@@ -102,6 +137,7 @@ class FrfObservation(KeptLines):
     line_correlation: tuple[float, ...] = LINE_CORRELATION
     rough: bool = False
     notes: tuple[str, ...] = ()
+    drift: Drift | None = None
     kind: ClassVar[str] = "frf"
 
     @property
@@ -172,15 +208,29 @@ class FrfObservation(KeptLines):
 
     def responses(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> list[Complex]:
         """Transfer functions (receivers, lines) as the analysis would see them, for several sets of values."""
-        out: list[Complex] = []
-        first: Any = None
         if self.moved is not None:
             assembly, many = moved_to(assembly, many, self.moved)
+        if self.drift is None:
+            return self._at_each(assembly, many, self.conditions_at_nodes)
+        here = self.conditions_at_nodes
+        sides = [
+            {**here, self.drift.condition: here[self.drift.condition] + s * self.drift.sd} for s in (-1, 1)
+        ]
+        low, high = (self._at_each(assembly, many, at) for at in sides)
+        # two places with the mean and the spread of the condition; and the slope between them
+        return [(a + b) / 2 + (b - a) / 2 * self.drift.by_line for a, b in zip(low, high, strict=True)]
+
+    def _at_each(
+        self, assembly: Assembly, many: Sequence[Mapping[str, Any]], conditions: Mapping[str, Any]
+    ) -> list[Complex]:
+        """Transfer functions at given conditions of the nodes; what does not depend on what changed is kept."""
+        out: list[Complex] = []
+        first: Any = None
         wanted = list(dict.fromkeys(self.quantities or (self.quantity,)))
         for values in many:
             with np.errstate(all="ignore"):  # what is not finite is told by the fit
                 evaluation = assembly.evaluate(
-                    self.conditions_at_nodes,
+                    conditions,
                     values,
                     wanted=wanted,
                     after=first,
@@ -222,16 +272,21 @@ class FrfObservation(KeptLines):
         near = Strategy(continuation=True, linearised_covariance=self.declared is not None)
         return replace(near, exact_minimum=False, tolerance=NO_VERDICT) if self.rough else near
 
-    def about(self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True) -> FrfObservation:
+    def about(
+        self, assembly: Assembly, values: Mapping[str, Any], seen: bool = True, placed: Collection[str] = ()
+    ) -> FrfObservation:
         """The same with the declared errors where the model at these values says that they act.
 
         Where the data may be `seen`, the slopes are taken where the receivers probably stand: at a nodal plane
-        the field bends within some millimetres.
+        the field bends within some millimetres. A receiver with a free place of its own (`placed`) has no error of
+        place beside it, which would take a part of what that effect should say.
         """
         if self.declared is None:
             return self
         drawn = replace(self, noise=self.random, moved=None, offset=0.0)
+        stand = np.isin(movers(assembly), [str(use) for use in placed])
         shared, modal, _ = self.declared.columns(drawn.responses, assembly, values, self.frequency_hz)
+        shared[stand, :, PLACE] = 0
         found = replace(drawn, shared=shared, modal=modal)
         if not seen:
             return found
@@ -241,6 +296,7 @@ class FrfObservation(KeptLines):
             shared, modal, slopes = self.declared.columns(
                 there.responses, assembly, values, self.frequency_hz
             )
+            shared[stand, :, PLACE] = 0
             found = replace(there, shared=shared, modal=modal, offset=-np.einsum("ma,aml->ml", moved, slopes))
         return found
 
@@ -285,7 +341,8 @@ class FrfObservation(KeptLines):
             kept=self.kept[:, lines],
             folding=Folding.none(frequency),
             offset=self.offset if np.ndim(self.offset) == 0 else np.asarray(self.offset)[:, lines],
-            conditions_at_nodes=self._conditions_at(frequency),
+            conditions_at_nodes=self.conditions_at(frequency),
+            drift=self.drift and self.drift.at(lines),
         )
         folded = self.responses(assembly, [values])[0][:, lines]
         plain = part.responses(assembly, [values])[0]
@@ -309,7 +366,8 @@ class FrfObservation(KeptLines):
             shared=np.empty((*response.shape, 0), dtype=complex),
             kept=kept,
             folding=Folding.none(self.frequency_hz[lines]),
-            conditions_at_nodes=self._conditions_at(self.frequency_hz[lines]),
+            conditions_at_nodes=self.conditions_at(self.frequency_hz[lines]),
+            drift=self.drift and self.drift.at(lines),
             modal=None,
             declared=None,
             moved=None,
@@ -323,7 +381,7 @@ class FrfObservation(KeptLines):
         plain = replace(
             drawn,
             folding=Folding.none(self.frequency_hz),
-            conditions_at_nodes=self._conditions_at(self.frequency_hz),
+            conditions_at_nodes=self.conditions_at(self.frequency_hz),
         )
         windows = drawn.responses(assembly, [values])[0] - plain.responses(assembly, [values])[0]
         return replace(plain, response=self.response - windows)
@@ -338,9 +396,10 @@ class FrfObservation(KeptLines):
         size = self.folding.nodes.shape
         return np.stack([np.broadcast_to(evaluation[q], size) for q in self.quantities]).astype(complex)
 
-    def _conditions_at(self, frequency: Array) -> dict[str, Array]:
+    def conditions_at(self, frequency: Array) -> dict[str, Array]:
+        """Conditions of the model at given lines."""
         known = self.conditions_at_nodes.items()
-        return {name: np.interp(frequency, self.folding.nodes, value) for name, value in known}
+        return {n: np.interp(frequency, self.folding.nodes, v) if np.ndim(v) else v for n, v in known}
 
     @cached_property
     def _spans(self) -> list[tuple[int, int]]:

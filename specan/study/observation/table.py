@@ -11,6 +11,7 @@ import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import compress
 from typing import Any, ClassVar
 
 import numpy as np
@@ -150,6 +151,17 @@ class TableObservation(Fixed):
             replicate_group=None if self.replicate_group is None else self.replicate_group[keep],
         )
 
+    def without(self, rows: NDArray[np.intp]) -> TableObservation:
+        """The other rows, kept: several models are fitted to them, and the root of their covariance takes longest."""
+        key = rows.tobytes()
+        if key not in self._left:
+            self._left[key] = self.take(~np.isin(np.arange(self.n), rows))
+        return self._left[key]
+
+    @cached_property
+    def _left(self) -> dict[bytes, TableObservation]:
+        return {}
+
     @cached_property
     def _recording(self) -> NDArray[np.intp]:
         return np.zeros(self.n, dtype=np.intp) if self.recording is None else self.recording
@@ -195,6 +207,10 @@ class TableObservation(Fixed):
         together = len(many) > 1 and all(vector.get(name, True) for name in varying)
         if together and not rows_are_coupled(assembly, self.conditions):
             try:
+                self.predict(assembly, _middle(many))
+            except ComputationError:  # a loop that settles at the sets themselves may not do so between them
+                self.predict(assembly, many[0])
+            try:
                 table = self._together(assembly, many)
             except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
                 vector.update(dict.fromkeys(varying, False))
@@ -207,37 +223,41 @@ class TableObservation(Fixed):
         return single
 
     def _together(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        """Predictions for several sets of values: sets that change the same quantities in one pass."""
-        before = self._last(assembly)
-        if before is None:
-            self.predict(assembly, many[0])
-            before = self._evaluated[assembly.uses]
-        changed = [before.changed(values) for values in many]
-        alike: dict[frozenset[str], list[int]] = {}
-        for k, names in enumerate(changed):
-            alike.setdefault(frozenset(assembly.downstream(names)), []).append(k)
-        small = [touched for touched, members in alike.items() if len(members) * self.n < WORTH_A_PASS]
-        merged = [k for touched in small for k in alike.pop(touched)]
-        if merged:
-            alike.setdefault(frozenset().union(*small), []).extend(merged)
+        """Predictions for several sets of values: sets that change much the same quantities in one pass.
+
+        What none of them changes is taken from the evaluation before.
+        """
+        before = self._evaluated[assembly.uses]
+        changed = tuple(before.changed_in(many))
+        if (assembly.uses, changed) not in self._passes:
+            reached = [assembly.downstream(names) for names in changed]
+            self._passes[assembly.uses, changed] = _grouped(reached, self.n)
         table, wanted = np.empty((self.n, len(many))), list(self._quantities(assembly).values())
-        for touched, members in alike.items():
+        for touched, members in self._passes[assembly.uses, changed]:
             sets, times = [many[k] for k in members], len(members)
-            after = before.repeated(assembly.model.quantities.keys() - touched, self.n, times)
+            after = before.repeated(assembly.read_by(touched, wanted), self.n, times)
             moved = sorted({name for k in members for name in changed[k]})
-            conditions = {name: np.tile(column, times) for name, column in self.conditions.items()}
+            conditions = {name: np.concatenate([c] * times) for name, c in self.conditions.items()}
             values = self.by_row(assembly, self._spread(sets, moved), times)
             with np.errstate(all="ignore"):
                 found = assembly.evaluate(conditions, values, wanted, after, moved)
             table[:, members] = self._picked(assembly, found, times).reshape(times, self.n).T
         return table
 
+    @cached_property
+    def _passes(self) -> dict[Any, list[tuple[frozenset[str], list[int]]]]:
+        """Which of several sets of values are evaluated together, by what changes in each of them."""
+        return {}
+
     def _picked(self, assembly: Assembly, found: Evaluation, times: int) -> Array:
         """The observable of every row."""
         quantities, predicted = self._quantities(assembly), np.empty(self.n * times)
         for name, rows in self._rows.items():
+            value = np.asarray(found[quantities[name]], float)
+            if len(self._rows) == 1 and value.shape == predicted.shape:
+                return value.copy()
             rows = np.tile(rows, times)
-            predicted[rows] = np.broadcast_to(np.asarray(found[quantities[name]], float), rows.shape)[rows]
+            predicted[rows] = np.broadcast_to(value, rows.shape)[rows]
         return predicted
 
     def _last(self, assembly: Assembly) -> _Evaluated | None:
@@ -274,7 +294,7 @@ class TableObservation(Fixed):
         spread = dict(many[0])
         for name in varying:
             values = [one[name] for one in many]
-            if all(isinstance(value, float) for value in values):
+            if isinstance(values[0], float):
                 spread[name] = np.repeat(values, self.n)
             else:
                 spread[name] = np.concatenate([self._per_row(value) for value in values])
@@ -316,6 +336,21 @@ class _Evaluated:
         own = self.values
         return tuple(n for n, v in values.items() if n not in own or (v is not own[n] and _differ(v, own[n])))
 
+    def changed_in(self, many: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+        """The same for several sets of values of the same parameters."""
+        own, names, moved = self.values, [], []
+        for name in many[0]:
+            values, value = [one[name] for one in many], own.get(name)
+            if _all_equal(values, value):
+                continue
+            names.append(name)
+            moved.append(
+                [v != value for v in values]
+                if isinstance(value, float)
+                else [_differ(v, value) for v in values]
+            )
+        return [tuple(compress(names, of_one)) for of_one in zip(*moved, strict=True)] or [()] * len(many)
+
     def repeated(self, names: Iterable[str], rows: int, times: int) -> Evaluation | None:
         """Some of the quantities for the rows repeated; None where it is not clear which axis is that of the rows."""
         repeated, known = {}, self.found.values
@@ -326,18 +361,55 @@ class _Evaluated:
             if np.ndim(value) > axes:
                 if np.ndim(value) != axes + 1 or value.shape[-1] != rows:
                     return None
-                value = np.tile(value, times)
+                value = np.concatenate([value] * times, axis=-1)  # a fifth of the time of tile
             repeated[name] = value
         return Evaluation(repeated, {})
 
 
 def _varying(many: Sequence[Mapping[str, Any]]) -> frozenset[str]:
-    first = many[0]
-    return frozenset(
-        name
-        for name, value in first.items()
-        if any(other[name] is not value and _differ(other[name], value) for other in many[1:])
-    )
+    return frozenset(n for n, value in many[0].items() if not _all_equal([one[n] for one in many], value))
+
+
+def _middle(many: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The point that most of the sets share most values with: of a stencil its centre."""
+    middle = dict(many[0])
+    for name, value in many[0].items():
+        if isinstance(value, float) and 2 * [one[name] for one in many].count(value) < len(many):
+            middle[name] = many[-1][name]
+    return middle
+
+
+def _grouped(touched: Sequence[frozenset[str]], rows: int) -> list[tuple[frozenset[str], list[int]]]:
+    """Sets of values that are worth one pass together, by the quantities that each changes."""
+
+    def cost(names: frozenset[str], count: int) -> int:
+        return len(names) * (WORTH_A_PASS + count * rows)
+
+    groups: dict[frozenset[str], list[int]] = {}
+    for k, names in enumerate(touched):
+        groups.setdefault(names, []).append(k)
+    while True:
+        sized = [(names, len(members)) for names, members in groups.items()]
+        saved, one, other = max(
+            (
+                (cost(a, m) + cost(b, n) - cost(a | b, m + n), a, b)
+                for k, (a, m) in enumerate(sized)
+                for b, n in sized[:k]
+            ),
+            key=lambda merged: merged[0],
+            default=(0, frozenset[str](), frozenset[str]()),
+        )
+        if saved <= 0:
+            return list(groups.items())
+        members = sorted([*groups.pop(one), *groups.pop(other)])
+        groups[one | other] = sorted([*groups.get(one | other, []), *members])
+
+
+def _all_equal(values: list[Any], value: Any) -> bool:
+    """Whether all are the same; most parameters are, and lists count them quickly."""
+    if isinstance(value, float):
+        return values.count(value) == len(values)
+    return not any(other is not value and _differ(other, value) for other in values)
 
 
 def _differ(one: Any, other: Any) -> bool:

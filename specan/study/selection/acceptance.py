@@ -5,8 +5,9 @@ The test is the F-test, BIC and blocked cross-validation together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models import Use
-from specan.study.estimation.fit import Fit
+from specan.models.effect import ParameterName
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.prediction_error import ObservableError, errors_of
@@ -44,7 +45,9 @@ MOST_LEVELS = 12  # blocks of one operating variable
 MOST_ROWS = 400  # above which the refits cost more than the verdict
 
 POWER = 0.8  # of repetitions that would find the effect; the usual one (Cohen 1988)
-ROUNDS = 4  # of the secant
+ROUNDS = 4  # of the secant, and of refits
+SETTLED, NEARLY = 0.02, 0.1  # of the chi-square that is left: near enough by linear algebra, by refits
+SHORTER = (1.0, 0.5, 0.25)  # of a step, where the whole one leads up
 
 
 @dataclass(frozen=True)
@@ -132,11 +135,24 @@ class AcceptanceTest:
 
         return Decision(
             p_value=probability(0.0),
-            p_with_tolerance=probability(FORM_TOLERANCE**2 * self.explained / dispersion),
+            p_with_tolerance=probability(self.left_by_form / dispersion),
             delta_bic=start.bic(dispersion) - extended.bic(dispersion),
             held_out_gain=held_out_gain(start, extended),
             level=self.level,
         )
+
+    @property
+    def left_by_form(self) -> float:
+        """Chi-square that the equations of the effects in the model may leave along a further one.
+
+        A fifth of their signature. Where that would be seen at resonances it is no more than what is seen: all that is
+        left beyond the noise, and of what the noise leaves in doubt the part that a coincidence would point one way.
+        """
+        allowed, start = FORM_TOLERANCE**2 * self.explained, self.start
+        if not start.problem.strategy.continuation:
+            return allowed
+        seen = max(start.lack_of_fit_chi2 - start.dof, 0.0)
+        return min(allowed, seen + COINCIDENCE * float(np.sqrt(2 * start.dof)))
 
     def _family_wise(self, single: float) -> float:
         bound = self.family.probability(single)
@@ -178,9 +194,24 @@ def noise_dof(refit: Refit) -> float:
 
 
 def held_out_gain(start: Refit, extended: Refit) -> float:
-    """Gain in blocked cross-validation, every level of every operating variable left out in turn."""
+    """Gain in blocked cross-validation, every level of every operating variable left out in turn.
+
+    A certificate that the extension does without is left out as well: the data have to predict what it says.
+    """
     rows, dispersion = left_out_blocks(start.problem), extended.dispersion
-    return left_out_score(start.linear, rows, dispersion) - left_out_score(extended.linear, rows, dispersion)
+    freed = [np.array([start.problem.pseudo_rows[name]]) for name in _freed(extended, start)]
+    return left_out_score(start.linear, [*rows, *freed], dispersion) - left_out_score(
+        extended.linear, rows, dispersion
+    )
+
+
+def _freed(extended: Refit, start: Refit) -> list[ParameterName]:
+    """Instrument errors that an extension fits to resonances without their certificates."""
+    problem = start.problem
+    if not problem.strategy.continuation or not start.uses < extended.uses:
+        return []
+    held = [problem.names[k] for k in problem.pseudo.held]
+    return [name for name in held if name.whole not in extended.problem.priors]
 
 
 def left_out_blocks(problem: Problem) -> list[NDArray[np.intp]]:
@@ -246,7 +277,7 @@ def left_out_error(refit: Refit) -> ObservableError | None:
     for block in blocks:
         kept = np.ones(observation.n, dtype=bool)
         kept[block] = False
-        rest = problem.over([observation.take(kept)])
+        rest = problem.over([observation.without(block)])
         if rest.n_data + rest.n_priors < len(rest.names):
             return None
         try:
@@ -266,13 +297,26 @@ def complete(better: Refit, worse: Refit) -> bool:
 
     An equation that is not exact leaves a residual that may point anywhere: every resonance answers to it in its own
     way. That it points along another effect, but for a part `COINCIDENCE` of its square, has a probability of about
-    ``COINCIDENCE ** ((n - 1) / 2)`` among n directions: 7e-4 with ten resonances, 2e-7 with twenty.
+    ``COINCIDENCE ** ((n - 1) / 2)`` among n directions: 7e-4 with ten resonances, 2e-7 with twenty. The same
+    holds of an instrument error that the worse set takes far from its certificate: what it would leave there counts.
+    """
+    at_certificates = 0.0
+    for name in _freed(better, worse):
+        mean, fitted = worse.problem.priors[name.whole][0], worse.fit.theta[worse.fit.names.index(name)]
+        at_certificates += float((fitted - mean) / worse.fit.standard_error(name)) ** 2
+    return worse.chi2 + at_certificates - better.chi2 > incomplete(better)
+
+
+def incomplete(better: Refit) -> float:
+    """Chi-square by which another set has to be behind for a better one to be `complete`; infinite where none will do.
+
+    What the better one leaves is known to a standard deviation of chi-square; where noise is stated too large it is no
+    less.
     """
     if not better.problem.strategy.continuation or better.lack_of_fit < LACK_OF_FIT:
-        return False
-    # What is left is known to a standard deviation of chi-square; where noise is stated too large it is no less.
+        return float("inf")
     left = max(better.lack_of_fit_chi2 - better.dof, 0.0) + float(np.sqrt(2 * better.dof))
-    return left < COINCIDENCE * (worse.chi2 - better.chi2)
+    return left / COINCIDENCE
 
 
 @dataclass(frozen=True)
@@ -351,20 +395,43 @@ def _size_without_prior(start: Refit, candidate: Candidate, needed: float) -> fl
 
 
 def _moved(start: Refit, candidate: Candidate, needed: float) -> float | None:
-    """Size at which the signature that the model cannot absorb reaches `needed`, by a secant in its logarithm."""
+    """Size at which what the model cannot absorb of the effect reaches `needed`; refitted where a refit is cheap.
+
+    What multiplies a parameter of the base, as a preload does the factor of bearing friction, is absorbed by far steps
+    of that parameter: of a preload that is seen in four cases of five by the tangent plane, half of the chi-square.
+    """
+    name = candidate.amplitudes[0]
+    toward = default_value(candidate, name) - candidate.neutral(name)
+    size = _secant(start, candidate, needed, toward, abs(toward), start.linear.free_chi2, SETTLED)
+    if size is None or not start.problem.strategy.secondary_refits:
+        return size
+    return _secant(start, candidate, needed, toward, size, partial(_left_by_refit, start), NEARLY)
+
+
+def _secant(
+    start: Refit,
+    candidate: Candidate,
+    needed: float,
+    toward: float,
+    size: float,
+    left_of: Callable[[Array], float],
+    close: float,
+) -> float | None:
+    """Size at which what is left of the weighted signature reaches `needed`, by a secant in its logarithm."""
     name = candidate.amplitudes[0]
     neutral = candidate.neutral(name)
-    toward = default_value(candidate, name) - neutral
     low, high = candidate.extended.domain(name.whole)
-    most = abs((high if toward > 0 else low) - neutral)
-    size, power = abs(toward), 2.0
+    most, power = abs((high if toward > 0 else low) - neutral), 2.0
+    shapes: Point = {n: default_value(candidate, n) for n in candidate.shapes}
     previous: tuple[float, float] | None = None
     for _ in range(ROUNDS):
         size = min(size, most)
-        left = _left(start, start.fit, candidate, name, neutral + np.sign(toward) * size)
-        if left is None or left <= 0:
+        point = {**shapes, name: neutral + float(np.sign(toward)) * size}
+        column = changes(start.problem, start.fit, candidate, [point])[0]
+        left = 0.0 if column is None else left_of(column * start.weights)
+        if left <= 0:
             return None
-        if abs(np.log(left / needed)) < 0.02:
+        if abs(np.log(left / needed)) < close:
             return size
         if previous and previous[0] != size and previous[1] != left:
             power = float(np.clip(np.log(left / previous[1]) / np.log(size / previous[0]), 0.5, 4.0))
@@ -375,10 +442,34 @@ def _moved(start: Refit, candidate: Candidate, needed: float) -> float | None:
     return size if size <= most else None
 
 
-def _left(start: Refit, fit: Fit, candidate: Candidate, name: str, value: float) -> float | None:
-    shapes: Point = {n: default_value(candidate, n) for n in candidate.shapes}
-    column = changes(start.problem, fit, candidate, [{**shapes, name: value}])[0]
-    return None if column is None else start.linear.free_chi2(column * start.weights)
+def _left_by_refit(start: Refit, change: Array) -> float:
+    """Rise of the minimum of the base where a weighted change is added to its noise-free data: Gauss-Newton steps.
+
+    The first step is along the tangent plane; where its end is as low as that promises, it is the minimum.
+    """
+    problem, theta = start.problem, start.fit.theta
+    truth = start.fit.residual * start.weights + change
+    truth[problem.n_data :] = 0.0  # priors and known ranges pull at the base as they are
+    at_start = float(np.sum((start.fit.residual * start.weights)[problem.n_data :] ** 2))
+    residual, jacobian = start.fit.residual * start.weights - truth, start.fit.jacobian
+    low, high = problem.bounds()
+    for _ in range(ROUNDS):
+        columns = jacobian * start.weights[:, None] * problem.scale
+        step = np.linalg.lstsq(columns, -residual, rcond=1e-10)[0]
+        promised, now = float(np.sum((residual + columns @ step) ** 2)), float(residual @ residual)
+        for share in SHORTER:
+            there = np.clip(theta + share * step * problem.scale, low, high)
+            moved = problem.residual(there) * start.weights - truth
+            reached = float(moved @ moved)
+            if reached < now:
+                break
+        else:
+            break
+        theta, residual = there, moved
+        if reached - promised < NEARLY * reached:
+            break
+        jacobian = problem.jacobian(theta)
+    return float(residual @ residual) - at_start
 
 
 def by_effect(found: Sequence[DetectableSize]) -> dict[str, dict[str, Any] | None]:

@@ -27,10 +27,10 @@ from specan.models.effect import ParameterName
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
-from specan.study.selection.acceptance import DECISIVE, complete
+from specan.study.selection.acceptance import DECISIVE, complete, incomplete
 from specan.study.selection.candidates import candidates, confounded_with, without
 from specan.study.selection.pulls import Pull, pulls
-from specan.study.selection.refits import FORM_TOLERANCE, Refit
+from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit
 from specan.study.selection.score_test import best_of_each, different, score, score_pairs
 from specan.study.selection.search import STARTS, Search
 from specan.study.selection.starting_values import scan_shapes
@@ -92,7 +92,7 @@ def refit_rivals(search: Search) -> None:
     strategy = search.best.problem.strategy
     limit = WIDE * best.dispersion
     if strategy.pruning:  # then the search has refitted few, and none for its place in the ranking
-        limit = max(limit, _left_by_form(search))
+        limit = max(limit, min(_left_by_form(search), incomplete(search.best)))
     near = [members for d, members in options[: strategy.rivals] if d < limit]
     if (
         strategy.reuses_signatures and len(search.best.uses) == 1
@@ -106,6 +106,46 @@ def refit_rivals(search: Search) -> None:
             search.refits.fit(there, [[item] for item in items], again=True)
     for members in near:
         search.refits.fit(there, [members])
+    if len(best.uses) == 2 and strategy.continuation:
+        for kept in sorted(best.uses):
+            _exchange_second(search, kept)
+            _exchange_first(search, kept)
+
+
+def _exchange_second(search: Search, first: Use) -> None:
+    """Refit the best pair with its second effect exchanged for what promises as much beside the first."""
+    part = search.steps.get(frozenset({first}))
+    (second,) = search.best.uses - {first}
+    if part is None or second not in part.by_use:
+        return
+    least = part.by_use[second][0].chi2_reduction - DISTINGUISHABLE * search.best.dispersion
+    near = [use for use, items in part.by_use.items() if use != second and items[0].chi2_reduction > least]
+    for use in near[: search.best.problem.strategy.rivals]:
+        search.refits.fit(part.seen, [part.by_use[use][:1]])
+
+
+def _exchange_first(search: Search, first: Use) -> None:
+    """Refit the best pair with its first effect exchanged for what explains as much alone."""
+    best, alone = search.best, search.refits.done.get(frozenset({first}))
+    scored = search.step(search.base)
+    if alone is None:
+        return
+    for rival in search.refits.of_size(1):
+        uses = rival.uses | (best.uses - {first})
+        behind = rival.bic(best.dispersion) - alone.bic(best.dispersion)
+        if (
+            rival.uses <= best.uses
+            or behind > DECISIVE
+            or complete(alone, rival)
+            or not uses <= {*scored.by_use}
+        ):
+            continue
+        own = {n: v for n, v in best.fit.values.items() if ParameterName(n).owned_by(best.uses - {first})}
+        search.refits.known = {
+            **search.refits.known,
+            uses: {**rival.problem.values_at(rival.fit.theta), **own},
+        }
+        search.refits.fit(scored.seen, [[scored.by_use[use][0] for use in sorted(uses)]])
 
 
 def replace_residual(linear: Projection, residual: np.ndarray) -> Projection:
@@ -140,7 +180,9 @@ def _indistinguishable(search: Search, best: Refit, rival: Refit) -> bool:
     if complete(best, rival):
         return False
     behind = rival.bic(best.dispersion) - best.bic(best.dispersion)
-    if behind < DECISIVE + _left_by_form(search) / best.dispersion:
+    if best.problem.strategy.continuation and len(rival.uses) < len(best.uses):
+        return behind < DECISIVE  # what it would be with the further effect has been fitted
+    if behind < DECISIVE + _left_by_form(search, best.uses & rival.uses) / best.dispersion:
         return True
     there, back = distance(best, rival) / best.dispersion, distance(rival, best) / best.dispersion
     off = (rival.chi2 - best.chi2) / best.dispersion
@@ -149,10 +191,13 @@ def _indistinguishable(search: Search, best: Refit, rival: Refit) -> bool:
     )
 
 
-def _left_by_form(search: Search) -> float:
-    """Chi-square that an equation which is not exact may leave of what it explains."""
-    problem, explained = search.best.problem, search.base.chi2 - search.best.chi2
-    return FORM_TOLERANCE**2 * min(explained, problem.strategy.explained_limit * problem.n_effective)
+def _left_by_form(search: Search, common: EffectSet = frozenset()) -> float:
+    """Chi-square that an equation which is not exact may leave of what it explains beyond what is common to rivals."""
+    best, strategy = search.best, search.best.problem.strategy
+    known = search.refits.done.get(common) if strategy.continuation else None
+    explained = (known or search.base).chi2 - best.chi2
+    left = search.steps[common].acceptance.left_by_form if known and common in search.steps else 0.0
+    return left + FORM_TOLERANCE**2 * min(explained, strategy.explained_limit * best.problem.n_effective)
 
 
 def _as_far_as(distance_there: float) -> float:

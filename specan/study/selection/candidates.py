@@ -222,7 +222,9 @@ def confounded_with(model: Model, use: Use) -> list[Use]:
     return [
         replace(use, name=name)
         for name, effect in model.effects.items()
-        if effect.at == own.at and (name in own.aliases or use.name in effect.aliases)
+        if bool(effect.at) == bool(own.at)
+        and (not use.at or use.at in model.axes[effect.at])
+        and (name in own.aliases or use.name in effect.aliases)
     ]
 
 

@@ -17,6 +17,7 @@ from specan.units import printed_unit
 
 # Family-wise probability below which rows stand out, as of a lack of fit; and that above which the rest is whole.
 STANDS_OUT, WHOLE = 1e-3, 0.05
+CARRIES = "carries the misfit"  # in a remark on which the headline rests
 MOST_LINES = 6  # of a table that a sentence names
 LEAST_ROWS = 3  # of each kind, below which kinds are not compared
 LEAST_REPEATED = 20  # rows whose repeats tell what is usual
@@ -72,7 +73,7 @@ def suspect_rows(refit: Refit) -> str:
         rest = problem.over([observation.take(~np.isin(np.arange(observation.n), block))])
         if Refit(frozenset(), rest, fit(rest, start=refit.fit.theta, starts=2)).lack_of_fit > WHOLE:
             where = _where(observation, block)
-            return f"one {kind} carries the misfit ({where}): without it the model fits; check it before anything else"
+            return f"one {kind} {CARRIES} ({where}): without it the model fits; check it before anything else"
     return ""
 
 
@@ -162,6 +163,7 @@ def _line(observation: _Table, row: int) -> str:
     return f"{line} of {observation.recordings[observation.recording[row]]}"
 
 
+@kept_with_refit
 def rows_of_two_kinds(refit: Refit) -> str:
     """A sentence on idle rows that contradict the loaded ones: the model fails on all, and meets the loaded ones.
 

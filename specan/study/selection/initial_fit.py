@@ -18,9 +18,10 @@ from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.estimation.continuation import STAGES, about, continuation_fit, down_weighted
-from specan.study.estimation.fit import fit
+from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, descend_steps
 from specan.study.estimation.problem import Problem
+from specan.study.processes import each
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import (
     FORM_TOLERANCE,
@@ -31,13 +32,14 @@ from specan.study.selection.refits import (
     Refits,
     start_from,
 )
-from specan.study.selection.score_test import Scored, best_of_each, score
+from specan.study.selection.score_test import Scored, best_of_each, different, score
 from specan.study.selection.signatures import Known, signatures
-from specan.study.selection.starting_values import planned_points, scan_promising, scan_shapes
+from specan.study.selection.starting_values import PLACES, planned_points, scan_promising, scan_shapes
 
 SCANNED = 6  # candidates that are looked at over all of their shapes, beside the best place of every effect
 SCREENED, PER_EFFECT = 8, 2  # of them that are followed for some steps, and at most so many of one effect
 SCREENING_STARTS = 2  # signatures of each
+AT_ONCE = 4  # of those that promise most without having been looked at over all of their shapes
 REFITTED = 4  # of those, that are refitted
 CLEAR = 0.7  # share of the base's chi-square on the down-weighted view that may be left by what is nearer
 MOST_REFITTED = 7  # with those that are easily taken for the best so far
@@ -49,6 +51,7 @@ BEGINS, REFITS, NEAR = 0.08, 0.6, 0.7
 LIKELY = 3  # sets that are led on over all lines, and that a search looks at first
 SUBSAMPLE_JACOBIANS = 5  # Jacobians of a subsample
 JACOBIANS = 3  # of all lines, from where a subsample leads
+ABOUT_ITSELF = 2  # covariances about the field of a set: the second is about where the first leads
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +79,12 @@ class InitialFit:
     left: float = 0.0
 
 
-def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> InitialFit:
-    """Look for a field near the measured one, where the base is far from it."""
+def initial_fit(
+    start: Refit,
+    progress: Callable[[str, float], None],
+    begun: Callable[[Refits], None] = lambda refits: None,
+) -> InitialFit:
+    """Look for a field near the measured one, where the base is far from it; `begun` is given the rough refits."""
     if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
         return InitialFit(start)
 
@@ -85,7 +92,7 @@ def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> Initial
         progress(f"looking for a field that is near the measured one{text}", share)
 
     trying("", BEGINS)
-    tried = _tried(start.problem, trying)
+    tried = _tried(start.problem, trying, begun)
     bare = next(r for r in tried if not r.uses)
     near = min(tried, key=lambda r: r.bic(1.0))
     if near.chi2 > CLEAR * bare.chi2:  # the base is as near as the view can tell
@@ -115,23 +122,26 @@ def _on_all_lines(
     problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
     price = float(np.log(problem.n_effective))
     problems = {uses: problem.with_uses(sorted(uses)) for uses in sets}
-    subsampled: dict[EffectSet, tuple[float, dict[str, Any]]] = {}
-    for uses, refit in sets.items():
+
+    def on_a_subsample(uses: EffectSet) -> tuple[float, dict[str, Any]]:
+        refit = sets[uses]
         whole, values = problems[uses], refit.problem.values_at(refit.fit.theta)
         theta = whole.start(values)
         subsample = whole.subsampled(theta)
         with suppress(ComputationError):  # it stays where the down-weighted view has it
             theta = descend_steps(subsample, theta, SUBSAMPLE_JACOBIANS)
         chi2 = float(np.sum(subsample.residual(theta) ** 2)) * problem.n_data / subsample.n_data
-        subsampled[uses] = chi2 + refit.count * price, whole.values_at(theta)
-    bic: dict[EffectSet, float] = {}
-    reached: dict[EffectSet, dict[str, Any]] = {}
-    for uses in sorted(subsampled, key=lambda uses: subsampled[uses][0])[:LIKELY]:
+        return chi2 + refit.count * price, whole.values_at(theta)
+
+    def on_all(uses: EffectSet) -> tuple[float, dict[str, Any]]:
         whole = problems[uses]
         theta = descend_steps(whole, whole.start(subsampled[uses][1]), JACOBIANS)
-        reached[uses] = whole.values_at(theta)
-        bic[uses] = float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price
-    return min(bic, key=lambda uses: bic[uses]), reached
+        return float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price, whole.values_at(theta)
+
+    subsampled = dict(zip(sets, each(on_a_subsample, list(sets)), strict=True))
+    likeliest = sorted(sets, key=lambda uses: subsampled[uses][0])[:LIKELY]
+    reached = dict(zip(likeliest, each(on_all, likeliest), strict=True))
+    return min(reached, key=lambda uses: reached[uses][0]), {uses: v for uses, (_, v) in reached.items()}
 
 
 def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
@@ -140,12 +150,32 @@ def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, A
     return replace(start, problem=problem, fit=fit(problem, start=start.fit.theta))
 
 
-def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit]:
+def about_itself(refit: Refit) -> Refit:
+    """A set with covariances about its own field: what its parameters and intervals are told from.
+
+    About the field of the base, or of a nearby set, what is declared of receivers acts otherwise than in the field that
+    was found, and takes a part of an effect, the displacement of a receiver above all.
+    """
+    if not refit.problem.strategy.linearised_covariance:
+        return refit
+    problem, theta = refit.problem, refit.fit.theta
+    with suppress(ComputationError):  # what was found stays as it is
+        for _ in range(ABOUT_ITSELF):
+            problem = about(problem, problem.assembly, problem.values_at(theta))
+            theta = descend_steps(problem, theta, JACOBIANS)
+        return replace(refit, problem=problem, fit=describe(problem, theta))
+    return refit
+
+
+def _tried(
+    problem: Problem, trying: Callable[[str, float], None], begun: Callable[[Refits], None]
+) -> list[Refit]:
     """Sets of up to two effects that a greedy search on a down-weighted view fits, the empty one included."""
     values = continuation_fit(problem)
     view = down_weighted(problem, values=values)
     best = Refit(frozenset(), view, fit(view, start=values))
     refits = Refits(best, rough=True)
+    begun(refits)
     for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}
@@ -164,15 +194,40 @@ def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit
     return list(refits.done.values())
 
 
+def _evident(
+    refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]], trying: Callable[[Use], None]
+) -> Refit | None:
+    """The set with one effect more that meets the view from what few signatures promise; None where none does.
+
+    Then only what is much like it has to be looked at over all of its shapes. Effects at one place may be anywhere else
+    as well: of them the best of a few places is no beginning.
+    """
+    effects = best.problem.assembly.model.effects
+    order = sorted(scored, key=lambda use: best.promised(scored[use][0]))
+    everywhere = [use for use in order if not {*PLACES} & {*effects[use.name].parameters}]
+    few = {use: different(scored[use], SCREENING_STARTS) for use in _of_several_names(everywhere)[:AT_ONCE]}
+    for use in _screened(best, few)[:1]:
+        trying(use)
+        refit = Refits(refits.base, rough=True).fit(best, [[item] for item in few[use]])
+        if refit is not None and _leaves_its_form(best, refit):
+            refits.done[refit.uses] = refit
+            return refit
+    return None
+
+
 def _best_of_few(
     refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]], trying: Callable[[Use], None]
 ) -> Refit:
     """The best set with one effect more, of those that promise most and of what is easily taken for the best."""
-    closer = scan_promising(best, scored, SCANNED)
-    queue = _of_several_names(sorted(closer, key=lambda use: best.promised(closer[use][0])))
-    queue = _screened(best, {use: closer[use] for use in queue})[:REFITTED]
-    looked_at: set[Use] = set()
-    better = best
+    closer: dict[Use, list[Scored]] = {}
+    better = _evident(refits, best, scored, trying) or best
+    looked_at = {*better.uses - best.uses}
+    if better is best:
+        closer = scan_promising(best, scored, SCANNED)
+        queue = _of_several_names(sorted(closer, key=lambda use: best.promised(closer[use][0])))
+        queue = _screened(best, {use: closer[use] for use in queue})[:REFITTED]
+    else:
+        queue = [other for use in looked_at for other in confounded_with(best.problem.assembly.model, use)]
     while queue and better.reduced > SURE and len(looked_at) < MOST_REFITTED:
         use = queue.pop(0)
         if use in looked_at or use not in scored or not _may_win(best, better, use):
@@ -187,9 +242,14 @@ def _best_of_few(
     return better
 
 
+def _leaves_its_form(start: Refit, better: Refit) -> bool:
+    """Whether a set meets a view to its uncertainty, and leaves no more than what its form may."""
+    return better.reduced <= 1 and better.chi2 <= FORM_TOLERANCE**2 * start.chi2
+
+
 def _may_win(start: Refit, better: Refit, use: Use) -> bool:
     """Whether a candidate may still come first: where a set leaves what its form may, only what is much like it."""
-    if better is start or better.reduced > 1 or better.chi2 > FORM_TOLERANCE**2 * start.chi2:
+    if better is start or not _leaves_its_form(start, better):
         return True
     (found,) = better.uses - start.uses
     return use.name == found.name or use in confounded_with(start.problem.assembly.model, found)
@@ -211,17 +271,19 @@ def _screened(best: Refit, found: Mapping[Use, Sequence[Scored]]) -> list[Use]:
 
     What a signature promises is a line drawn from afar; some steps cost a tenth of a refit and tell more.
     """
-    left: dict[Use, float] = {}
-    for use, items in found.items():
+
+    def left(use: Use) -> float:
         whole = best.problem.with_uses([*sorted(best.uses), use])
         view = down_weighted(whole, STAGES[0])
         names = {str(other) for other in (*best.uses, use)}
         reached = [np.inf]
-        for item in items[:SCREENING_STARTS]:
+        for item in found[use][:SCREENING_STARTS]:
             values = start_from(best, [item], whole)
             own = {name: v for name, v in values.items() if ParameterName(name).owner in names}
             with suppress(ComputationError):  # another start may do
                 theta = descend_steps(view, view.start(own), SCREENING_JACOBIANS)
                 reached.append(float(np.sum(view.residual(theta) ** 2)))
-        left[use] = min(reached)
-    return sorted(left, key=lambda use: left[use])
+        return min(reached)
+
+    by_use = dict(zip(found, each(left, list(found)), strict=True))
+    return sorted(by_use, key=lambda use: by_use[use])

@@ -102,14 +102,21 @@ def too_far(refit: Refit, base: Refit) -> tuple[Pull, ...]:
 
 
 def stretched(refit: Refit) -> tuple[Pull, ...]:
-    """Own values of added effects that lie outside of what is known by more than their 95 % interval."""
-    own = {str(use) for use in refit.uses}
+    """Own values of added effects that lie outside of what is known: sizes by more than their 95 % interval, shapes.
+
+    A machine may have more of an effect than is known of others, and its size is doubted where the data refute what
+    is known. A shape says which effect it is: with its best estimate outside of its range, the odds are more than even
+    that it is another effect whose form is alike.
+    """
+    effects = {str(use): refit.problem.assembly.model.effects[use.name] for use in refit.uses}
     found = []
     for pull in pulls(refit):
-        if pull.parameter.owner in own:
+        owner, own = pull.parameter.owner, pull.parameter.own
+        if owner in effects:
             away = abs(pull.pull) * _tail(refit, pull.parameter, pull.pull)
             error = refit.fit.standard_error(pull.parameter) * float(np.sqrt(refit.dispersion))
-            found += [pull] if away > COVERAGE * error else []
+            needed = COVERAGE * error if own in effects[owner].neutral else 0.0
+            found += [pull] if away > needed else []
     return tuple(found)
 
 

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from specan.models import Use
 from specan.models.effect import ParameterName
-from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision, complete
+from specan.study.selection.acceptance import (
+    COINCIDENCE,
+    DECISIVE,
+    LEVEL,
+    AcceptanceTest,
+    Decision,
+    complete,
+)
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.doubtful_data import WHOLE
 from specan.study.selection.pulls import Pull, too_far
-from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit, Refits
+from specan.study.selection.refits import EffectSet, Refit, Refits
 from specan.study.selection.score_test import Scored, best_of_each, different, family, score, score_pairs
 from specan.study.selection.signatures import (
     Known,
@@ -28,14 +34,17 @@ from specan.study.selection.signatures import (
     shape_grid,
     signatures,
 )
+from specan.study.selection.single_instruments import (
+    MOST_OUTSTANDING,
+    displaced,
+    off_certificate,
+    outstanding,
+)
 from specan.study.selection.starting_values import scan_promising
 
 SCANNED = 6  # candidates with few signatures that are looked at closer before, beside the best place of every effect
 WINDOW = 10.0  # and all whose BIC lies within this of the best
 STARTS = 2  # signatures of a candidate from which it is refitted
-# Standard deviations of a chi-square, and times the middle receiver's mean square.
-STANDS_OUT, LOUDER = 5.0, 1.2
-MOST_OUTSTANDING = 3  # receivers
 HALF = 0.5  # of what a set leaves, that a further effect must promise to be refitted whatever the form of the others
 
 # Share of a search that is over when singles, pairs and thirds are begun: about that of its CPU time for fields with a
@@ -201,7 +210,7 @@ class Search:
         """
         if not self.refits.poor_fit or not start.uses or start is not self.best:
             return []
-        if start.lack_of_fit < WHOLE or _outstanding(start, [c.use for c in found]):
+        if start.lack_of_fit < WHOLE or outstanding(start, [c.use for c in found]):
             return list(found)
         return [c for c in found if c.use.at and c.effect.instrument]
 
@@ -237,7 +246,37 @@ class Search:
             if use not in first and not (self.only or self._pruned(step, use)):
                 yield use
         if strategy.pruning and not self._met:
-            yield from _outstanding(step.start, step.by_use)
+            yield from outstanding(step.start, step.by_use)
+            yield from self._displaced(step)
+            yield from self._elsewhere(step)
+
+    def _elsewhere(self, step: Step) -> list[Use]:
+        """The effect that takes most away at other elements, where it does not meet the data.
+
+        Where two elements meet, what acts at one does much the same as at the other.
+        """
+        best = min(self.refits.of_size(1), key=lambda refit: refit.chi2, default=self.base)
+        if self._met or not best.poor_fit or best.chi2 > COINCIDENCE * self.base.chi2:
+            return []
+        effects, names = step.start.problem.assembly.model.effects, {use.name for use in best.uses}
+        return [
+            use
+            for use in step.by_use
+            if use.name in names and not effects[use.name].instrument and use not in best.uses
+        ]
+
+    def _displaced(self, step: Step) -> list[Use]:
+        """Receivers whose own rows ask for another place by more than a name needs; their refits begin there."""
+        price = float(np.log(step.start.problem.n_effective))
+        start, least = step.start.problem.values_at(step.start.fit.theta), step.acceptance.left_by_form
+        found = [
+            (use, one.values)
+            for use, one in displaced(step.start, step.by_use).items()
+            if one.gain > max(least, step.acceptance.needed_reduction) + price * len(one.values)
+        ][:MOST_OUTSTANDING]
+        for use, values in found:
+            self.refits.known = {**self.refits.known, step.start.uses | {use}: {**start, **values}}
+        return [use for use, _ in found]
 
     @property
     def _met(self) -> bool:
@@ -281,7 +320,8 @@ class Search:
             self.refits.fit(start, [members])
         if single is not None and self.refits.poor_fit and not self._completed(single):
             step = self.step(single)
-            for use in _outstanding(single, step.by_use):
+            asked_for = [*off_certificate(single, step.by_use), *outstanding(single, step.by_use)]
+            for use in dict.fromkeys([*asked_for, *self._displaced(step)]):
                 self._tell("refitting with " + _text({*single.uses, use}), PAIRS)
                 self.refits.fit(step.seen, [[s] for s in different(step.by_use[use], STARTS)])
         passed, needed = [], []
@@ -356,7 +396,7 @@ class Search:
             least = max(
                 least,
                 acceptance.needed_reduction - price,
-                FORM_TOLERANCE**2 * acceptance.explained / reference.dispersion,
+                acceptance.left_by_form / reference.dispersion,
             )
         return promised_fall < least * reference.dispersion
 
@@ -398,7 +438,7 @@ class Search:
         passed = []
         effects = self.base.problem.assembly.model.effects
         again = {use.name for use in self.best.uses if use.at and effects[use.name].instrument}
-        more = [use for use in _outstanding(self.best, step.by_use) if use.name in again]
+        more = [use for use in outstanding(self.best, step.by_use) if use.name in again]
         for use in dict.fromkeys([*list(step.by_use)[:2], *more]):
             items = step.by_use[use]
             if use not in more and self._below_pruning_bound(
@@ -413,32 +453,6 @@ class Search:
             if decision.accepted:
                 passed.append(refit)
         return min(passed, key=lambda r: r.chi2, default=None)
-
-
-def _outstanding(refit: Refit, uses: Iterable[Use]) -> list[Use]:
-    """Instrument errors of the few receivers whose own rows stand out most.
-
-    One that stands far from its place is beyond what a linearised score can promise.
-    """
-    residual = refit.fit.residual * refit.weights
-    rows: dict[str, NDArray[np.float64]] = {}
-    first = 0
-    for observation in refit.problem.observations:
-        own = residual[first : first + observation.n]
-        first += observation.n
-        for label in observation.labels.values():
-            for element in {str(value) for value in label}:
-                part = own[np.asarray(label).astype(str) == element]
-                rows[element] = np.concatenate([rows.get(element, np.empty(0)), part])
-    effects = refit.problem.assembly.model.effects
-    uses = [use for use in uses if use.at in rows and effects[use.name].instrument]
-    size = {use.at: float(np.mean(rows[str(use.at)] ** 2)) for use in uses}
-    usual = float(np.median([*size.values()])) if size else 1.0
-    excess = {
-        at: (mean - 1) * np.sqrt(rows[str(at)].size / 2) for at, mean in size.items() if mean > LOUDER * usual
-    }
-    order = sorted((at for at, off in excess.items() if off > STANDS_OUT), key=lambda at: -excess[at])
-    return [use for at in order[:MOST_OUTSTANDING] for use in uses if use.at == at]
 
 
 def _excess(refit: Refit) -> float:

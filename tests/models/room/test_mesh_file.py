@@ -212,7 +212,3 @@ def test_size_and_cost_are_said_before_anything_is_computed(box, tmp_path):
         "s for each evaluation of 1000 lines",
     ):
         assert part in text
-    asked = CliRunner().invoke(
-        main, ["model", "show", "room", "dimension-error", "--rig", str(tmp_path / "rig.toml")]
-    )
-    assert "no edges" in str(asked.exception) + asked.output

@@ -1,5 +1,7 @@
 """Rig files with the mistakes that a person makes, and what is said of them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,30 @@ def test_a_room_in_millimetres_is_recognised():
     big = [1000 * edge for edge in EXAMPLE_RIG["room"]["dims_m"]]
     centre = [1000 * c for c in EXAMPLE_RIG["piston"]["centre_m"]]
     refused("divide them by 1000 if they are millimetres", room={"dims_m": big}, piston={"centre_m": centre})
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "value", "said"),
+    [
+        ("uncertainty", "position_m", -1, "'uncertainty.position_m' is -1; expected at least 0"),
+        ("uncertainty", "position_m", "2 mm", "'uncertainty.position_m' is '2 mm'; expected a number"),
+        ("uncertainty", "position_m", [1e-3, -1.0], "'uncertainty.position_m' entry 2 is -1.0; expected at least 0"),
+        ("rig", "id", 1.5, "'rig.id' is 1.5; expected a whole number"),
+        ("mics", "position_m", [[0.1, 0.2]], "'mics.position_m' entry 1 is [0.1, 0.2]; expected at least 3 entries"),
+        ("mics", "position_m", [[0.1, 0.2, "a"]], "'mics.position_m' entry 1 entry 3 is 'a'; expected a number"),
+        ("mics", "cards", [[1, 2, 3]], "'mics.cards' entry 1 is [1, 2, 3]; expected at most 2 entries"),
+        ("band", "left_out_hz", [80, 85], "'band.left_out_hz' entry 1 is 80; expected a list in square brackets"),
+        ("band", "block_s", 50, "'band.block_s' is 50; expected at most 20"),
+        ("walls", "z1", {"u_zz": 1}, "unknown key 'walls.z1.u_zz'; did you mean 'u_z'"),
+    ],
+)  # fmt: skip
+def test_a_value_of_another_form_is_told_in_the_user_s_words(table, key, value, said):
+    refused(re.escape(said), **{table: {key: value}})
+
+
+def test_what_lacks_in_one_of_several_tables_is_named():
+    with pytest.raises(RequestError, match="the key 'loudspeakers' entry 1 'centre_m' is missing"):
+        load_model("room", {**EXAMPLE_RIG, "loudspeakers": [{"wall": "x0"}]})
 
 
 def test_what_is_misspelt_or_missing_is_named():

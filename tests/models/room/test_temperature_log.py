@@ -16,7 +16,7 @@ def logged(tmp_path, text):
 
 def test_mean_and_span_are_those_of_the_log(tmp_path):
     model = load_model("room", logged(tmp_path, "time_s,temperature_C\n0,22.0\n60,22.6\n120,23.2\n"))
-    assert float(np.asarray(model.quantities["air_temperature"]())) == pytest.approx(22.6 + 273.15)
+    assert float(np.asarray(model.quantities["nominal_air_temperature"]())) == pytest.approx(22.6 + 273.15)
     (sd,) = [n.prior_sd for n in model.nuisances if n.effect == "temperature"]
     given = EXAMPLE_RIG.get("uncertainty", {}).get("temperature_K", 0.5)
     assert sd == pytest.approx(np.sqrt(given**2 + 1.2**2 / 12))  # rectangular over 1.2 K

@@ -11,6 +11,7 @@ import pytest
 
 from specan.models import check_effect
 from specan.models.catalogue import example_model
+from specan.models.worm_gear.effects import flanks
 from specan.models.worm_gear.effects.oil import lag
 
 MODEL = example_model("worm-gear")
@@ -340,3 +341,23 @@ def test_a_body_lags_behind_a_long_ramp_by_slope_times_time_constant():
 
     time = np.linspace(0.0, 36000.0, 61)
     np.testing.assert_allclose(lag(20.0 + 0.002 * time, time, 900.0)[-1], -0.002 * 900.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("thrown_off", "power"),
+    [
+        (0.0, 1.0),
+        (0.5, 0.17 / 1.17),
+        (0.67, 0.0),
+    ],  # (0.67 - s) / (0.67 + s) of the viscosity, over that of the speed
+)
+def test_a_mesh_starves_with_speed_and_oil_as_full_film_over_supplied_film_says(thrown_off, power):
+    """Oil that is twice as thick acts as a speed higher by the factor 2^power."""
+    rest = {"oil_level": 1.0, "rise": 0.05, "speed": 5.0, "thrown_off": thrown_off, "sharpness": 3.0}
+    equation = flanks.mesh_starvation.function
+    thick = equation(4.0, 2 * flanks.REFERENCE_VISCOSITY, level_exponent=1.0, **rest)
+    fast = equation(4.0 * 2**power, flanks.REFERENCE_VISCOSITY, level_exponent=1.0, **rest)
+    assert thick == pytest.approx(fast)
+    full = 0.8 ** (0.67 + thrown_off)
+    dry = 1 - (1 + full**3) ** (-1 / 3)
+    assert equation(4.0, flanks.REFERENCE_VISCOSITY, level_exponent=1.0, **rest) == pytest.approx(0.05 * dry)

@@ -49,7 +49,7 @@ def test_sample_rig_and_example_say_the_same():
         (changed("bearing", 0, "designation", value="6213"), "did you mean '62"),
         (changed("bearing", 0, "designation", value="6211-2RSH"), "seal_torque_Nm"),
         (changed("bearing", 0, "count", value=1), "the wheel shaft has 1 bearings"),
-        (changed("bearing", 0, "shaft", value="axle"), "bearing.0.shaft"),
+        (changed("bearing", 0, "shaft", value="axle"), "'bearing' entry 1 'shaft'"),
         (changed("bearings", value=[]), "did you mean 'bearing'"),
     ],
 )

@@ -7,6 +7,7 @@ from specan.study.data.open_tables import read_tables
 from specan.study.diagnose import diagnose
 from specan.study.selection.candidates import base_problem
 from specan.study.selection.pulls import ODDS, DataAlone, Pull
+from specan.study.verdict import headline
 
 
 def verdict(tables, tmp_path, columns, **uncertainty):
@@ -64,8 +65,13 @@ def test_coarse_readings_at_set_conditions_agree_by_chance(tables, tmp_path):
 def test_a_condition_that_is_wrong_in_all_repeats_is_named(tables, tmp_path):
     columns = tables.bench(5, repeats=2, points=tables.grid(**GRID))
     columns["input_torque_Nm"][[20, 70]] *= 1.06
-    (said,) = [r for r in verdict(tables, tmp_path, columns).remarks if "carries the misfit" in r]
+    found = verdict(tables, tmp_path, columns)
+    (said,) = [r for r in found.remarks if "carries the misfit" in r]
     assert "lines 22, 72" in said
+    assert headline(found).startswith("One condition is wrong, or something is missing there")
+    (proposed,) = found.next_measurement
+    assert "what carries the misfit once more" in proposed["text"]
+    assert found.residual_law is None
 
 
 def test_another_published_form_of_the_bearings_is_no_missing_effect(tables, tmp_path):

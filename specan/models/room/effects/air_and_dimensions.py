@@ -1,5 +1,7 @@
 """Effects of the air in the room, and of its edges."""
 
+import numpy as np
+
 from specan.models import Parameter, effect
 
 
@@ -16,7 +18,7 @@ def temperature(
     *, offset=Parameter(1.0, "K", min=-10.0, max=10.0, lower=-30.0, upper=30.0, doc="true less nominal")
 ):
     """All natural frequencies change by the same factor, 0.17 % per kelvin, as in a room of another size."""
-    return offset
+    return np.squeeze(offset)  # a vector of one where every recording has its own
 
 
 @effect(

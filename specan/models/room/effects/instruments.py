@@ -10,7 +10,7 @@ _AWAY = 0.1  # m, domain of a displacement
 @effect(
     "microphone-position",
     adds_to="receiver_position",
-    at="microphone",
+    at="place",
     neutral={"dx": 0.0, "dy": 0.0, "dz": 0.0},
     aliases=("microphone-gain",),
     separate_by="measuring the place again",

@@ -46,7 +46,7 @@ def piston_breakup(
 @effect(
     "flanking-source",
     joins="sources",
-    at="wall",
+    at="face",
     neutral={"ratio": 0.0},
     aliases=("piston-size",),
     separate_by="blocking the cone and measuring what is left",
@@ -66,3 +66,22 @@ def flanking_source(
     """The cabinet, a port or the rear of the cone radiates too: an additional source at its own position."""
     strength = ratio * np.pi * piston_radius**2 * np.exp(-2j * np.pi * frequency * delay)
     return Source(WallPlace(across, along, 0.02), strength)
+
+
+@effect(
+    "loudspeaker-ratio",
+    scales="loudspeaker_ratio",
+    at="loudspeaker",
+    neutral={"level": 0.0, "delay": 0.0},
+    separate_by="the vibrometer on one loudspeaker after the other, at the same drive",
+    reference="superposition of the fields of all loudspeakers",
+    instrument=True,
+)
+def loudspeaker_ratio(
+    frequency,
+    *,
+    level=Parameter(0.5, "dB", min=-6.0, max=6.0, lower=-40.0, upper=40.0, doc="over the stated level"),
+    delay=Parameter(1e-5, "s", min=-1e-3, max=1e-3, lower=-5e-3, upper=5e-3, doc="over the stated one"),
+):
+    """A further loudspeaker moves more or less, or later, than stated against the first where both are driven."""
+    return 10 ** (level / 20) * np.exp(-2j * np.pi * frequency * delay)

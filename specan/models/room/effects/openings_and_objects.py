@@ -6,7 +6,23 @@ from specan.models import Parameter, effect
 from specan.models.room.field import LocalLoad, WallPlace, opening
 from specan.models.room.port import Port, point
 
-_RADIUS = 0.01  # m, of the patch over which it acts; the result hardly depends on it
+# Patch over which an opening acts; a leak of 3 cm^2 has 1 cm, one of 50 cm^2 has 4 cm.
+RADIUS = Parameter(
+    0.02, "m", min=0.005, max=0.06, doc="of the patch over which it acts", fixed=True, spread=0.015
+)
+# End correction of a hole in a baffle over its radius: 8 / (3 pi) as a piston, 0.8217 as the air really moves (Norris &
+# Sheng, J. Sound Vib. 135, 1989).
+END = Parameter(
+    8 / (3 * np.pi), "1", min=0.6, max=0.9, doc="end correction over radius", fixed=True, spread=0.027
+)
+# A box acts on the flow 12 % more than the ellipsoid of its proportions (volume and added mass of a cube 1.68 of its
+# volume, of a square prism twice as long 1.36: DNV-RP-H103, 2011, table A-2; ball 1.5, ellipsoid 1.21: Lamb, 114),
+# which 8 % of the coefficient here make of a ball; its radius of gyration is 4 % larger (an edge a^2 / 12, a half axis
+# a^2 / 5, of the same volume).
+_FLOW, _SIZE = 0.08, 0.04
+# Pa s/m. Friction of an opening 2 to 4 cm wide at 150 Hz is 0.3, its radiation outside 1 to 9 from 150 to 450 Hz
+# (Ingard, J. Acoust. Soc. Am. 25, 1953: sqrt(2 eta rho w) / 2 times 2 + 2 l / a; rho c (k a)^2 / 2).
+_OF_RESISTANCE = 4.0
 ACROSS = Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's first edge")
 ALONG = Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's second edge")
 
@@ -14,7 +30,7 @@ ALONG = Parameter(0.3, "1", min=0.0, max=1.0, doc="place over the wall's second 
 @effect(
     "helmholtz-resonator",
     joins="local_loads",
-    at="wall",
+    at="face",
     neutral={"neck_area": 0.0},
     aliases=("panel-resonance", "leak"),
     separate_by="a microphone at the neck; closing it",
@@ -27,7 +43,9 @@ def helmholtz_resonator(
     neck_area=Parameter(1e-3, "m^2", min=5e-5, max=3e-2, lower=0.0, doc="of the neck"),
     resonance=Parameter(150.0, "Hz", min=20.0, max=800.0, doc="resonance frequency"),
     quality=Parameter(15.0, "1", min=3.0, max=60.0, doc="quality factor"),
-    neck_length=Parameter(0.03, "m", min=0.005, max=0.1, doc="with end corrections", fixed=True),
+    neck_length=Parameter(0.03, "m", min=0.005, max=0.1, doc="with end corrections", fixed=True, spread=0.02),
+    radius=RADIUS,
+    end=END,
     across=ACROSS,
     along=ALONG,
 ):
@@ -38,14 +56,14 @@ def helmholtz_resonator(
     omega, omega0 = 2 * np.pi * frequency, 2 * np.pi * resonance
     impedance = density * neck_length * (omega0 / quality + 1j * (omega - omega0**2 / omega))
     return LocalLoad(
-        WallPlace(across, along, _RADIUS), opening(neck_area, impedance, 1j * omega * density, _RADIUS)
+        WallPlace(across, along, radius), opening(neck_area, impedance, 1j * omega * density, radius, end)
     )
 
 
 @effect(
     "leak",
     joins="local_loads",
-    at="wall",
+    at="face",
     neutral={"area": 0.0},
     aliases=("helmholtz-resonator", "panel-resonance"),
     separate_by="sealing it; the lowest frequencies, where the response leaves the stiffness line",
@@ -57,7 +75,11 @@ def leak(
     *,
     area=Parameter(1e-3, "m^2", min=1e-4, max=1e-2, lower=0.0, doc="open area"),
     length=Parameter(0.03, "m", min=0.003, max=0.2, doc="of the opening, end corrections included"),
-    resistance=Parameter(5.0, "Pa*s/m", min=0.0, max=1000.0, doc="of a unit area", fixed=True),
+    resistance=Parameter(
+        5.0, "Pa*s/m", min=0.0, max=1000.0, doc="of a unit area", fixed=True, spread=_OF_RESISTANCE
+    ),
+    radius=RADIUS,
+    end=END,
     across=ACROSS,
     along=ALONG,
 ):
@@ -67,7 +89,8 @@ def leak(
     """
     impedance = resistance + 2j * np.pi * frequency * density * length
     return LocalLoad(
-        WallPlace(across, along, _RADIUS), opening(area, impedance, 2j * np.pi * frequency * density, _RADIUS)
+        WallPlace(across, along, radius),
+        opening(area, impedance, 2j * np.pi * frequency * density, radius, end),
     )
 
 
@@ -92,6 +115,18 @@ def scatterer(
     z=Parameter(0.35, "1", min=0.0, max=1.0, doc="place over the room's edge"),
     length_x=Parameter(1.0, "1", min=0.5, max=2.0, lower=0.2, upper=5.0, doc="along x, over volume^(1/3)"),
     length_y=Parameter(1.0, "1", min=0.5, max=2.0, lower=0.2, upper=5.0, doc="along y, over volume^(1/3)"),
+    flow_x=Parameter(
+        1.0, "1", min=0.8, max=1.3, doc="air taken along, over an ellipsoid's", fixed=True, spread=_FLOW
+    ),
+    flow_y=Parameter(
+        1.0, "1", min=0.8, max=1.3, doc="air taken along, over an ellipsoid's", fixed=True, spread=_FLOW
+    ),
+    flow_z=Parameter(
+        1.0, "1", min=0.8, max=1.3, doc="air taken along, over an ellipsoid's", fixed=True, spread=_FLOW
+    ),
+    size=Parameter(
+        1.0, "1", min=0.9, max=1.2, doc="radius of gyration over an ellipsoid's", fixed=True, spread=_SIZE
+    ),
 ):
     """A rigid object displaces air that would be compressed and moved: each mode shifts differently.
 
@@ -100,12 +135,12 @@ def scatterer(
     volume of a ball, more of what stands across the flow and less of what lies along it.
     """
     place = point(room_origin + np.array([x, y, z]) * room_dimensions)
-    radius = float((3 * volume / (4 * np.pi)) ** (1 / 3)) or 1e-6
+    radius = size * float((3 * volume / (4 * np.pi)) ** (1 / 3)) or 1e-6
     proportions = (float(length_x), float(length_y), float(1 / (length_x * length_y)))
     omega = 2 * np.pi * frequency
     monopole = -1j * omega * volume / (density * sound_speed**2)
-    dipole = -volume / (1j * omega * density)
+    dipoles = [-flow * volume / (1j * omega * density) for flow in (flow_x, flow_y, flow_z)]
     return tuple(
         LocalLoad(Port(place, 0, radius, slope=slope, ball=True, proportions=proportions), load)
-        for slope, load in ((None, monopole), (0, dipole), (1, dipole), (2, dipole))
+        for slope, load in zip((None, 0, 1, 2), (monopole, *dipoles), strict=True)
     )

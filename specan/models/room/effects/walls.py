@@ -105,3 +105,29 @@ def panel_resonance(
     omega, omega0 = 2 * np.pi * frequency, 2 * np.pi * resonance
     impedance = mass * (loss_factor * omega0 + 1j * (omega - omega0**2 / omega))
     return coverage * density * sound_speed / impedance
+
+
+@effect(
+    "wall-data",
+    adds_to="wall_data_error",
+    at="known_wall",
+    neutral={"conductance": 0.0, "susceptance": 0.0},
+    aliases=("wall-impedance", "porous-absorber"),
+    separate_by="measuring the wall's impedance again",
+    reference="errors of the stated admittance, straight between octaves over the logarithm of frequency",
+)
+def wall_data(
+    frequency,
+    octave_hz,
+    *,
+    conductance=Parameter(
+        1.0, "1", min=-3.0, max=3.0, lower=-30.0, upper=30.0, per="octave", doc="in standard uncertainties"
+    ),
+    susceptance=Parameter(
+        1.0, "1", min=-3.0, max=3.0, lower=-30.0, upper=30.0, per="octave", doc="in standard uncertainties"
+    ),
+):
+    """A wall is not as the rig file states, by so many standard uncertainties in each octave."""
+    parts = (np.broadcast_to(part, np.shape(octave_hz)) for part in (conductance, susceptance))
+    real, imaginary = (np.interp(np.log(frequency), np.log(octave_hz), part) for part in parts)
+    return real + 1j * imaginary

@@ -125,7 +125,9 @@ def load_dependent_friction(
     aliases=("axial-preload", "thermal-lag", "torque-zero-error"),
     separate_by="a higher oil level, or a jet of oil on the mesh, at high speed and torque",
     reference="film of a starved contact, h = h_full / (1 + (h_full/h_supplied)^g)^(1/g) (Chevalier, Lubrecht, Cann, "
-    "Dalmaz 1998, J. Tribol. 120:126), h_full ~ (nu v)^0.67; the share of the film that lacks is carried by the flanks",
+    "Dalmaz 1998, J. Tribol. 120:126), h_full ~ (nu v)^0.67, the share that lacks is carried by the flanks; "
+    "h_supplied constant, or what a disc holds after a turn, ~ (nu/omega)^0.5 (Emslie, Bonner, Peck 1958, "
+    "J. Appl. Phys. 29:858)",
 )
 def mesh_starvation(
     sliding_speed,
@@ -139,6 +141,10 @@ def mesh_starvation(
         5.0, "m/s", min=0.5, max=20.0, lower=0.05, upper=100.0,
         doc="at which, with 100 mm^2/s, a full film would be as thick as the oil supplied",
     ),
+    thrown_off=Parameter(
+        0.25, "1", min=0.0, max=0.5, lower=0.0, upper=1.0,
+        doc="power of speed over viscosity with which the supplied film thins: 0 constant, 0.5 thrown off in a turn",
+    ),
     sharpness=Parameter(3.0, "1", min=2.0, max=5.0, lower=1.0, upper=10.0, doc="g of the transition", fixed=True),
     level_exponent=Parameter(
         1.0, "1", min=0.0, max=3.0, lower=-1.0, upper=6.0, doc="power of the oil level in the oil supplied",
@@ -148,11 +154,13 @@ def mesh_starvation(
     """The worm throws off the oil that the next tooth needs.
 
     The film between the flanks cannot become thicker than the oil that comes back in time. Friction then
-    rises with speed instead of falling: an extra loss at high speed, in proportion to the torque.
+    rises with speed instead of falling: an extra loss at high speed, in proportion to the torque. Where a full
+    film lacks supply, thick oil starves first; what is thrown off is more of thin oil, and then the oil hardly
+    matters.
     """
-    full = (
-        sliding_speed / speed * kinematic_viscosity / REFERENCE_VISCOSITY
-    ) ** FILM / oil_level**level_exponent
+    supplied = oil_level**level_exponent
+    faster, thicker = sliding_speed / speed, kinematic_viscosity / REFERENCE_VISCOSITY
+    full = faster ** (FILM + thrown_off) * thicker ** (FILM - thrown_off) / supplied
     share = (1.0 + full**sharpness) ** (-1.0 / sharpness)
     return rise * (1.0 - share)
 

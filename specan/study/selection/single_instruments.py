@@ -1,0 +1,134 @@
+"""Instruments that what a fit leaves points to: receivers whose own rows stand out, or that stand elsewhere.
+
+What an error of one receiver does is in its own rows alone, so that all receivers can be looked at together: they are
+moved at the same time, and each is led by its own rows. A receiver that stands some centimetres off is beyond what a
+linearised score can promise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from specan.models import Use
+from specan.models.effect import ParameterName
+from specan.study.selection.candidates import candidates
+from specan.study.selection.pulls import pulls
+from specan.study.selection.refits import Refit
+from specan.study.selection.signatures import default_value, residuals
+
+Array = NDArray[np.float64]
+
+# Standard deviations of a chi-square, and times the middle receiver's mean square.
+STANDS_OUT, LOUDER = 5.0, 1.2
+MOST_OUTSTANDING = 3  # receivers
+STEP = 0.1  # of a usual size, for slopes
+ROUNDS = 5  # of Gauss-Newton steps
+EXPLAINS = 0.5  # of what a receiver's own rows leave beyond the noise, that its error has to explain
+
+
+def outstanding(refit: Refit, uses: Iterable[Use]) -> list[Use]:
+    """Instrument errors of the few receivers whose own rows stand out most.
+
+    One that stands far from its place is beyond what a linearised score can promise.
+    """
+    residual = refit.fit.residual * refit.weights
+    rows: dict[str, NDArray[np.float64]] = {}
+    first = 0
+    for observation in refit.problem.observations:
+        own = residual[first : first + observation.n]
+        first += observation.n
+        for label in observation.labels.values():
+            for element in {str(value) for value in label}:
+                part = own[np.asarray(label).astype(str) == element]
+                rows[element] = np.concatenate([rows.get(element, np.empty(0)), part])
+    effects = refit.problem.assembly.model.effects
+    uses = [use for use in uses if use.at in rows and effects[use.name].instrument]
+    size = {use.at: float(np.mean(rows[str(use.at)] ** 2)) for use in uses}
+    usual = float(np.median([*size.values()])) if size else 1.0
+    noise = min(usual, 1.0)  # less than one where it is stated too large
+    excess = {
+        at: (mean / noise - 1) * np.sqrt(rows[str(at)].size / 2)
+        for at, mean in size.items()
+        if mean > LOUDER * usual
+    }
+    order = sorted((at for at, off in excess.items() if off > STANDS_OUT), key=lambda at: -excess[at])
+    return [use for at in order[:MOST_OUTSTANDING] for use in uses if use.at == at]
+
+
+def off_certificate(refit: Refit, uses: Collection[Use]) -> list[Use]:
+    """Instruments that a set takes far from their certificates: what it lacks may be their error."""
+    far = {pull.parameter.owner for pull in pulls(refit) if pull.too_far}
+    held = {name.owner for name in map(ParameterName, refit.problem.priors)}
+    return [use for use in uses if str(use) in far & held]
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """Values of one receiver's error that its own rows ask for, and the chi-square that they take away."""
+
+    values: dict[str, float]
+    gain: float
+
+
+def displaced(refit: Refit, uses: Collection[Use]) -> dict[Use, Displaced]:
+    """Errors of single receivers that have several amplitudes and no shape, each led by its own rows, best first.
+
+    Left out are those that explain less than half of what their rows leave beyond the noise. The other parameters stay
+    where they are.
+    """
+    found = [c for c in candidates(refit.problem)[0] if c.use in uses and c.effect.instrument and c.use.at]
+    found = [c for c in found if len(c.amplitudes) > 1 and not c.shapes and not c.without_prior]
+    channel = np.concatenate(
+        [np.asarray(o.labels.get("channel", [""] * o.n)).astype(str) for o in refit.problem.observations]
+    )
+    rows = {c.use: np.flatnonzero(channel == str(c.use.at)) for c in found}
+    found = [c for c in found if rows[c.use].size]
+    if not found:
+        return {}
+    problem, weights = refit.problem.with_uses([c.use for c in found]), refit.weights[: refit.problem.n_data]
+    neutral: dict[str, float] = {name: c.neutral(name) for c in found for name in c.amplitudes}
+    theta = problem.start({**refit.fit.values, **neutral})
+    place = {name: k for k, name in enumerate(problem.names)}
+    low, high = problem.bounds()
+    own = {c.use: np.array([place[name] for name in c.amplitudes]) for c in found}
+    size = {
+        c.use: np.array([STEP * (default_value(c, n) - c.neutral(n)) for n in c.amplitudes]) for c in found
+    }
+
+    def at(many: list[Array]) -> Array:
+        return residuals(problem, [problem.values_at(one) for one in many]) * weights[:, None]
+
+    start = at([theta])[:, 0]
+    here, reach = start.copy(), dict.fromkeys(rows, 1.0)
+    for _ in range(ROUNDS):
+        moved = []
+        for k in range(max(len(part) for part in own.values())):
+            moved.append(theta.copy())
+            for use, part in own.items():
+                if k < len(part):
+                    moved[-1][part[k]] += size[use][k]
+        slopes, trial = at(moved) - here[:, None], theta.copy()
+        for use, part in own.items():
+            step, *_ = np.linalg.lstsq(slopes[rows[use], : len(part)], -here[rows[use]], rcond=1e-9)
+            trial[part] = np.clip(theta[part] + reach[use] * step * size[use], low[part], high[part])
+        there = at([trial])[:, 0]
+        for use, part in own.items():
+            mine = rows[use]
+            if there[mine] @ there[mine] < here[mine] @ here[mine]:
+                theta[part], here[mine] = trial[part], there[mine]
+            else:
+                reach[use] /= 4
+    noise = min(refit.reduced, 1.0)
+    out = {}
+    for use, part in own.items():
+        mine = rows[use]
+        before = float(start[mine] @ start[mine])
+        gain = before - float(here[mine] @ here[mine])
+        beyond = before - noise * float(np.sum(weights[mine] ** 2))
+        if gain > EXPLAINS * beyond:
+            out[use] = Displaced({problem.names[k]: float(theta[k]) for k in part}, gain)
+    return dict(sorted(out.items(), key=lambda item: -item[1].gain))
