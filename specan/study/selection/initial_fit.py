@@ -21,6 +21,7 @@ from specan.study.estimation.continuation import STAGES, about, continuation_fit
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, descend_steps
 from specan.study.estimation.problem import Problem
+from specan.study.processes import each
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import (
     FORM_TOLERANCE,
@@ -121,23 +122,26 @@ def _on_all_lines(
     problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
     price = float(np.log(problem.n_effective))
     problems = {uses: problem.with_uses(sorted(uses)) for uses in sets}
-    subsampled: dict[EffectSet, tuple[float, dict[str, Any]]] = {}
-    for uses, refit in sets.items():
+
+    def on_a_subsample(uses: EffectSet) -> tuple[float, dict[str, Any]]:
+        refit = sets[uses]
         whole, values = problems[uses], refit.problem.values_at(refit.fit.theta)
         theta = whole.start(values)
         subsample = whole.subsampled(theta)
         with suppress(ComputationError):  # it stays where the down-weighted view has it
             theta = descend_steps(subsample, theta, SUBSAMPLE_JACOBIANS)
         chi2 = float(np.sum(subsample.residual(theta) ** 2)) * problem.n_data / subsample.n_data
-        subsampled[uses] = chi2 + refit.count * price, whole.values_at(theta)
-    bic: dict[EffectSet, float] = {}
-    reached: dict[EffectSet, dict[str, Any]] = {}
-    for uses in sorted(subsampled, key=lambda uses: subsampled[uses][0])[:LIKELY]:
+        return chi2 + refit.count * price, whole.values_at(theta)
+
+    def on_all(uses: EffectSet) -> tuple[float, dict[str, Any]]:
         whole = problems[uses]
         theta = descend_steps(whole, whole.start(subsampled[uses][1]), JACOBIANS)
-        reached[uses] = whole.values_at(theta)
-        bic[uses] = float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price
-    return min(bic, key=lambda uses: bic[uses]), reached
+        return float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price, whole.values_at(theta)
+
+    subsampled = dict(zip(sets, each(on_a_subsample, list(sets)), strict=True))
+    likeliest = sorted(sets, key=lambda uses: subsampled[uses][0])[:LIKELY]
+    reached = dict(zip(likeliest, each(on_all, likeliest), strict=True))
+    return min(reached, key=lambda uses: reached[uses][0]), {uses: v for uses, (_, v) in reached.items()}
 
 
 def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
@@ -267,17 +271,19 @@ def _screened(best: Refit, found: Mapping[Use, Sequence[Scored]]) -> list[Use]:
 
     What a signature promises is a line drawn from afar; some steps cost a tenth of a refit and tell more.
     """
-    left: dict[Use, float] = {}
-    for use, items in found.items():
+
+    def left(use: Use) -> float:
         whole = best.problem.with_uses([*sorted(best.uses), use])
         view = down_weighted(whole, STAGES[0])
         names = {str(other) for other in (*best.uses, use)}
         reached = [np.inf]
-        for item in items[:SCREENING_STARTS]:
+        for item in found[use][:SCREENING_STARTS]:
             values = start_from(best, [item], whole)
             own = {name: v for name, v in values.items() if ParameterName(name).owner in names}
             with suppress(ComputationError):  # another start may do
                 theta = descend_steps(view, view.start(own), SCREENING_JACOBIANS)
                 reached.append(float(np.sum(view.residual(theta) ** 2)))
-        left[use] = min(reached)
-    return sorted(left, key=lambda use: left[use])
+        return min(reached)
+
+    by_use = dict(zip(found, each(left, list(found)), strict=True))
+    return sorted(by_use, key=lambda use: by_use[use])
