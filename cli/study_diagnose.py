@@ -24,8 +24,15 @@ SEPARATES = 2.0  # sigma by which a reading has to separate explanations to tell
 @study_options
 @plot_option("the candidates in their order")
 @click.option("--bootstrap", is_flag=True, help="Family-wise probabilities by simulation (slower).")
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Number of processes for transfer functions, on Linux; the result is the same.",
+)
 def command(
-    directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None, bootstrap: bool
+    directory: Path, effects: tuple[Path, ...], as_json: bool, plot: Path | None, bootstrap: bool, jobs: int
 ) -> None:
     """Find out which effect the model of DIR is missing. Held-out data are not looked at.
 
@@ -34,7 +41,7 @@ def command(
     """
     study = open_study(directory, effects)
     try:
-        found = study.diagnose(bootstrap=bootstrap, progress=told())
+        found = study.diagnose(bootstrap=bootstrap, progress=told(), jobs=jobs)
     except KeyboardInterrupt as stopped:
         _say_stopped(stopped, directory)
         raise
@@ -53,8 +60,9 @@ def _say_stopped(stopped: KeyboardInterrupt, directory: Path) -> None:
     if not isinstance(stopped, Stopped):
         return
     rows = stopped.content["refitted"]
+    roughly = " roughly, to few lines" if stopped.content["rough"] else ""
     say(
-        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted, the likeliest first:"
+        f"Stopped before the end: no verdict. {len(rows)} sets of effects were refitted{roughly}, the likeliest first:"
     )
     for row in rows[:SHOWN]:
         say(

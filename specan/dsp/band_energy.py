@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -168,15 +168,22 @@ class BandEnergy:
             self._count += block.shape[1] if rows.start == 0 else 0
             self._sum[rows] += transform[:, 0].real
         if stage not in self._spectra:  # lower rates have few blocks, and what they hold counts as much
-            self._spectra[stage] = LagSpectrum(self._rows, LENGTH, self._buffers, sparing=stage.number > 0)
+            self._spectra[stage] = LagSpectrum(
+                self._rows,
+                LENGTH,
+                self._buffers,
+                sparing=stage.number > 0,
+                at_ends=partial(self._add_end, stage),
+            )
         taken = end = None
         if self._ends is not None:
             taken = self._ends.of(stage, rows, block)
             end = None if taken is None else self._padded(taken, half)
             if not stage.last:
                 self._ends.decimate(stage, rows, end, half)
-        self._spectra[stage].add(rows, block, transform, half, taken, end)
-        if self._spectra[stage].closed:
+        spectrum = self._spectra[stage]
+        spectrum.add(rows, block, transform, half, taken, end)
+        if spectrum.closed:
             self._read(stage)
 
     def _read(self, stage: Stage) -> None:
@@ -188,7 +195,11 @@ class BandEnergy:
                 self._energy[rows] = total_energy(lines)
             place.add(self._nodes[rows], lines)
             if self._inner is not None:
-                place.add(self._inner[rows], spectrum.energy(rows, faded=True))
+                place.add(self._inner[rows], lines)
+
+    def _add_end(self, stage: Stage, rows: slice, energy: NDArray[np.float64]) -> None:
+        assert self._inner is not None
+        _spread(stage, self._first).add(self._inner[rows], energy)
 
     def result(self) -> EnergySpectrum:
         """The energy spectrum; call it once, after the transform is finished."""

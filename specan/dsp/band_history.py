@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.dsp.filter_at_work import FilterAtWork, Scratch, stage_for
+from specan.dsp.freed_memory import keep_freed_memory
 from specan.dsp.history_filters import Filter
 from specan.dsp.multirate import FACTOR, Stage, stages_of
 from specan.dsp.running_level import RunningLevel
@@ -96,6 +97,7 @@ class BandHistoryAccumulator:
         derivatives: Sequence[int] | None = None,
         offset: NDArray[np.float64] | None = None,
     ) -> None:
+        keep_freed_memory()
         self._offset = None if offset is None or not offset.any() else offset[:, None]
         self._derivatives = np.zeros(rows, dtype=int) if derivatives is None else np.asarray(derivatives)
         self._times = len(times)

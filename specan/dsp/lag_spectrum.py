@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -39,6 +40,9 @@ class LagSpectrum:
     sparing : bool
         Whether to hold r and the samples of the last block in place of R and their transform: half the memory for
         three transforms in place of one.
+    at_ends : callable, optional
+        Given rows and what `energy` is more for the faded record (less where negative), once for each block that is
+        faded: it is linear in the lags, so these need not be held until the end.
 
     Examples
     --------
@@ -56,6 +60,7 @@ class LagSpectrum:
         buffers: NDArray[np.complex128] | None = None,
         *,
         sparing: bool = False,
+        at_ends: Callable[[slice, NDArray[np.float64]], None] = lambda rows, energy: None,
     ) -> None:
         self.length, self._rows, self._sparing = length, rows, sparing
         self._sum: NDArray[Any] = np.zeros((rows, length + 1), dtype=np.float64 if sparing else np.complex128)
@@ -63,8 +68,7 @@ class LagSpectrum:
         # What a fade takes away from the samples of the previous block.
         self._taken: NDArray[np.float64] | None = None
         self._blocks = self._longest = self._half = 0
-        # The lags that a faded record has more than the record itself.
-        self._faded_more: NDArray[np.float64] | None = None
+        self._at_ends = at_ends
         # Used again and again: fresh memory costs more than the arithmetic.
         self._buffers = working_memory(rows, length) if buffers is None else buffers
 
@@ -162,29 +166,31 @@ class LagSpectrum:
             ):
                 if other is not None:
                     sum_up(total, np.multiply(conjugate, other, out=product), out=total)
-        if self._faded_more is None:
-            self._faded_more = np.zeros(self._sum.shape)
-        self._faded_more[rows] += self._lags(total)
+        self._at_ends(rows, self._energy_of(self._lags(total)))
 
     def _lags(self, cross: NDArray[np.complex128]) -> NDArray[np.float64]:
         return np.fft.irfft(cross)[:, : self.length + 1]
 
-    def energy(self, rows: slice = slice(None), *, faded: bool = False) -> NDArray[np.float64]:
-        """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample; of the faded record if asked for.
+    def energy(self, rows: slice = slice(None)) -> NDArray[np.float64]:
+        """Energy spectrum, shape (rows, L + 1), at m / (2 L) cycles a sample.
 
-        The sum over all 2 L lines, divided by 2 L, is the energy. Call it after the last block.
+        The sum over all 2 L lines, divided by 2 L, is the energy. Call it after the last block, once for each row.
         Rounding leaves some 1e-17 of the energy in every band; where there is nothing else a line may be
         negative.
         """
         if self._previous is not None and self._blocks == 1 and self._longest <= _UNTOUCHED * self.length:
             # All lags of the record lie where nothing is faded out: the squared transform is the same.
             transform, end = self._before(rows)
-            return _squared(transform - end if faded and end is not None else transform)
+            energy = _squared(transform)
+            if end is not None:
+                self._at_ends(rows, _squared(transform - end) - energy)
+            return energy
         if self._previous is not None:
             self._close()
         lags = self._sum[rows].copy() if self._sparing else self._lags(self._sum[rows])
-        if faded and self._faded_more is not None:
-            lags += self._faded_more[rows]
+        return self._energy_of(lags)
+
+    def _energy_of(self, lags: NDArray[np.float64]) -> NDArray[np.float64]:
         lags *= _fade(self.length)
         symmetric = np.concatenate([lags, lags[:, -2:0:-1]], axis=1)
         return np.asarray(np.fft.rfft(symmetric).real)

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.dsp.freed_memory import keep_freed_memory
 from specan.dsp.overlapped_blocks import BlockGrid
 from specan.dsp.windows import falling_step
 
@@ -171,6 +172,7 @@ class MultirateTransform:
         consumer: Consumer,
         offset: NDArray[np.float64] | None = None,
     ) -> None:
+        keep_freed_memory()
         self._offset = None if offset is None or not offset.any() else offset[:, None]
         self.stages = stages_of(sampling_rate)
         self._rows, self._consumer = rows, consumer

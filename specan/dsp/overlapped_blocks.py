@@ -95,22 +95,30 @@ class BlockGrid:
 
     def __init__(self, rows: int, size: int) -> None:
         self.size = size
-        self._rest: NDArray[np.float64] = np.empty((rows, 0))
+        self._block: NDArray[np.float64] = np.empty((rows, 0))
+        self._filled = 0
 
     def add(self, samples: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Take consecutive samples, shape (rows, n); return the blocks that they complete."""
         blocks, first = [], 0
-        if self._rest.shape[1]:
-            first = min(self.size - self._rest.shape[1], samples.shape[1])
-            self._rest = np.concatenate([self._rest, samples[:, :first]], axis=1)
-            if self._rest.shape[1] < self.size:
+        if self._filled:
+            first = min(self.size - self._filled, samples.shape[1])
+            self._hold(samples[:, :first])
+            if self._filled < self.size:
                 return []
-            blocks.append(self._rest)
+            blocks.append(self._block)
         whole = first + (samples.shape[1] - first) // self.size * self.size
         blocks += [samples[:, begin : begin + self.size] for begin in range(first, whole, self.size)]
-        self._rest = samples[:, whole:].copy()
+        self._block, self._filled = np.empty((samples.shape[0], 0)), 0
+        if whole < samples.shape[1]:
+            self._block = np.empty((samples.shape[0], self.size))
+            self._hold(samples[:, whole:])
         return blocks
+
+    def _hold(self, samples: NDArray[np.float64]) -> None:
+        self._block[:, self._filled : self._filled + samples.shape[1]] = samples
+        self._filled += samples.shape[1]
 
     def rest(self) -> NDArray[np.float64]:
         """The samples after the last complete block, shape (rows, fewer than `size`)."""
-        return self._rest
+        return self._block[:, : self._filled]

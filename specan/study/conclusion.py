@@ -245,14 +245,14 @@ class OfForms:
         ):
             return ""
         declared = self.declared.search
-        found = [
-            refit
-            for refit in declared.refits.of_size(1)
-            if _ahead(best, refit) < DECISIVE and not declared.too_far(refit)
-        ]
-        if not found:
+        within = [(refit, "") for refit in declared.refits.of_size(1) if not declared.too_far(refit)]
+        beyond = [(refit, f" with {_values(values)}") for refit, values in sizes_beyond(declared, ())]
+        near = {refit.uses: (refit, values) for refit, values in [*beyond, *within]
+                if _ahead(best, refit) < DECISIVE}  # fmt: skip
+        if not near:
             return ""
-        names = _names(sorted(found, key=lambda refit: _ahead(best, refit))[:MOST_PULLS])
+        likeliest = sorted(near.values(), key=lambda one: _ahead(best, one[0]))[:MOST_PULLS]
+        names = " or ".join(f"{_names([refit])}{values}" for refit, values in likeliest)
         effects = best.problem.assembly.model.effects
         telling = dict.fromkeys(text for name in self.form.split() if name in effects
                                 for text in [effects[name].separate_by] if text)  # fmt: skip

@@ -77,9 +77,12 @@ class Stopped(KeyboardInterrupt):
 
     @cached_property
     def content(self) -> dict[str, Any]:
-        """The effects that were refitted, the likeliest first, as plain values; of the latest search."""
-        search = self.searches[-1] if self.searches else None
-        done = [r for r in search.refits.done.values() if r.uses] if search else []
+        """The effects that were refitted, the likeliest first, as plain values; of the latest search that has any.
+
+        ``rough`` where only a few lines, known to some per cent, were looked at so far.
+        """
+        refits = next((s.refits for s in reversed(self.searches) if len(s.refits.done) > 1), None)
+        done = [r for r in refits.done.values() if r.uses] if refits else []
         rows = []
         for refit in sorted(done, key=lambda r: r.bic(1.0)):
             error = main_error(refit)
@@ -92,7 +95,7 @@ class Stopped(KeyboardInterrupt):
                     "parameters": parameters_of(refit),
                 }
             )
-        return {"finished": False, "refitted": rows}
+        return {"finished": False, "rough": bool(refits and refits.rough), "refitted": rows}
 
 
 def diagnose(
@@ -137,7 +140,7 @@ def diagnose(
         progress("checking positions and signs of the channels against the data", 0.0)
         mistake, near = mistaken_set_up(problem), InitialFit(start)
         if not mistake.text:
-            near = initial_fit(start, progress)
+            near = initial_fit(start, progress, lambda rough: begun.append(Search(rough)))
             mistake = mistake_beside(near, problem)
         if mistake.text:
             return Diagnosis(

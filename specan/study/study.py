@@ -41,6 +41,7 @@ from specan.study.history import (
 from specan.study.localisation.localise import curve_errors, localise
 from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
 from specan.study.observation import DataFile, MeasuredFiles, kind_named, together
+from specan.study.processes import working
 from specan.study.selection.candidates import grouped_by
 from specan.study.selection.refits import POOR_FIT
 from specan.study.selection.starting_values import kept_values, starting_values
@@ -231,7 +232,13 @@ class Study:
         last = self.history.last
         known = kept_values(self._assembled, last.parameters) if last else {}
         new = [Use.parse(u) for u in self.model_effects if last and u not in last.model_effects]
-        return linearised(self._assembled, starting_values(self._assembled, new, known))
+        starts = starting_values(self._assembled, new, known)
+        return linearised(self._assembled, starts, self._near if starts == [{}] else None)
+
+    @cached_property
+    def _near(self) -> dict[str, Any]:
+        """Values where a continuation fit ends that sets out from the declared ones."""
+        return continuation_fit(self._assembled)
 
     # --- numbers ----------------------------------------------------------------------------------
 
@@ -270,7 +277,7 @@ class Study:
             return self.best
         found = self.kept.find("shown", Fit)
         if found is None:
-            theta = self.problem.start(continuation_fit(self._assembled))
+            theta = self.problem.start(self._near)
             found = self.kept.keep("shown", describe(self.problem, theta))
         return found
 
@@ -310,8 +317,12 @@ class Study:
         """Level and phase errors of every recording of transfer functions that is fitted; none if none is."""
         return curve_errors(self.problem, self.shown)
 
-    def diagnose(self, *, bootstrap: bool = False, progress: Progress | None = None) -> Diagnosis:
+    def diagnose(
+        self, *, bootstrap: bool = False, progress: Progress | None = None, jobs: int = 1
+    ) -> Diagnosis:
         """Find out which effect the model is missing; computed once for each state of the study, and kept with it.
+
+        The parts of a search that do not need each other are done in `jobs` processes; the result is the same.
 
         Raises
         ------
@@ -326,9 +337,10 @@ class Study:
 
             begun: list[Search] = []
             try:
-                found = diagnose(
-                    self.problem, base=self.best, bootstrap=bootstrap, progress=progress, begun=begun
-                )
+                with working(jobs):
+                    found = diagnose(
+                        self.problem, base=self.best, bootstrap=bootstrap, progress=progress, begun=begun
+                    )
             except KeyboardInterrupt:
                 stopped = Stopped(tuple(begun))
                 self._keep_stopped(stopped.content)

@@ -121,12 +121,17 @@ def test_silence_is_nothing() -> None:
 
 
 @pytest.mark.parametrize("sparing", [False, True])
-@pytest.mark.parametrize("counts", [[48], [48, 0], [64, 64, 40]])
+@pytest.mark.parametrize("counts", [[48], [48, 0], [64, 64, 40], [64, 64, 64, 40]])
 def test_a_record_has_the_spectrum_of_its_correlation(sparing: bool, counts: list[int]) -> None:
     length, n = 64, sum(counts)
     x, taken = np.random.default_rng(5).standard_normal((2, 6, n))
-    taken[:, 64:128] = 0.0  # the middle of a long record is not faded
-    spectrum, first = LagSpectrum(6, length, sparing=sparing), 0
+    taken[:, 64 : max(n - 40, 64)] = 0.0  # the middle of a long record is not faded
+    ends, first = np.zeros((6, length + 1)), 0
+
+    def at_ends(rows: slice, energy: np.ndarray) -> None:
+        ends[rows] += energy
+
+    spectrum = LagSpectrum(6, length, sparing=sparing, at_ends=at_ends)
     for number, count in enumerate(counts):
         block, end = (part[:, first : first + count] for part in (x, taken))
         first += count
@@ -138,9 +143,10 @@ def test_a_record_has_the_spectrum_of_its_correlation(sparing: bool, counts: lis
         for rows in (slice(0, 4), slice(4, 6)):
             gone = (end[rows], lines_end[rows]) if end.any() else (None, None)
             spectrum.add(rows, block[rows], lines[rows], half, *gone)
-    for faded, signal in ((False, x), (True, x - taken)):
+    found = spectrum.energy()
+    for more, signal in ((0.0, x), (ends, x - taken)):
         lags = np.stack([np.correlate(row, row, "full")[n - 1 :] for row in signal])
         lags = np.pad(lags, ((0, 0), (0, length + 1)))[:, : length + 1]
         lags *= falling_step(np.arange(length + 1.0), 0.75 * length, length)
         expected = np.fft.rfft(np.concatenate([lags, lags[:, -2:0:-1]], axis=1)).real
-        np.testing.assert_allclose(spectrum.energy(faded=faded), expected, atol=1e-10)
+        np.testing.assert_allclose(found + more, expected, atol=1e-10)

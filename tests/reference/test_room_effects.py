@@ -104,8 +104,17 @@ def test_a_helmholtz_resonator_resonates_where_kinsler_says(model):
     area, volume, length = 3e-4, 1e-3, 0.035
     f0 = SOUND_SPEED / (2 * np.pi) * np.sqrt(area / (volume * length))
     f = np.array([0.5 * f0, f0, 2 * f0])
+    patch = {"radius": 0.02, "end": 8 / (3 * np.pi)}
     load = model.effects["helmholtz-resonator"].function(
-        f, DENSITY, neck_area=area, resonance=f0, quality=20.0, neck_length=length, across=0.5, along=0.5
+        f,
+        DENSITY,
+        neck_area=area,
+        resonance=f0,
+        quality=20.0,
+        neck_length=length,
+        across=0.5,
+        along=0.5,
+        **patch,
     )
     # Volume stiffness rho c^2 / V against the neck's mass rho l' / S, as impedances p over volume flow. The mass of the
     # air before a baffled patch of radius a, 8 rho / (3 pi^2 a), is in the field already and is taken off.

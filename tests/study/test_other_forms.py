@@ -79,7 +79,7 @@ def test_the_verdict_says_which_form_it_rests_on_and_doubts_only_where_that_matt
     assert "seal-drag would be missing" in unsure.reason
 
 
-def test_an_effect_that_does_with_the_declared_form_what_another_form_does_without_any_is_told():
+def test_an_effect_that_does_with_the_declared_form_what_another_form_does_without_any_is_told(monkeypatch):
     effects = {
         "a": SimpleNamespace(separate_by="turn the shafts alone"),
         "b": SimpleNamespace(separate_by=""),
@@ -93,7 +93,14 @@ def test_an_effect_that_does_with_the_declared_form_what_another_form_does_witho
     impossible = searched(101, frozenset({Use("a")})).search.best
     declared.search.refits = SimpleNamespace(of_size=lambda size: [far, impossible, near])
     declared.search.too_far = lambda refit: ["mu"] if refit is impossible else []
+    huge = searched(103, frozenset({Use("b")})).search.best
+    monkeypatch.setattr(
+        conclusion, "sizes_beyond", lambda search, sets: [(huge, (SimpleNamespace(text="b.c = 9"),))]
+    )
     told = OfForms(best, "a in place of b", {}, declared).beside()
-    assert told == "with the declared form, windage fits as well; what would tell: turn the shafts alone"
+    assert (
+        told
+        == "with the declared form, b with b.c = 9 or windage fits as well; what would tell: turn the shafts alone"
+    )
     declared.found.kind = "nothing-missing"
     assert OfForms(best, "a in place of b", {}, declared).beside() == ""

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from specan.models.catalogue import load_model
 from specan.study.create import begin
-from specan.study.diagnose import Stopped
+from specan.study.diagnose import Stopped, diagnose
+from specan.study.selection.candidates import base_problem
 from specan.study.selection.refits import Refits
 from specan.study.study import STOPPED, Study
 from specan_cli.main import run
+from tests.study.test_coarse import RIG, recorded
 
 BENCH = Path(__file__).parents[2] / "sample_data" / "worm_gear" / "study" / "bench"
 
@@ -71,3 +74,18 @@ def test_progress_has_a_share_that_never_falls(bench):
     assert told[0] >= 0.0
     assert told[-1] <= 1.0
     assert told == sorted(told)
+
+
+def test_what_was_found_near_the_field_is_kept_before_a_search_begins(monkeypatch):
+    model = load_model("room", RIG)
+    lining = {"wall-impedance@y1.conductance": 0.4, "wall-impedance@y1.mass": 0.2}
+    problem = base_problem(model, [recorded(model, ["wall-impedance@y1"], lining)])
+    begun = []
+    interrupt_after(monkeypatch, 1)
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(problem, begun=begun)
+    kept = Stopped(tuple(begun)).content
+    assert kept["rough"]
+    assert [row["effects"] for row in kept["refitted"]] == [["wall-impedance@y1"]]
+    conductance = kept["refitted"][0]["parameters"]["wall-impedance@y1.conductance"]
+    assert conductance["value"] == pytest.approx(0.4, abs=0.05)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from specan.models.kept import forgotten_by
 from specan.models.room.axis_modes import AxisModes, axis_modes
 from specan.models.room.frequency_interpolation import interpolations
 from specan.models.room.modal_sum import Modes
@@ -202,4 +203,5 @@ def _axes(
 
 # The static_correction depends on geometry alone; fits ask for the same geometry hundreds of times.
 _REMAINDERS: dict[object, StaticCorrection] = {}
+forgotten_by(_REMAINDERS.clear)
 _KEPT = 4000

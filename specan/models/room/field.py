@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.effect import Parameter
+from specan.models.kept import forgotten_by
 from specan.models.quantity import quantity
 from specan.models.room.box_field import BoxField, box
 from specan.models.room.port import Port, point
@@ -125,6 +126,7 @@ def room_modes(
 
 # A fit changes one parameter at a time, most of which leave the modes alone.
 _BOXES: OrderedDict[tuple[bytes, ...], BoxField] = OrderedDict()
+forgotten_by(_BOXES.clear)
 
 
 def mode_counts(lengths: tuple[float, ...], k_max: float, margin: float) -> tuple[int, ...]:

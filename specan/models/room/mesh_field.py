@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.errors import RequestError
+from specan.models.kept import forgotten_by
 from specan.models.quantity import Quantity, constant, quantity
 from specan.models.room.mesh_file import RoomMesh
 from specan.models.room.mesh_modes import MeshModes, reduce
@@ -50,6 +51,7 @@ class MeshRoom:
 
 _REDUCED: OrderedDict[tuple[object, ...], MeshModes] = OrderedDict()
 _FIELDS: OrderedDict[tuple[object, ...], MeshField] = OrderedDict()
+forgotten_by(_FIELDS.clear)
 
 
 @quantity(unit="1", opaque=True)

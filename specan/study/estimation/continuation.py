@@ -20,6 +20,7 @@ from specan.models import Assembly
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, best_screened, descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
+from specan.study.processes import each
 
 STAGES = (20.0, 5.0)  # per cent of the RMS over channels
 CONTINUED = 2  # of several starts
@@ -55,15 +56,19 @@ def continuation_fit(
         No start leads anywhere.
     """
     first, last = (down_weighted(problem, percent) for percent in STAGES)
-    near: list[Array] = []
-    reason = ""
-    for values in starts:
+
+    def led(values: Mapping[str, Any]) -> tuple[float, Array] | str:
         try:
             few = SCREENING_JACOBIANS if len(starts) > CONTINUED else ENOUGH
-            near.append(descend_steps(first, problem.start(values), few))
+            theta = descend_steps(first, problem.start(values), few)
         except ComputationError as fault:
-            reason = fault.found
-    near = sorted(near, key=lambda theta: _chi2(first, theta))[:CONTINUED]
+            return fault.found
+        return _chi2(first, theta), theta
+
+    tried = each(led, starts)
+    reason = next((why for why in reversed(tried) if isinstance(why, str)), "")
+    reached = sorted((one for one in tried if not isinstance(one, str)), key=lambda one: one[0])
+    near = [theta for _, theta in reached[:CONTINUED]]
     try:
         theta = descend_steps(last, best_screened(last, near), ENOUGH)
     except ComputationError as fault:
@@ -77,10 +82,8 @@ def continuation_fit(
         problem, values=problem.values_at(theta)
     )  # what windows do would hide a small effect
     given = [problem.start(values) for values in starts]
-    reached = [
-        (_chi2(plain, t), t)
-        for t in (theta, *given, *(descend_steps(plain, t, SCREENING_JACOBIANS) for t in near))
-    ]
+    stepped = each(lambda t: descend_steps(plain, t, SCREENING_JACOBIANS), near)
+    reached = [(_chi2(plain, t), t) for t in (theta, *given, *stepped)]
     met = max(min(chi2 for chi2, _ in reached), plain.n_data)
     return problem.values_at(_nearest(problem, [t for chi2, t in reached if chi2 <= met]))
 
@@ -89,12 +92,13 @@ def _nearest(problem: Problem, thetas: Sequence[Array]) -> Array:
     """That of several places from where some Jacobians lead lowest, each on a subsample of its own."""
     if len(thetas) == 1:
         return thetas[0]
-    reached: list[tuple[float, Array]] = []
-    for theta in thetas:
+
+    def led(theta: Array) -> tuple[float, Array]:
         subsample = problem.subsampled(theta)
         there = descend_steps(subsample, theta, SCREENING_JACOBIANS)
-        reached.append((_chi2(subsample, there), there))
-    return min(reached, key=lambda r: r[0])[1]
+        return _chi2(subsample, there), there
+
+    return min(each(led, thetas), key=lambda r: r[0])[1]
 
 
 def _chi2(problem: Problem, theta: Array) -> float:
@@ -106,7 +110,9 @@ def _chi2(problem: Problem, theta: Array) -> float:
     return float(residual @ residual)
 
 
-def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) -> Problem:
+def linearised(
+    problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},), ended: Mapping[str, Any] | None = None
+) -> Problem:
     """The problem with covariances about a fit of its own, and a start there; itself where they depend on none.
 
     A continuation fit is not near enough, because it does not see the windows: a receiver's gain, say, would act on
@@ -118,10 +124,12 @@ def linearised(problem: Problem, starts: Sequence[Mapping[str, Any]] = ({},)) ->
     problem : Problem
     starts : sequence of mapping
         SI values from which the continuation fit sets out; those that lack stand as the problem has them.
+    ended : mapping, optional
+        Where it ended, if that is known.
     """
     if not problem.strategy.linearised_covariance:
         return problem
-    values: Mapping[str, Any] = continuation_fit(problem, starts)
+    values: Mapping[str, Any] = continuation_fit(problem, starts) if ended is None else ended
     near = about(problem, problem.assembly, values)
     theta = descend_steps(near, near.start(values), JACOBIANS)
     values = problem.values_at(theta)

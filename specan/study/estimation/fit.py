@@ -371,7 +371,7 @@ def _profile_end(problem: Problem, best: Fit, name: str, side: int, quantile: fl
                 return end
             outer = end
         if excess(outer) > 0:
-            return float(brentq(excess, inner, outer, xtol=1e-4 * abs(outer - centre), rtol=1e-10))
+            return float(brentq(excess.root, inner, outer, xtol=1e-4 * abs(outer - centre), rtol=1e-10))
         inner, step = outer, 1.6 * step
     return end
 
@@ -411,6 +411,10 @@ class _Excess:
             chi2 = 2 * float(found.cost)
         self.known[value] = chi2 - best.chi2 - self.quantile
         return self.known[value]
+
+    def root(self, value: float) -> float:
+        """The same for the root of chi-square, which is nearly straight: zero in the same place."""
+        return float(np.sqrt(max(self(value) + self.quantile, 0.0)) - np.sqrt(self.quantile))
 
     def _whole(self, part: Array, value: float) -> Array:
         theta = np.empty(self.others.size)

@@ -22,6 +22,7 @@ import numpy as np
 from specan.errors import ComputationError
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
+from specan.study.processes import each
 
 # In units of the reduced chi-square where that exceeds one: a fit that is bad needs no digits.
 STEP_TOLERANCE = 1e-3  # chi-square that an exact Gauss-Newton step may still promise
@@ -112,18 +113,19 @@ def best_screened(problem: Problem, starts: Sequence[Array]) -> Array:
     """
     if len(starts) == 1:
         return starts[0]
-    reached: list[tuple[float, Array]] = []
-    reason = ""
-    for start in starts:
+
+    def led(start: Array) -> tuple[float, Array] | str:
         try:
             theta = descend_steps(problem, start, SCREENING_JACOBIANS)
         except ComputationError as fault:
-            reason = fault.found
-            continue
+            return fault.found
         residual = problem.residual(theta)
-        reached.append((float(residual @ residual), theta))
+        return float(residual @ residual), theta
+
+    tried = each(led, starts)
+    reached = [one for one in tried if not isinstance(one, str)]
     if not reached:
-        raise ComputationError(reason)
+        raise ComputationError(next((why for why in tried[::-1] if isinstance(why, str)), ""))
     return min(reached, key=lambda r: r[0])[1]
 
 

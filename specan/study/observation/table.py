@@ -151,6 +151,17 @@ class TableObservation(Fixed):
             replicate_group=None if self.replicate_group is None else self.replicate_group[keep],
         )
 
+    def without(self, rows: NDArray[np.intp]) -> TableObservation:
+        """The other rows, kept: several models are fitted to them, and the root of their covariance takes longest."""
+        key = rows.tobytes()
+        if key not in self._left:
+            self._left[key] = self.take(~np.isin(np.arange(self.n), rows))
+        return self._left[key]
+
+    @cached_property
+    def _left(self) -> dict[bytes, TableObservation]:
+        return {}
+
     @cached_property
     def _recording(self) -> NDArray[np.intp]:
         return np.zeros(self.n, dtype=np.intp) if self.recording is None else self.recording
@@ -196,6 +207,10 @@ class TableObservation(Fixed):
         together = len(many) > 1 and all(vector.get(name, True) for name in varying)
         if together and not rows_are_coupled(assembly, self.conditions):
             try:
+                self.predict(assembly, _middle(many))
+            except ComputationError:  # a loop that settles at the sets themselves may not do so between them
+                self.predict(assembly, many[0])
+            try:
                 table = self._together(assembly, many)
             except (TypeError, ValueError):  # "the truth value of an array is ambiguous" and its kin
                 vector.update(dict.fromkeys(varying, False))
@@ -208,11 +223,10 @@ class TableObservation(Fixed):
         return single
 
     def _together(self, assembly: Assembly, many: Sequence[Mapping[str, Any]]) -> Array:
-        """Predictions for several sets of values: sets that change much the same quantities in one pass."""
-        try:
-            self.predict(assembly, _middle(many))
-        except ComputationError:  # a loop that settles at the sets themselves may not do so between them
-            self.predict(assembly, many[0])
+        """Predictions for several sets of values: sets that change much the same quantities in one pass.
+
+        What none of them changes is taken from the evaluation before.
+        """
         before = self._evaluated[assembly.uses]
         changed = tuple(before.changed_in(many))
         if (assembly.uses, changed) not in self._passes:

@@ -277,7 +277,7 @@ def left_out_error(refit: Refit) -> ObservableError | None:
     for block in blocks:
         kept = np.ones(observation.n, dtype=bool)
         kept[block] = False
-        rest = problem.over([observation.take(kept)])
+        rest = problem.over([observation.without(block)])
         if rest.n_data + rest.n_priors < len(rest.names):
             return None
         try:

@@ -163,6 +163,7 @@ def _line(observation: _Table, row: int) -> str:
     return f"{line} of {observation.recordings[observation.recording[row]]}"
 
 
+@kept_with_refit
 def rows_of_two_kinds(refit: Refit) -> str:
     """A sentence on idle rows that contradict the loaded ones: the model fails on all, and meets the loaded ones.
 

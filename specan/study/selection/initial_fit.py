@@ -21,6 +21,7 @@ from specan.study.estimation.continuation import STAGES, about, continuation_fit
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, descend_steps
 from specan.study.estimation.problem import Problem
+from specan.study.processes import each
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import (
     FORM_TOLERANCE,
@@ -78,8 +79,12 @@ class InitialFit:
     left: float = 0.0
 
 
-def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> InitialFit:
-    """Look for a field near the measured one, where the base is far from it."""
+def initial_fit(
+    start: Refit,
+    progress: Callable[[str, float], None],
+    begun: Callable[[Refits], None] = lambda refits: None,
+) -> InitialFit:
+    """Look for a field near the measured one, where the base is far from it; `begun` is given the rough refits."""
     if not start.problem.strategy.linearised_covariance or start.reduced < POOR_FIT:
         return InitialFit(start)
 
@@ -87,7 +92,7 @@ def initial_fit(start: Refit, progress: Callable[[str, float], None]) -> Initial
         progress(f"looking for a field that is near the measured one{text}", share)
 
     trying("", BEGINS)
-    tried = _tried(start.problem, trying)
+    tried = _tried(start.problem, trying, begun)
     bare = next(r for r in tried if not r.uses)
     near = min(tried, key=lambda r: r.bic(1.0))
     if near.chi2 > CLEAR * bare.chi2:  # the base is as near as the view can tell
@@ -117,23 +122,26 @@ def _on_all_lines(
     problem = about(start.problem, near.problem.assembly, near.problem.values_at(near.fit.theta))
     price = float(np.log(problem.n_effective))
     problems = {uses: problem.with_uses(sorted(uses)) for uses in sets}
-    subsampled: dict[EffectSet, tuple[float, dict[str, Any]]] = {}
-    for uses, refit in sets.items():
+
+    def on_a_subsample(uses: EffectSet) -> tuple[float, dict[str, Any]]:
+        refit = sets[uses]
         whole, values = problems[uses], refit.problem.values_at(refit.fit.theta)
         theta = whole.start(values)
         subsample = whole.subsampled(theta)
         with suppress(ComputationError):  # it stays where the down-weighted view has it
             theta = descend_steps(subsample, theta, SUBSAMPLE_JACOBIANS)
         chi2 = float(np.sum(subsample.residual(theta) ** 2)) * problem.n_data / subsample.n_data
-        subsampled[uses] = chi2 + refit.count * price, whole.values_at(theta)
-    bic: dict[EffectSet, float] = {}
-    reached: dict[EffectSet, dict[str, Any]] = {}
-    for uses in sorted(subsampled, key=lambda uses: subsampled[uses][0])[:LIKELY]:
+        return chi2 + refit.count * price, whole.values_at(theta)
+
+    def on_all(uses: EffectSet) -> tuple[float, dict[str, Any]]:
         whole = problems[uses]
         theta = descend_steps(whole, whole.start(subsampled[uses][1]), JACOBIANS)
-        reached[uses] = whole.values_at(theta)
-        bic[uses] = float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price
-    return min(bic, key=lambda uses: bic[uses]), reached
+        return float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price, whole.values_at(theta)
+
+    subsampled = dict(zip(sets, each(on_a_subsample, list(sets)), strict=True))
+    likeliest = sorted(sets, key=lambda uses: subsampled[uses][0])[:LIKELY]
+    reached = dict(zip(likeliest, each(on_all, likeliest), strict=True))
+    return min(reached, key=lambda uses: reached[uses][0]), {uses: v for uses, (_, v) in reached.items()}
 
 
 def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
@@ -159,12 +167,15 @@ def about_itself(refit: Refit) -> Refit:
     return refit
 
 
-def _tried(problem: Problem, trying: Callable[[str, float], None]) -> list[Refit]:
+def _tried(
+    problem: Problem, trying: Callable[[str, float], None], begun: Callable[[Refits], None]
+) -> list[Refit]:
     """Sets of up to two effects that a greedy search on a down-weighted view fits, the empty one included."""
     values = continuation_fit(problem)
     view = down_weighted(problem, values=values)
     best = Refit(frozenset(), view, fit(view, start=values))
     refits = Refits(best, rough=True)
+    begun(refits)
     for _ in range(MOST):
         found, _ = candidates(best.problem)
         known: Known = {}
@@ -260,17 +271,19 @@ def _screened(best: Refit, found: Mapping[Use, Sequence[Scored]]) -> list[Use]:
 
     What a signature promises is a line drawn from afar; some steps cost a tenth of a refit and tell more.
     """
-    left: dict[Use, float] = {}
-    for use, items in found.items():
+
+    def left(use: Use) -> float:
         whole = best.problem.with_uses([*sorted(best.uses), use])
         view = down_weighted(whole, STAGES[0])
         names = {str(other) for other in (*best.uses, use)}
         reached = [np.inf]
-        for item in items[:SCREENING_STARTS]:
+        for item in found[use][:SCREENING_STARTS]:
             values = start_from(best, [item], whole)
             own = {name: v for name, v in values.items() if ParameterName(name).owner in names}
             with suppress(ComputationError):  # another start may do
                 theta = descend_steps(view, view.start(own), SCREENING_JACOBIANS)
                 reached.append(float(np.sum(view.residual(theta) ** 2)))
-        left[use] = min(reached)
-    return sorted(left, key=lambda use: left[use])
+        return min(reached)
+
+    by_use = dict(zip(found, each(left, list(found)), strict=True))
+    return sorted(by_use, key=lambda use: by_use[use])

@@ -11,7 +11,14 @@ import numpy as np
 
 from specan.models import Use
 from specan.models.effect import ParameterName
-from specan.study.selection.acceptance import DECISIVE, LEVEL, AcceptanceTest, Decision, complete
+from specan.study.selection.acceptance import (
+    COINCIDENCE,
+    DECISIVE,
+    LEVEL,
+    AcceptanceTest,
+    Decision,
+    complete,
+)
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.doubtful_data import WHOLE
 from specan.study.selection.pulls import Pull, too_far
@@ -241,6 +248,22 @@ class Search:
         if strategy.pruning and not self._met:
             yield from outstanding(step.start, step.by_use)
             yield from self._displaced(step)
+            yield from self._elsewhere(step)
+
+    def _elsewhere(self, step: Step) -> list[Use]:
+        """The effect that takes most away at other elements, where it does not meet the data.
+
+        Where two elements meet, what acts at one does much the same as at the other.
+        """
+        best = min(self.refits.of_size(1), key=lambda refit: refit.chi2, default=self.base)
+        if self._met or not best.poor_fit or best.chi2 > COINCIDENCE * self.base.chi2:
+            return []
+        effects, names = step.start.problem.assembly.model.effects, {use.name for use in best.uses}
+        return [
+            use
+            for use in step.by_use
+            if use.name in names and not effects[use.name].instrument and use not in best.uses
+        ]
 
     def _displaced(self, step: Step) -> list[Use]:
         """Receivers whose own rows ask for another place by more than a name needs; their refits begin there."""

@@ -28,6 +28,7 @@ from specan.study.estimation.fit import fit
 from specan.study.estimation.levenberg_marquardt import descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.observation.frf import FrfObservation
+from specan.study.processes import each
 from specan.study.selection.candidates import Candidate, candidates, grid, without
 from specan.study.selection.refits import Refit, start_from
 from specan.study.selection.score_test import Scored, best_of_each, different, score
@@ -119,14 +120,15 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
     points = shape_grid(refit.problem, refit.fit, list(found.values()), known)
     scored = best_of_each(_scored(refit, list(found.values()), points, known))
     places = likely_places(refit, list(found.values()))
-    peaks = {}
-    for use, items in scored.items():
-        optima = _coordinate_optima(refit, found[use], items[0], known)
+
+    def peaks(use: Use) -> list[Scored]:
+        optima = _coordinate_optima(refit, found[use], scored[use][0], known)
         optima += _at_places(refit, found[use], places.get(use, ()), known)
         optima += _all_over(refit, found[use], known)
         optima.sort(key=lambda s: -s.chi2_reduction)
-        peaks[use] = [*optima[:STARTS], *different(items, STARTS)[1:]]
-    return peaks
+        return [*optima[:STARTS], *different(scored[use], STARTS)[1:]]
+
+    return dict(zip(scored, each(peaks, list(scored)), strict=True))
 
 
 def planned_points(refit: Refit, found: Sequence[Candidate], known: Known) -> dict[Use, list[Point]]:
