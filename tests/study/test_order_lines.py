@@ -300,3 +300,17 @@ def test_a_size_of_the_other_sign_is_found() -> None:
     from_usual = descend(problem, problem.start({"pin.error": 2.0}))
     assert problem.values_at(found.theta)["pin.error"] == pytest.approx(-1.0, abs=0.05)
     assert found.chi2 < 1e-3 < 100 < from_usual.chi2
+
+
+def test_a_contact_that_stiffens_mixes_the_lines_of_a_fault():
+    """F = K x^1.3 at a swing of three tenths: the line at twice the frequency over that of the swing."""
+    from specan.study.data.open_orders import PRODUCTS, _products
+
+    turn = np.arange(4096) / 4096
+    place = 1.0 + 0.3 / 1.3 * np.cos(2 * np.pi * turn)
+    line = np.abs(np.fft.rfft(place**1.3))
+    assert line[2] / line[1] == pytest.approx(PRODUCTS * line[1] / line[0] * 2, rel=0.1)
+    amplitude = np.array([[10.0, 3.0, 0.1, 4.0, 0.2]], dtype=complex)
+    beyond = np.array([[False, True, True, False, True]])
+    found = _products(amplitude, beyond, np.array([1, 1, 1, 2, 2]))
+    assert found == pytest.approx(PRODUCTS * np.array([[0.9, 0.9, 0.9, 0.01, 0.01]]))

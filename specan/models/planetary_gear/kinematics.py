@@ -92,40 +92,59 @@ def kind_of_phasing(gear: Gear) -> str:
 
 # Part of the uncertainty of the answer to unlike planets that differs between recordings; the whole is common to all.
 OF_A_RECORDING = 0.5
+MULTIPLES = (
+    1,
+    2,
+    3,
+)  # of the sun's turns that are looked at: a runout's, and two that tell it from pitch errors
+HEARD = (
+    -2,
+    -1,
+    0,
+    1,
+    2,
+)  # passages beside an order: third powers of a Hann window leave a twentieth at three
 
 
 def kinematic_orders(gear: Gear, harmonics: int = 3, sidebands: int = 3) -> NDArray[np.float64]:
     """Orders about each mesh harmonic at which teeth, runouts and passing planets can show.
 
     Each harmonic with whole orders to either side, the half order below it, and the turns of sun and planet. A sun that
-    is uneven presses the planets one after the other: to a sensor on the ring it turns as often as its shaft, less or
-    more whole passages of the planets. A planet that is uneven is heard once a turn more and less. Left out are whole
-    orders further away that the ideal set shows where its path is sharper than assumed.
+    is uneven m times a turn presses planet i with the phase -m psi_i, while its mesh has the phase h z_ring psi_i; a
+    sensor on the ring hears it at h z_ring +- m turns of the sun + n, for those n at which the planets add up. A planet
+    that is uneven is heard once a turn more and less. Left out are whole orders further away that the ideal set shows
+    where its path is sharper than assumed.
 
     Examples
     --------
     >>> article = Gear(z_sun=24, z_planet=21, z_ring=66, module_mm=2.0)
     >>> found = kinematic_orders(article, harmonics=1, sidebands=1)
     >>> found[found >= 66].round(3).tolist()
-    [66.0, 66.75, 67.0, 68.143, 68.75, 69.143, 69.75, 70.143, 70.5, 73.5]
+    [66.0, 66.75, 67.0, 68.143, 68.75, 69.143, 69.75, 70.143, 70.5, 73.5, 74.25]
     """
-    drive, planet = float(sun_order(gear)) + 1.0, float(planet_order(gear))
-    families = [float(sun_order(gear)), planet - 1.0, planet, planet + 1.0]
-    families += [offset for m in (1, 2) for offset in (m * drive, abs(m * drive - gear.planets))]
+    sun, planet = float(sun_order(gear)), float(planet_order(gear))
     found = set()
     for h in range(1, harmonics + 1):
         middle = h * gear.z_ring
-        further = {round(middle + sign * family, 9) for family in families for sign in (-1, 1)}
+        uneven = [sign * family for family in (sun, planet - 1.0, planet, planet + 1.0) for sign in (-1, 1)]
+        uneven += [sign * m * sun + n for m in MULTIPLES for sign in (-1, 1) for n in HEARD
+                   if _all_planets_show(gear, middle - sign * m + n)]  # fmt: skip
+        further = {round(middle + offset, 9) for offset in uneven}
         further = {o for o in further if abs(o - middle) < sidebands or not _any_path_shows(gear, o)}
         found |= {float(middle + k) for k in range(-sidebands, sidebands + 1)} | further
         found.add(middle - gear.z_ring / 2)
     return np.array(sorted(found))
 
 
+def _all_planets_show(gear: Gear, number: int) -> bool:
+    """Whether exp(j n psi_i) adds up over the planets."""
+    return bool(mesh_line_strength(gear, np.array([number]))[0] > 1e-9)
+
+
 def _any_path_shows(gear: Gear, order: float) -> bool:
     """Whether the ideal set has a line there by some path to the sensor: no evidence, where this one gives none."""
     whole = round(order)
-    return abs(order - whole) < 1e-9 and bool(mesh_line_strength(gear, np.array([whole]))[0] > 1e-9)
+    return abs(order - whole) < 1e-9 and _all_planets_show(gear, whole)
 
 
 def line_conditions(model: Model, **settings: Any) -> dict[str, NDArray[np.float64]]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from specan.models.planetary_gear.parting import parting, without_pull
 from specan.models.planetary_gear.simulated_recording import RIM_STIFFNESS
 from specan.models.quantity import quantity
 
@@ -33,9 +34,14 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
     # Springs answer to what the approach is beyond the steady deflection, dampers to the whole of it.
     errors = np.concatenate([sun_error, ring_error])[:, :samples]
     steady = spectra + np.fft.rfft(errors, axis=-1) if np.any(errors) else spectra
-    by_torque, by_force = _freedom(base_radii, carrier_inertia, planet_inertia, planets)
+    moment, by_torque, by_force = _freedom(base_radii, carrier_inertia, planet_inertia, planets)
     torsion = np.zeros((2 * planets, 2 * planets))
     torsion[:planets, :planets] = base_radii[0] ** 2
+
+    def moved(omega):
+        """Approach of the meshes by forces there."""
+        return by_force / omega[..., None, None] ** 2 - shaft_receptance(omega)[..., None, None] * torsion
+
     found = np.zeros_like(spectra)
     for c in range(points):
         rest = _excited(spectra[c], ripple, period)
@@ -43,31 +49,40 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
         still = bins == 0
         omega = 2 * np.pi * bins / turns * operating_points[c, 0] * carrier_ratio
         turning = np.where(still, 1.0, omega)
-        moves = (
-            by_force / turning[..., None, None] ** 2 - shaft_receptance(turning)[..., None, None] * torsion
-        )
+        moves = moved(turning)
         drag = 1j * omega[..., None] * mesh_damping[c].ravel()
         dragged = drag * _at(steady[c], bins)
         torque = operating_points[c, 1] * _at(ripple[None], bins)
         pushed = by_torque * torque / turning[..., None] ** 2 - _at(spectra[c], bins)
         pushed = np.where(still[..., None], 0.0, pushed + (moves @ dragged[..., None])[..., 0])
-        beyond = _coupled(_beside(mesh_spring[c], planet_phase, side), drag, moves, pushed, still) + dragged
+        beyond = _coupled(beside(mesh_spring[c], planet_phase, side), drag, moves, pushed, still) + dragged
+        if rest[0] == 0:
+
+            def dynamics(further, c=c):
+                turning = 2 * np.pi * ring_teeth * operating_points[c, 0] * carrier_ratio * further
+                return (
+                    beside(mesh_spring[c], planet_phase, further),
+                    1j * turning[:, None] * mesh_damping[c].ravel(),
+                    moved(np.where(further == 0, 1.0, turning)),
+                )
+
+            beyond[0] += samples * parting(np.tile(planet_load[c], 2), beyond[0] / samples, moment, dynamics)
         inside = np.abs(bins) < spectra.shape[-1]
         place, values = bins[inside], beyond[inside]
         found[c][:, np.abs(place)] = np.where(place[:, None] < 0, values.conj(), values).T
     forces = np.fft.irfft(found.reshape(points, 2, planets, -1), samples, axis=-1)
-    return planet_load[:, None, :, None] + forces
+    return without_pull(planet_load[:, None, :, None] + forces)
 
 
 def _freedom(base_radii, carrier_inertia, planet_inertia, planets):
-    """How the approach of each mesh is accelerated by a torque on the carrier, and by a force at each mesh."""
+    """What turns of carrier and planets make of each approach; its acceleration by a torque, and by forces."""
     sun, planet, ring = base_radii
     moment = np.zeros((2 * planets, 1 + planets))
     moment[:planets, 0], moment[planets:, 0] = -(sun + planet), planet - ring
     for i in range(planets):
         moment[i, 1 + i], moment[planets + i, 1 + i] = planet, -planet
     mass = np.array([carrier_inertia, *([planet_inertia] * planets)])
-    return moment[:, 0] / carrier_inertia, moment / mass @ moment.T
+    return moment, moment[:, 0] / carrier_inertia, moment / mass @ moment.T
 
 
 def _coupled(spring, drag, moves, pushed, still):
@@ -104,7 +119,7 @@ def _at(spectra, bins):
     return np.where(bins[..., None] < 0, values.conj(), values) * inside[..., None]
 
 
-def _beside(spring, phase, side):
+def beside(spring, phase, side):
     """Stiffness as what each order beside a bin makes of each other, (orders, meshes, orders, meshes)."""
     apart = side[:, None] - side[None, :]
     phases = spring.shape[-1]

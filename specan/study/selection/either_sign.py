@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ TRIED = 2.0 ** np.arange(-4, 2)  # times the usual size
 
 
 def of_either_sign(problem: Problem, values: Mapping[str, Any], new: Collection[Use]) -> list[dict[str, Any]]:
-    """SI values where some steps lead from the best size of either sign; empty where one sign only is possible.
+    """SI values where some steps lead from the best size to either side; empty where one side only is possible.
 
     Parameters
     ----------
@@ -27,20 +27,19 @@ def of_either_sign(problem: Problem, values: Mapping[str, Any], new: Collection[
     values : mapping
         SI values of what was fitted without it.
     new : collection of Use
-        What is added: one use with one amplitude, else there is no such start.
+        What is added: one use, else there is no such start. Amplitudes are taken in twos, as parts in phase and in
+        quadrature.
     """
-    amplitude = _amplitude(problem, new)
-    if amplitude is None:
-        return []
-    name, neutral, usual = amplitude
-    low, high = problem.domain(name)
+    amplitudes = _amplitudes(problem, new)
     best = []
-    for sign in (-1.0, 1.0):
-        sizes = neutral + sign * abs(usual - neutral) * TRIED
-        starts = [problem.start({**values, name: float(s)}) for s in sizes if low < s < high]
-        if starts:
-            best.append(min(starts, key=lambda theta: _chi2(problem, theta)))
-    if len(best) < 2:
+    for side in range(2) if amplitudes else ():
+        found = dict(values)
+        for k in range(0, len(amplitudes), 2):  # further ones beside the best of those before
+            part = amplitudes[k : k + 2]
+            tried = [{**found, **sizes} for sizes in _sizes(problem, part, None if k else side)]
+            found = min(tried, key=lambda one: _chi2(problem, problem.start(one)), default=found)
+        best.append(problem.start(found))
+    if len(best) < 2 or np.array_equal(best[0], best[1]):
         return []
     try:
         return [dict(problem.values_at(best_screened(problem, best)))]
@@ -48,20 +47,44 @@ def of_either_sign(problem: Problem, values: Mapping[str, Any], new: Collection[
         return []
 
 
-def _amplitude(problem: Problem, new: Collection[Use]) -> tuple[ParameterName, float, float] | None:
-    """Name, neutral value and usual value of the only amplitude of what is new."""
+def _sizes(
+    problem: Problem, part: Sequence[tuple[ParameterName, float, float]], side: int | None
+) -> Iterator[dict[ParameterName, float]]:
+    """Sizes of one or two amplitudes, in ways that lie on one side or on both, inside their domains."""
+    names = [name for name, _, _ in part]
+    neutral, usual = (np.array([row[k] for row in part]) for k in (1, 2))
+    low, high = np.array([problem.domain(name) for name in names]).T
+    ways = _directions(len(part))
+    for way in ways[side] if side is not None else np.concatenate(ways):
+        for times in TRIED:
+            size = neutral + np.abs(usual - neutral).max() * times * way
+            if np.all((low < size) & (size < high)):
+                yield dict(zip(names, map(float, size)))
+
+
+def _directions(count: int) -> list[NDArray[np.float64]]:
+    """Ways in which one or two amplitudes may go, by the side on which they lie."""
+    if count == 1:
+        return [np.array([[-1.0]]), np.array([[1.0]])]
+    angle = (np.arange(8) + 0.5) * np.pi / 4
+    ways = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return [ways[:4], ways[4:]]
+
+
+def _amplitudes(problem: Problem, new: Collection[Use]) -> list[tuple[ParameterName, float, float]]:
+    """Name, neutral value and usual value of the amplitudes of what is new, where that is one effect."""
     if len(new) != 1:
-        return None
+        return []
     (use,) = new
-    own = {
+    neutral = {
         ParameterName.of(use, p): v for p, v in problem.assembly.model.effects[use.name].neutral_si.items()
     }
-    own = {name: v for name, v in own.items() if name in problem.free and name not in problem.elements}
-    if len(own) != 1:
-        return None
-    name, neutral = next(iter(own.items()))
-    usual = problem.assembly.parameters[name].si.default
-    return None if usual == neutral else (name, neutral, usual)
+    usual = {name: problem.assembly.parameters[name].si.default for name in neutral}
+    return [
+        (name, value, usual[name])
+        for name, value in neutral.items()
+        if name in problem.free and name not in problem.elements and usual[name] != value
+    ]
 
 
 def _chi2(problem: Problem, theta: NDArray[np.float64]) -> float:

@@ -8,6 +8,7 @@ import pytest
 from specan.models.catalogue import example_model, load_model
 from specan.models.check import check_effect
 from specan.models.planetary_gear.kinematics import line_conditions
+from specan.models.planetary_gear.parting import parting, without_pull
 from specan.models.planetary_gear.rig import EXAMPLE_RIG
 
 MODEL = example_model("planetary-gear")
@@ -62,7 +63,7 @@ TRACES = {
     "planet-position-error@P1": {1, 2},
     "sun-runout": {3.75, 0.75},
     "planet-runout@P1": {66 / 21 - 1, 66 / 21 + 1},
-    "pitch-errors": {7.5, 4.5},
+    "pitch-errors": {7.5, 4.5, 8.25},
     "torque-ripple": {3.75},
 }
 
@@ -274,3 +275,63 @@ def test_inertias_that_are_known_are_taken():
     rig["uncertainty"] = {"carrier_inertia_percent": 3.0}
     prior = {n.effect: n.prior_sd for n in load_model("planetary-gear", rig).nuisances}
     assert prior["carrier-inertia"] == 0.03
+
+
+@pytest.mark.parametrize("swing", [0.5, 0.9, 1.4])  # of the mean force, as a spring that pulls would have it
+def test_a_mesh_that_parts_against_an_integration(swing):
+    """One mass on a spring and a damper that push only, driven below its resonance, by Runge-Kutta's method."""
+    from scipy.integrate import solve_ivp
+
+    mass, stiffness, load, hz = 0.1, 2e8, 100.0, 1500.0
+    drag, omega = 0.6 * np.sqrt(mass * stiffness), 2 * np.pi * hz
+    line = stiffness / (1 - stiffness / (mass * omega**2) - 1j * drag / (mass * omega))
+    driven = swing * load / abs(line)  # by this the flanks are pushed apart, cos(omega t)
+
+    def dynamics(orders):
+        turning = np.where(orders == 0, 1.0, omega * orders)
+        spring = np.zeros((orders.size, 1, orders.size, 1), complex)
+        spring[np.arange(orders.size), 0, np.arange(orders.size), 0] = stiffness
+        return (
+            spring,
+            1j * omega * orders[:, None] * drag + 0j,
+            (1 / (mass * turning**2))[:, None, None],
+        )
+
+    first = -driven / 2 * stiffness / (1 - (stiffness + 1j * drag * omega) / (mass * omega**2))
+    beyond = np.array([np.conj(first), 0.0, first])[:, None]
+    added = parting(np.array([load]), beyond, np.array([[1.0]]), dynamics)
+    found = (beyond + added)[:, 0] + np.array([0.0, load, 0.0])
+
+    def force(time, place, speed):
+        return np.maximum(load + stiffness * (place - driven * np.cos(omega * time)) + drag * speed, 0.0)
+
+    def slope(time, state):
+        return [state[1], -(force(time, *state) - load) / mass]
+
+    period = 1 / hz
+    run = solve_ivp(slope, (0, 30 * period), [0.0, 0.0], rtol=1e-8, atol=1e-14, dense_output=True)
+    at = (29 + np.arange(256) / 256) * period
+    true = np.fft.fft(force(at, *run.sol(at))) / 256
+    assert found[1].real == pytest.approx(load, rel=1e-9)
+    assert found[2] == pytest.approx(true[1], abs=0.06 * abs(true[1]))
+    assert (abs(added).max() > 0) == (abs(first) * 2 > load)
+
+
+def test_planets_that_part_leave_their_load_to_the_others():
+    forces = np.array([[100.0, -30.0, 60.0], [100.0, 90.0, 60.0], [100.0, 90.0, -6.0]])  # planets by angles
+    found = without_pull(forces)
+    assert found[:, 0] == pytest.approx([100.0] * 3)
+    assert found[:, 1] == pytest.approx([0.0, 75.0, 75.0])
+    assert found[:, 2] == pytest.approx([57.0, 57.0, 0.0])
+    assert without_pull(np.abs(forces)) == pytest.approx(np.abs(forces))
+
+
+def test_an_uneven_sun_larger_than_the_deflection_lets_planets_go():
+    """The planets that are pressed carry the torque alone: no force pulls, and the loads still add up to it."""
+    given = {"order": np.full(1, 66.0), "sun_speed": np.full(1, 30.0), "carrier_torque": np.full(1, 10.0)}
+    values = {"sun-runout.cosine": 5e-6, "sun-runout.sine": 0.0}
+    force = MODEL.assemble(["sun-runout"]).evaluate(given, values, wanted=["mesh_force"])["mesh_force"][0]
+    even = MODEL.assemble([]).evaluate(given, None, wanted=["mesh_force"])["mesh_force"][0]
+    assert force.min() >= 0.0
+    assert (force == 0.0).mean() > 0.1
+    assert force[1].sum(axis=0).mean() == pytest.approx(even[1].sum(axis=0).mean(), rel=0.02)

@@ -4,8 +4,6 @@ import numpy as np
 
 from specan.models import Parameter, effect
 
-HARMONICS = 8
-
 
 @effect(
     "sun-runout",
@@ -94,29 +92,34 @@ def carrier_runout(
 @effect(
     "pitch-errors",
     adds_to="sun_error",
-    neutral={"cumulative": 0.0},
+    neutral=dict.fromkeys(("second_cosine", "second_sine", "third_cosine", "third_sine"), 0.0),
     aliases=("sun-runout", "tooth-crack"),
     separate_by="the whole comb of the sun's turn: runout has its first line only, a crack grows with load",
-    reference="ISO 1328-1:2013 (cumulative pitch deviation); a spectrum that falls with 1/k^2 is an assumption",
+    reference="ISO 1328-1:2013 (cumulative pitch deviation), as a Fourier series over the turn of the sun",
 )
 def pitch_errors(
     carrier_turn,
     planet_angle,
     sun_order,
     *,
-    cumulative=Parameter(
-        5.0, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="amplitude of the second line"
+    second_cosine=Parameter(
+        2.0, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="twice a turn, in phase"
     ),
-    phase=Parameter(0.5, "rad", min=0.0, max=6.3, lower=-20.0, upper=20.0, doc="place on the sun"),
+    second_sine=Parameter(1.0, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="in quadrature"),
+    third_cosine=Parameter(
+        1.0, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="three times, in phase"
+    ),
+    third_sine=Parameter(0.5, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="in quadrature"),
 ):
     """The pitch of the sun's teeth varies: lines at multiples of the turn of the sun, from the second on.
 
-    To a sensor on the ring, multiples of the shaft's turn beside the mesh: 66h +- 7.5 and +- 4.5 of the
-    article's
-    gear. The first multiple belongs to runout.
+    To a sensor on the ring, multiples of the sun's turn and whole passages of the planets beside the mesh: 66h +- 7.5,
+    +- 4.5 and +- 8.25 of the article's gear. The first multiple belongs to runout; those beyond the third are not
+    looked at.
     """
     at = 2 * np.pi * sun_order * carrier_turn[None, :] - planet_angle[:, None]
-    return cumulative * sum(4.0 / k**2 * np.cos(k * (at - phase)) for k in range(2, HARMONICS + 1))
+    second = second_cosine * np.cos(2 * at) + second_sine * np.sin(2 * at)
+    return second + third_cosine * np.cos(3 * at) + third_sine * np.sin(3 * at)
 
 
 @effect(
@@ -141,7 +144,7 @@ def tooth_crack(
         0.1, "1", min=0.01, max=0.3, lower=-0.5, upper=0.9, doc="part of the stiffness that is missing"
     ),
     place=Parameter(
-        0.0, "1", min=0.0, max=1.0, lower=-1.0, upper=2.0, doc="of the tooth, in turns of the sun", fixed=True
+        0.0, "1", min=0.0, max=1.0, lower=-1.0, upper=2.0, doc="of the tooth, in turns of the sun"
     ),
 ):
     """A cracked tooth deflects more under load, with each planet once a turn of the sun: pulses 8.25 times a turn.

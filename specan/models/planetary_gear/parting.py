@@ -1,0 +1,96 @@
+"""Teeth that part: meshes push, and do not pull."""
+
+import numpy as np
+
+HARMONICS = 12  # of the mesh that are followed: 25 places within a pitch
+ROUNDS = 40  # of the active set; three to eight are usual
+
+
+def parting(load, beyond, moment, dynamics):
+    """What is added to the forces at whole meshes where teeth would pull, Fourier coefficients (orders, meshes).
+
+    With u the force of a mesh's spring and damper its force is max(u, 0). Forces n that undo the pull act on the set as
+    any others do: f = f0 + G n with f >= 0, n >= 0, f n = 0, a linear complementarity problem at places within a pitch,
+    solved by its active set (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, chapter 4).
+
+    Parameters
+    ----------
+    load : array (meshes,)
+        Mean forces.
+    beyond : complex array (2 r + 1, meshes)
+        What springs and dampers add to them, Fourier coefficients at the orders -r to r of the mesh.
+    moment : array (meshes, bodies)
+        What the turn of each body adds to the approach of each mesh; a force takes as much off its torque.
+    dynamics : callable
+        ``dynamics(orders) -> spring, drag, moves``: stiffness as what each order makes of each other (orders, meshes,
+        orders, meshes); force of the dampers over the approach (orders, meshes); approach by forces (orders, meshes,
+        meshes), which is not read at order zero.
+    """
+    middle, reach, meshes = HARMONICS, beyond.shape[0] // 2, load.size
+    side = np.arange(-middle, middle + 1)
+    orders = side.size
+    wave = np.exp(2j * np.pi * np.outer(np.arange(orders), side) / orders)
+    near = slice(middle - reach, middle + reach + 1)
+    force = load[:, None] + (wave[:, near] @ beyond).T.real  # meshes, places
+    if force.min() >= 0:
+        return np.zeros_like(beyond)
+    answer = _answer(moment, *dynamics(side)).reshape(orders, meshes, orders, meshes)
+    inside = np.einsum("po,omqn->mpqn", wave, answer)
+    both = np.einsum("mpqn,rq->mpnr", inside, wave.conj()).real / orders
+    size = orders * meshes
+    both, force = both.reshape(size, size) + np.eye(size), force.ravel()
+    push, pulled = np.zeros(size), force < 0
+    for _ in range(ROUNDS):
+        push = np.zeros(size)
+        push[pulled] = np.linalg.solve(both[np.ix_(pulled, pulled)], -force[pulled])
+        before, pulled = pulled, force + both @ push - push < 0
+        if np.array_equal(before, pulled) or not pulled.any():
+            break
+    added = ((both @ push).reshape(meshes, orders) @ wave.conj() / orders).T
+    return added[near]
+
+
+def _answer(moment, spring, drag, moves):
+    """Forces of springs and dampers by forces at the meshes, all as Fourier coefficients, (size, size).
+
+    Approach a = moves (springs a + dampers a + n). At order zero, parts stand where all torques are in balance: the
+    approaches are those of their turns, and moment^T (springs a + n) = 0.
+    """
+    orders, meshes = drag.shape
+    size, middle = orders * meshes, orders // 2
+    force = spring.copy()
+    row, mesh = np.arange(orders)[:, None], np.arange(meshes)
+    force[row, mesh, row, mesh] += drag
+    force = force.reshape(orders, meshes, size)
+    matrix = np.eye(size, dtype=complex).reshape(orders, meshes, size) - moves @ force
+    right = np.zeros((orders, meshes, orders, meshes), complex)
+    right[np.arange(orders), :, np.arange(orders), :] = moves
+    across = np.linalg.qr(moment, mode="complete")[0]
+    bodies = moment.shape[1]
+    scale = np.abs(spring).max() * np.abs(moment).max()
+    still = np.zeros((meshes, size), complex)
+    still[:bodies] = moment.T @ force[middle] / scale
+    still[bodies:, middle * meshes : (middle + 1) * meshes] = across[:, bodies:].T
+    matrix[middle] = still
+    right[middle] = 0
+    right[middle, :bodies, middle, :] = -moment.T / scale
+    approach = np.linalg.solve(matrix.reshape(size, size), right.reshape(size, size))
+    return force.reshape(size, size) @ approach
+
+
+def without_pull(forces):
+    """Forces of meshes of which none pulls: what those that part leave is borne by the others, (..., planets, angle).
+
+    So slow errors of teeth act, far below the natural frequencies: the carrier turns until the torque is carried.
+    """
+    apart = np.flatnonzero(np.any(forces < 0, axis=tuple(range(forces.ndim - 1))))
+    if not apart.size:
+        return forces
+    found, some = forces.copy(), forces[..., apart]
+    whole = np.maximum(some.sum(axis=-2, keepdims=True), 0.0)
+    for _ in range(forces.shape[-2]):  # each round takes out meshes that part, at the latest all but one
+        some = np.maximum(some, 0.0)
+        bearing = np.maximum((some > 0).sum(axis=-2, keepdims=True), 1)
+        some = some - (some > 0) * (some.sum(axis=-2, keepdims=True) - whole) / bearing
+    found[..., apart] = np.maximum(some, 0.0)
+    return found
