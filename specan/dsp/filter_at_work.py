@@ -236,8 +236,11 @@ def _sum_of_squares(numbers: NDArray[Any], result: NDArray[np.float32]) -> None:
         np.einsum("ijk,ijk->ij", numbers, numbers, out=result, casting="same_kind")
         return
     np.multiply(numbers, numbers, out=numbers)
-    result[...] = numbers[:, :, 0]
-    for column in range(1, numbers.shape[2]):
+    if numbers.shape[2] == 1:
+        result[...] = numbers[:, :, 0]
+        return
+    np.add(numbers[:, :, 0], numbers[:, :, 1], out=result, casting="same_kind")
+    for column in range(2, numbers.shape[2]):
         result += numbers[:, :, column]
 
 
