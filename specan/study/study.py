@@ -337,7 +337,7 @@ class Study:
 
             begun: list[Search] = []
             try:
-                with working(jobs):
+                with working(jobs) if jobs > 1 else contextlib.nullcontext():
                     found = diagnose(
                         self.problem, base=self.best, bootstrap=bootstrap, progress=progress, begun=begun
                     )
