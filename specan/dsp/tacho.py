@@ -11,6 +11,8 @@ from specan.errors import InputError
 
 Real = NDArray[np.float64]
 
+FEWEST = 6  # samples a pulse: the third harmonic, which makes a pulse flat, is below half the sampling rate
+REGULAR = 0.35  # deviation over mean of times between rises: noise has 0.5, few samples a pulse at most 0.25
 HYSTERESIS = 0.2  # of the step between the two levels, to either side of the threshold
 MOST_FAULTS = 0.05  # of the pulses: with more the tacho is not repaired but refused
 # An edge over within a few samples: at least this part of the step between two of them (of a sine with ten samples a
@@ -63,7 +65,7 @@ def pulse_times(samples: Real, sampling_rate: float) -> Real:
     Raises
     ------
     InputError
-        The signal has no two levels: there are no pulses.
+        The signal has no two levels: there are no pulses, or too few samples a pulse.
 
     Examples
     --------
@@ -72,7 +74,7 @@ def pulse_times(samples: Real, sampling_rate: float) -> Real:
     [0.0048, 0.1048]
     """
     x = np.asarray(samples, dtype=float)
-    low, high = _levels(x)
+    low, high = _levels(x, sampling_rate)
     middle, gap = 0.5 * (low + high), HYSTERESIS * (high - low)
     state = (x > middle + gap).astype(np.int8) - (x < middle - gap).astype(np.int8)
     known = np.flatnonzero(state)
@@ -102,7 +104,7 @@ def _by_area(x: Real, place: NDArray[np.intp], reach: int, otherwise: Real) -> R
     return np.where(steep, place + reach + 0.5 - edge.sum(axis=1), otherwise)
 
 
-def _levels(x: Real) -> tuple[float, float]:
+def _levels(x: Real, sampling_rate: float) -> tuple[float, float]:
     """Low and high level of a signal that has two."""
     finite = x[np.isfinite(x)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
@@ -118,6 +120,16 @@ def _levels(x: Real) -> tuple[float, float]:
         )
         if high - low > _LEVELS_APART * scatter:
             return low, high
+        over = finite > 0.5 * (low + high)
+        apart = np.diff(np.flatnonzero(over[1:] & ~over[:-1]))
+        if apart.size and apart.std() < REGULAR * apart.mean() and apart.mean() < FEWEST:
+            rate = sampling_rate / apart.mean()
+            raise InputError(
+                f"the tacho rises {rate:.0f} times a second, too often for {sampling_rate:.6g} samples a second",
+                expected=f"at least {FEWEST} samples a pulse",
+                remedy=f"sample at {FEWEST * rate:.0f} Hz or more, take a tacho with fewer pulses a turn, or give the "
+                "speed; if these are no pulses, name the right channel",
+            )
     raise InputError(
         "the tacho shows no pulses: its signal has no two levels",
         remedy="name the right channel, or give the speed",

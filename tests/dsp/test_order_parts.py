@@ -41,6 +41,18 @@ def averaged_pulses(period, count=3000):
     return area(n + 0.5) - area(n - 0.5)
 
 
+def test_a_tacho_too_fast_for_the_sampling_rate_is_told_from_one_without_pulses():
+    """Four samples a pulse behind an ideal low-pass: of a square wave its first harmonic is left, at four phases."""
+    t = np.arange(10240) / 2560
+    with pytest.raises(
+        InputError, match=r"rises 640 times a second, too often for 2560 .* sample at 38[34]. Hz"
+    ):
+        pulse_times(np.sin(2 * np.pi * 640 * t + 0.1), 2560.0)
+    assert np.diff(pulse_times(np.sin(2 * np.pi * 400 * t + 0.1), 2560.0)) == pytest.approx(1 / 400, rel=0.05)
+    with pytest.raises(InputError, match="no two levels"):
+        pulse_times(np.full(10240, 5.0), 2560.0)
+
+
 @pytest.mark.parametrize("period", [12.048, 18.957, 400.31])
 def test_instants_of_steep_edges_do_not_beat_with_the_sampling_rate(period):
     """By linear interpolation they erred by up to 0.09 samples, so that lines appeared beside those of a gear."""

@@ -119,6 +119,7 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
     si = np.array([law.K_N_mm_e * 1e3**law.exponent, law.exponent, 1e3 * law.C_Ns_mm, 1e-3 * law.depth_mm])
     phases, places = np.stack(mesh_phases(gear)), planet_angles(gear)
     made = rotors(gear, rig.rotors)
+    sun_turn = np.arange(samples) * (turns / samples) * float(sun_order(gear))
     listed: list[tuple[str, Any, str, str, tuple[str, ...]]] = [
         ("sun_teeth", gear.z_sun, "1", "Teeth of the sun.", ()),
         ("ring_teeth", gear.z_ring, "1", "Teeth of the ring.", ()),
@@ -131,6 +132,8 @@ def _constants(rig: Rig, gear: Gear) -> list[Quantity]:
         ("transfer_path", path_window(_distance(rig, places, samples // turns, turns)), "1",
          "Weight with which each sensor hears each planet as it passes, (sensors, planets, angle).", ("sensor",)),
         ("sun_order", float(sun_order(gear)), "1", "Turns of the sun against the carrier.", ()),
+        ("sun_wave", np.exp(1j * (2 * np.pi * sun_turn - places[:, None])), "1",
+         "exp(j a), a the turn of the sun against the carrier beyond each planet's place.", ("planet",)),
         ("planet_order", float(planet_order(gear)), "1", "Turns of a planet against the carrier.", ()),
         ("carrier_ratio", carrier_speed_ratio(gear), "1", "Speed of the carrier over the sun's.", ()),
         ("base_radii", module * cos / 2 * np.array([gear.z_sun, gear.z_planet, gear.z_ring]), "m", "Base radii.", ()),

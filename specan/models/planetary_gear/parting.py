@@ -83,14 +83,18 @@ def without_pull(forces):
 
     So slow errors of teeth act, far below the natural frequencies: the carrier turns until the torque is carried.
     """
-    apart = np.flatnonzero(np.any(forces < 0, axis=tuple(range(forces.ndim - 1))))
+    apart = np.flatnonzero(forces.reshape(-1, forces.shape[-1]).min(axis=0) < 0)
     if not apart.size:
         return forces
-    found, some = forces.copy(), forces[..., apart]
+    found, some = (
+        forces.copy(),
+        np.take(forces, apart, axis=-1),
+    )  # not [..., apart]: sums would go across memory
     whole = np.maximum(some.sum(axis=-2, keepdims=True), 0.0)
     for _ in range(forces.shape[-2]):  # each round takes out meshes that part, at the latest all but one
         some = np.maximum(some, 0.0)
-        bearing = np.maximum((some > 0).sum(axis=-2, keepdims=True), 1)
-        some = some - (some > 0) * (some.sum(axis=-2, keepdims=True) - whole) / bearing
+        bearing = some > 0
+        few = np.maximum(bearing.sum(axis=-2, keepdims=True), 1)
+        some = some - bearing * ((some.sum(axis=-2, keepdims=True) - whole) / few)
     found[..., apart] = np.maximum(some, 0.0)
     return found

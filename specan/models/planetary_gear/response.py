@@ -34,13 +34,12 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
     # Springs answer to what the approach is beyond the steady deflection, dampers to the whole of it.
     errors = np.concatenate([sun_error, ring_error])[:, :samples]
     steady = spectra + np.fft.rfft(errors, axis=-1) if np.any(errors) else spectra
-    moment, by_torque, by_force = _freedom(base_radii, carrier_inertia, planet_inertia, planets)
-    torsion = np.zeros((2 * planets, 2 * planets))
-    torsion[:planets, :planets] = base_radii[0] ** 2
+    moment, mass = _freedom(base_radii, carrier_inertia, planet_inertia, planets)
 
     def moved(omega):
-        """Approach of the meshes by forces there."""
-        return by_force / omega[..., None, None] ** 2 - shaft_receptance(omega)[..., None, None] * torsion
+        """Turn of each part by a torque on it, (..., parts); the sun on its shaft is the last."""
+        parts = 1.0 / (mass * omega[..., None] ** 2)
+        return np.concatenate([parts, -shaft_receptance(omega)[..., None]], axis=-1)
 
     found = np.zeros_like(spectra)
     for c in range(points):
@@ -49,24 +48,33 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
         still = bins == 0
         omega = 2 * np.pi * bins / turns * operating_points[c, 0] * carrier_ratio
         turning = np.where(still, 1.0, omega)
-        moves = moved(turning)
+        moves = np.where(still[..., None], 0.0, moved(turning))
         drag = 1j * omega[..., None] * mesh_damping[c].ravel()
         dragged = drag * _at(steady[c], bins)
-        torque = operating_points[c, 1] * _at(ripple[None], bins)
-        pushed = by_torque * torque / turning[..., None] ** 2 - _at(spectra[c], bins)
-        pushed = np.where(still[..., None], 0.0, pushed + (moves @ dragged[..., None])[..., 0])
-        beyond = _coupled(beside(mesh_spring[c], planet_phase, side), drag, moves, pushed, still) + dragged
+        torques = dragged @ moment
+        torques[..., 0] += operating_points[c, 1] * _at(ripple[None], bins)[..., 0]
+        pushed = np.where(still[..., None], 0.0, (moves * torques) @ moment.T - _at(spectra[c], bins))
+        spring = beside(mesh_spring[c], planet_phase, side)
+        beyond = dragged
+        if rest[0] == 0:
+            beyond[0] += _at_rest(spring, drag[0], moves[0], pushed[0], still[0], moment)
+        off = slice(int(rest[0] == 0), None)  # bins beside the mesh
+        if rest[off].size:
+            beyond[off] += _coupled(spring, drag[off], moves[off], pushed[off], moment)
         if rest[0] == 0:
 
             def dynamics(further, c=c):
                 turning = 2 * np.pi * ring_teeth * operating_points[c, 0] * carrier_ratio * further
+                moves = moved(np.where(further == 0, 1.0, turning))
                 return (
                     beside(mesh_spring[c], planet_phase, further),
                     1j * turning[:, None] * mesh_damping[c].ravel(),
-                    moved(np.where(further == 0, 1.0, turning)),
+                    (moment * moves[:, None]) @ moment.T,
                 )
 
-            beyond[0] += samples * parting(np.tile(planet_load[c], 2), beyond[0] / samples, moment, dynamics)
+            beyond[0] += samples * parting(
+                np.tile(planet_load[c], 2), beyond[0] / samples, moment[:, :-1], dynamics
+            )
         inside = np.abs(bins) < spectra.shape[-1]
         place, values = bins[inside], beyond[inside]
         found[c][:, np.abs(place)] = np.where(place[:, None] < 0, values.conj(), values).T
@@ -75,31 +83,56 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
 
 
 def _freedom(base_radii, carrier_inertia, planet_inertia, planets):
-    """What turns of carrier and planets make of each approach; its acceleration by a torque, and by forces."""
+    """What turns of carrier, planets and sun make of each approach (meshes, parts); inertias of all but the sun."""
     sun, planet, ring = base_radii
-    moment = np.zeros((2 * planets, 1 + planets))
+    moment = np.zeros((2 * planets, 2 + planets))
     moment[:planets, 0], moment[planets:, 0] = -(sun + planet), planet - ring
+    moment[:planets, -1] = sun
     for i in range(planets):
         moment[i, 1 + i], moment[planets + i, 1 + i] = planet, -planet
-    mass = np.array([carrier_inertia, *([planet_inertia] * planets)])
-    return moment, moment[:, 0] / carrier_inertia, moment / mass @ moment.T
+    return moment, np.array([carrier_inertia, *([planet_inertia] * planets)])
 
 
-def _coupled(spring, drag, moves, pushed, still):
-    """Forces of springs and dampers: approach - moves (springs + dampers) approach = pushed, (sets, orders, meshes).
+def _at_rest(spring, drag, moves, pushed, still, moment):
+    """`_coupled` of the harmonics of the mesh and order zero, where the springs' mean forces stay as they are."""
+    orders, meshes = pushed.shape
+    size = orders * meshes
+    force = spring.copy()
+    row, mesh = np.arange(orders)[:, None], np.arange(meshes)
+    force[row, mesh, row, mesh] += drag
+    force = force.reshape(orders, meshes, size)
+    matrix = np.eye(size).reshape(orders, meshes, size) - (moment * moves[:, None]) @ moment.T @ force
+    matrix[still] = force[still] / np.abs(spring).max()
+    approach = np.linalg.solve(matrix.reshape(size, size), pushed.reshape(size))
+    return (force.reshape(size, size) @ approach).reshape(pushed.shape)
 
-    At order zero the springs' mean forces stay as they are.
+
+def _coupled(spring, drag, moves, pushed, moment):
+    """Forces of springs and dampers: approach - moment moves moment^T (springs + dampers) approach = pushed.
+
+    Solved for the torques on the parts, moment^T (springs + dampers) approach: parts are fewer than meshes.
+    Forces and what pushes are (sets, orders, meshes).
     """
     sets, orders, meshes = pushed.shape
-    size = orders * meshes
-    force = np.broadcast_to(spring, (sets, *spring.shape)).copy()
-    row, mesh = np.arange(orders)[:, None], np.arange(meshes)
-    force[:, row, mesh, row, mesh] += drag
-    force = force.reshape(sets, orders, meshes, size)
-    matrix = np.eye(size).reshape(orders, meshes, size) - moves @ force
-    matrix[still] = force[still] / np.abs(spring).max()
-    approach = np.linalg.solve(matrix.reshape(sets, size, size), pushed.reshape(sets, size, 1))
-    return (force.reshape(sets, size, size) @ approach).reshape(pushed.shape)
+    parts = moment.shape[1]
+    if not moves[..., -1].any():  # the sun turns steadily
+        parts -= 1
+        moment, moves = moment[:, :parts], moves[..., :parts]
+    whole = spring.reshape(orders * meshes, orders * meshes)
+    within = moment.T @ (spring @ moment).reshape(orders, meshes, orders * parts)
+    matrix = np.tile(-within.reshape(orders, parts, orders, parts), (sets, 1, 1, 1, 1))
+    row = np.arange(orders)
+    matrix[:, row, :, row, :] -= np.swapaxes(moment.T @ (drag[..., None] * moment), 0, 1)
+    matrix *= moves[:, None, None]
+    size = orders * parts
+    matrix = matrix.reshape(sets, size, size)
+    matrix[:, np.arange(size), np.arange(size)] += 1.0
+
+    def pressed(approach):
+        return (approach.reshape(sets, -1) @ whole.T).reshape(approach.shape) + drag * approach
+
+    torques = np.linalg.solve(matrix, (pressed(pushed) @ moment).reshape(sets, size, 1))
+    return pressed(pushed + (moves * torques.reshape(sets, orders, parts)) @ moment.T)
 
 
 def _excited(spectra, ripple, period):

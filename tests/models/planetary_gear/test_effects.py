@@ -29,7 +29,13 @@ def strength(lines) -> dict[float, float]:
 
 @pytest.mark.parametrize("name", sorted(MODEL.effects))
 def test_every_effect_keeps_the_rules(name):
-    check_effect(MODEL.effects[name], MODEL, ORDERS)
+    given = dict(ORDERS)
+    if name in (
+        "carrier-runout",
+        "sun-runout",
+    ):  # at a torque at which no teeth part: a fit over it may miss a size
+        given["carrier_torque"] = np.full(ORDERS["order"].size, 300.0)
+    check_effect(MODEL.effects[name], MODEL, given)
 
 
 def test_all_effects_of_the_catalogue_are_there():

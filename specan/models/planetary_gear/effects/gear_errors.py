@@ -14,10 +14,8 @@ from specan.models import Parameter, effect
     reference="approach of an eccentric gear, e sin(angle against the line of action)",
 )
 def sun_runout(
-    carrier_turn,
-    planet_angle,
+    sun_wave,
     pressure_angle,
-    sun_order,
     *,
     cosine=Parameter(10.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in phase"),
     sine=Parameter(5.0, "um", min=-30.0, max=30.0, lower=-500.0, upper=500.0, doc="part in quadrature"),
@@ -27,8 +25,8 @@ def sun_runout(
     To a sensor on the ring that is the order of the sun's shaft: for the article's gear 66h +- 3.75 and 66h +- 0.75,
     as for a torque ripple, but in another ratio. 66h +- 2.75 appears where the planets are not alike.
     """
-    at = 2 * np.pi * sun_order * carrier_turn[None, :] - planet_angle[:, None] + pressure_angle
-    return cosine * np.cos(at) + sine * np.sin(at)
+    turned = (cosine - 1j * sine) * np.exp(1j * pressure_angle)
+    return turned.real * sun_wave.real - turned.imag * sun_wave.imag
 
 
 @effect(
@@ -98,9 +96,7 @@ def carrier_runout(
     reference="ISO 1328-1:2013 (cumulative pitch deviation), as a Fourier series over the turn of the sun",
 )
 def pitch_errors(
-    carrier_turn,
-    planet_angle,
-    sun_order,
+    sun_wave,
     *,
     second_cosine=Parameter(
         2.0, "um", min=-10.0, max=10.0, lower=-200.0, upper=200.0, doc="twice a turn, in phase"
@@ -117,9 +113,8 @@ def pitch_errors(
     +- 4.5 and +- 8.25 of the article's gear. The first multiple belongs to runout; those beyond the third are not
     looked at.
     """
-    at = 2 * np.pi * sun_order * carrier_turn[None, :] - planet_angle[:, None]
-    second = second_cosine * np.cos(2 * at) + second_sine * np.sin(2 * at)
-    return second + third_cosine * np.cos(3 * at) + third_sine * np.sin(3 * at)
+    second, third = second_cosine - 1j * second_sine, third_cosine - 1j * third_sine
+    return (sun_wave**2 * (second + third * sun_wave)).real
 
 
 @effect(
