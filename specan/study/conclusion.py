@@ -43,7 +43,7 @@ class Conclusion:
 
 
 def conclude(search: Search, sets: Sequence[Refit]) -> Conclusion:
-    """The verdict on a finished search and the sets that the data cannot tell from its best."""
+    """The verdict on a finished search and the sets that the data cannot distinguish from its best."""
     base, best = search.base, search.best
     if not best.uses:
         return _of_larger_size(search) or _of_base(search)

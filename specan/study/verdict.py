@@ -165,7 +165,7 @@ class Diagnosis(Result):
     reason : str
         One sentence on how the verdict came about.
     alternatives : tuple of tuple of str
-        Every set of effects that the data cannot tell from the best; names in one set act together.
+        Every set of effects that the data cannot distinguish from the best; names in one set act together.
     at : mapping
         Where effects of the alternatives act.
     unknown_possible : bool
@@ -256,7 +256,7 @@ class Diagnosis(Result):
 
 
 def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
-    """Every set that was refitted: those that the data cannot tell apart, then the others, the likeliest first."""
+    """Every set that was refitted: those that the data cannot distinguish, then the others, the likeliest first."""
     base, dispersion = search.base, search.best.dispersion
     others = [r for r in search.refits.done.values() if r.uses and r not in sets]
     others.sort(key=lambda r: (not search.believable(r), r.bic(dispersion)))

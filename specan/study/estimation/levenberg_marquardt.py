@@ -76,8 +76,8 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
     Raises
     ------
     ComputationError
-        Not finite at the start, or not settled after 25 Jacobians. A model that is far from many data and slides
-        along a valley is taken where it is: nothing is concluded from its exact minimum.
+        Not finite at the start, or not settled after 25 Jacobians. A fit that is still far from many data and
+        improves slowly is taken as it is: nothing is concluded from its exact minimum.
     """
     descent = _Descent(problem, start)
     history: list[float] = []

@@ -154,7 +154,7 @@ def replace_residual(linear: Projection, residual: np.ndarray) -> Projection:
 
 
 def alternatives(search: Search) -> list[Refit]:
-    """Sets that the data cannot tell from the best, best first; the best alone where they can."""
+    """Sets that the data cannot distinguish from the best, best first; the best alone where they can."""
     best = search.best
     if not best.uses:
         return []

@@ -63,7 +63,7 @@ def _sizes(
 
 
 def _directions(count: int) -> list[NDArray[np.float64]]:
-    """Ways in which one or two amplitudes may go, by the side on which they lie."""
+    """Directions in which one or two amplitudes may go, by the side on which they lie."""
     if count == 1:
         return [np.array([[-1.0]]), np.array([[1.0]])]
     angle = (np.arange(8) + 0.5) * np.pi / 4

@@ -39,6 +39,7 @@ from specan.study.selection.single_instruments import (
     displaced,
     off_certificate,
     outstanding,
+    stands_as_known,
 )
 from specan.study.selection.starting_values import scan_promising
 
@@ -334,9 +335,13 @@ class Search:
                 )
         dispersion = min((r.dispersion for r in needed), default=1.0)
         best = min(passed, key=lambda r: r.bic(dispersion), default=None)
+        while best is not None and stands_as_known(best):
+            passed, needed = [[r for r in some if r is not best] for some in (passed, needed)]
+            best = min(passed, key=lambda r: r.bic(dispersion), default=None)
         if best is None and single is not None and needed:
             least = min(r.bic(dispersion) for r in needed)
-            self.extensions = [r for r in needed if r.bic(dispersion) < least + DECISIVE]
+            as_likely = [r for r in needed if r.bic(dispersion) < least + DECISIVE]
+            self.extensions = [r for r in as_likely if not stands_as_known(r)]
         return best
 
     def _completed(self, single: Refit) -> bool:
@@ -450,7 +455,7 @@ class Search:
             if refit is None:
                 continue
             decision = step.acceptance.decision(refit)
-            if decision.accepted:
+            if decision.accepted and not stands_as_known(refit):
                 passed.append(refit)
         return min(passed, key=lambda r: r.chi2, default=None)
 

@@ -39,7 +39,7 @@ def improvement_probability(
     """Probability under the null that q further amplitudes lower chi-square by `fall` or more.
 
     F = (fall / q) / max(s^2, 1) with q and `noise_dof` degrees of freedom. `sided` = 1 for one
-    amplitude that cannot change sign: it sits on the boundary of its domain under the null, and the
+    amplitude that cannot change sign: it lies on the boundary of its domain under the null, and the
     law is the even mixture of chi-square with 0 and 1 degrees (Self & Liang 1987, JASA 82:605).
 
     Parameters

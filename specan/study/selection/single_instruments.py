@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.selection.candidates import candidates
-from specan.study.selection.pulls import pulls
+from specan.study.selection.initial_fit import about_itself
+from specan.study.selection.pulls import TOO_FAR, pulls
 from specan.study.selection.refits import Refit
 from specan.study.selection.signatures import default_value, residuals
 
@@ -64,6 +65,29 @@ def off_certificate(refit: Refit, uses: Collection[Use]) -> list[Use]:
     far = {pull.parameter.owner for pull in pulls(refit) if pull.too_far}
     held = {name.owner for name in map(ParameterName, refit.problem.priors)}
     return [use for use in uses if str(use) in far & held]
+
+
+def stands_as_known(refit: Refit) -> bool:
+    """Whether a receiver that a set displaces beside another effect is where it is known to be.
+
+    About the base's field some centimetres may explain what the form of the other effect leaves. About the set's own
+    field a place is told within tenths of a millimetre, and one within three standard uncertainties of what is
+    declared is no error that the model lacks.
+    """
+    receivers = refit.problem.assembly.model.receivers
+    if receivers is None or not refit.problem.strategy.linearised_covariance:
+        return False
+    moved = [use for use in refit.uses if use.name == receivers.moved_by]
+    if not moved or len(moved) == len(refit.uses):
+        return False
+    places = list(refit.problem.assembly.model.axes[receivers.axis])
+    known = np.broadcast_to(np.ravel(receivers.errors.position_m), len(places))
+    values = about_itself(refit).fit.values
+    return any(
+        max(abs(values[f"{use}.{axis}"]) for axis in receivers.along)
+        < TOO_FAR * known[places.index(str(use.at))]
+        for use in moved
+    )
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ def _seen_from(lean: Problem, values: Mapping[str, Any]) -> Refit:
 def scan_promising(
     refit: Refit, scored: Mapping[Use, Sequence[Scored]], count: int
 ) -> dict[Use, list[Scored]]:
-    """Ways in for what promises most, for every effect where it promises most, and for the two best at every place.
+    """Starting values: the most promising of all, of every effect, and the two best at every place.
 
     Few shapes may be what holds an effect back; and a low mode is much the same at the opposite end.
     """
@@ -311,7 +311,7 @@ class Found:
 
 
 def likely_places(refit: Refit, found: Sequence[Candidate]) -> dict[Use, list[Found]]:
-    """Places of the candidates that act at one, best first; empty for a model that cannot tell.
+    """Places of the candidates that act at one, best first; empty for a model that does not look for places.
 
     Places that explain less than `LEAST_SHARE` of what the best of all does are left out, but the best of each
     element.
