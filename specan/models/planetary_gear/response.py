@@ -30,10 +30,13 @@ def mesh_force(transmission_error, mesh_spring, mesh_damping, planet_load, plane
     reach = samples // 2 // period
     side = np.arange(-reach, reach + 1)
     spectra = np.fft.rfft(transmission_error, axis=-1).reshape(points, 2 * planets, -1)
-    ripple = np.fft.rfft(torque_ripple[:samples])
+    ripple = np.zeros(samples // 2 + 1, complex)
+    if np.any(torque_ripple):
+        ripple = np.fft.rfft(torque_ripple[:samples])
     # Springs answer to what the approach is beyond the steady deflection, dampers to the whole of it.
     errors = np.concatenate([sun_error, ring_error])[:, :samples]
-    steady = spectra + np.fft.rfft(errors, axis=-1) if np.any(errors) else spectra
+    uneven, steady = np.any(errors, axis=-1), spectra.copy()
+    steady[:, uneven] += np.fft.rfft(errors[uneven], axis=-1)
     moment, mass = _freedom(base_radii, carrier_inertia, planet_inertia, planets)
 
     def moved(omega):

@@ -61,7 +61,7 @@ class Minimum:
     chi2: float
 
 
-def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Minimum:
+def descend(problem: Problem, start: Array, slopes: Array | None = None, lowest: float = np.inf) -> Minimum:
     """Minimise the sum of squares of a problem's residual from one start.
 
     Parameters
@@ -72,6 +72,9 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
     slopes : array, optional
         Jacobian near the start. It is kept current by secants, and a minimum is then accepted on it:
         for problems whose Jacobian costs more than the verdict needs.
+    lowest : float
+        Chi-square that another start has reached: a descent that lies above it by more than its last five Jacobians
+        have gained is given up where it is.
 
     Raises
     ------
@@ -87,7 +90,8 @@ def descend(problem: Problem, start: Array, slopes: Array | None = None) -> Mini
         jacobian = slopes if slopes is not None and count == 0 else problem.jacobian(descent.theta)
         if not np.all(np.isfinite(jacobian)):
             raise ComputationError("the model gives derivatives that are not finite")
-        slow = len(history) > 5 and history[-6] - history[-1] < descent.little
+        enough = max(descent.little, descent.chi2 - lowest)
+        slow = len(history) > 5 and history[-6] - history[-1] < enough
         found = descent.minimum(jacobian) if slow else descent.follow(jacobian, guessed)
         if found is not None:
             return found

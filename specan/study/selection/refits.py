@@ -309,11 +309,13 @@ class Refits:
             except ComputationError as fault:
                 return None, fault.found
         for theta in thetas:
+            # Of starts to either side, those that stay far above another are not followed to their minimum.
+            lowest = best.chi2 if best is not None and problem.strategy.either_sign else np.inf
             try:
                 found = (
                     _some_steps(problem, theta)
                     if self.rough
-                    else descend(problem, theta, _slopes(fewer, problem, theta))
+                    else descend(problem, theta, _slopes(fewer, problem, theta), lowest)
                 )
             except ComputationError as fault:
                 reason = fault.found

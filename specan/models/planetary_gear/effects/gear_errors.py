@@ -146,9 +146,11 @@ def tooth_crack(
 
     Many lines of 2.75 orders; the pulses rise with the load.
     """
-    turn = (sun_order * carrier_turn[None, :] - planet_angle[:, None] / (2 * np.pi) - place) % 1.0
-    part = turn * sun_teeth / mesh_geometry[0, 1]
-    dip = np.where(part < 1.0, np.sin(np.pi * np.clip(part, 0, 1)) ** 2, 0.0)
+    turn = sun_order * carrier_turn[None, :] - planet_angle[:, None] / (2 * np.pi) - place
+    part = (turn - np.floor(turn)) * (sun_teeth / mesh_geometry[0, 1])
+    carries = part < 1.0
+    dip = np.zeros(part.shape)
+    dip[carries] = np.sin(np.pi * part[carries]) ** 2
     return -softer * np.mean(mean_load / load_stiffness) * dip
 
 
