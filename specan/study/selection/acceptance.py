@@ -5,7 +5,7 @@ The test is the F-test, BIC and blocked cross-validation together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -21,6 +21,7 @@ from specan.study.estimation.linear import Projection
 from specan.study.estimation.prediction_error import ObservableError, errors_of
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
+from specan.study.processes import in_parts
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.refits import FORM_TOLERANCE, Refit
 from specan.study.selection.signatures import Point, changes, default_value
@@ -343,7 +344,7 @@ class DetectableSize:
 
 
 def minimum_detectable_sizes(
-    start: Refit, acceptance: AcceptanceTest, dispersion: float
+    start: Refit, acceptance: AcceptanceTest, dispersion: float, uses: Collection[Use] | None = None
 ) -> list[DetectableSize]:
     """For every candidate the amplitude that the acceptance test would pass in 80 % of repetitions.
 
@@ -360,10 +361,12 @@ def minimum_detectable_sizes(
         Of a step from there.
     dispersion : float
         max(s^2, 1) of the best model.
+    uses : collection of Use, optional
+        Those alone.
     """
-    found, _ = candidates(start.problem)
+    found = [c for c in candidates(start.problem)[0] if uses is None or c.use in uses]
     level = acceptance.single_level
-    return [_of(start, candidate, level, dispersion) for candidate in found]
+    return in_parts(lambda some: [_of(start, one, level, dispersion) for one in some], found)
 
 
 def _of(start: Refit, candidate: Candidate, level: float, dispersion: float) -> DetectableSize:

@@ -104,8 +104,7 @@ def refit_rivals(search: Search) -> None:
         ]
         for items in scan_shapes(there, declared).values():
             search.refits.fit(there, [[item] for item in items], again=True)
-    for members in near:
-        search.refits.fit(there, [members])
+    search.refits.fit_each(there, near)
     if len(best.uses) == 2 and strategy.continuation:
         for kept in sorted(best.uses):
             _exchange_second(search, kept)

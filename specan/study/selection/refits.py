@@ -25,6 +25,7 @@ from specan.study.estimation.levenberg_marquardt import (
 )
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
+from specan.study.processes import each
 from specan.study.selection.either_sign import of_either_sign
 from specan.study.selection.score_test import Scored, row_weights
 from specan.study.selection.signatures import with_rows_of
@@ -204,10 +205,25 @@ class Refits:
             None where no start converged; the reason is in `failed`.
         """
         uses = start.uses | {s.use for s in signatures[0]}
-        before = self.done.get(uses)
-        if not again and (before is not None or uses in self.failed):
-            return before
+        if not again and (uses in self.done or uses in self.failed):
+            return self.done.get(uses)
         problem = self.base.problem.with_uses(sorted(uses))
+        return self._keep(uses, problem, *self._minimum(start, signatures, problem, again))
+
+    def fit_each(self, start: Refit, many: Sequence[Sequence[Scored]]) -> None:
+        """Add uses of one signature each to a fitted set, several times; no refit knows of the others."""
+        new = {start.uses | {s.use for s in members}: members for members in many}
+        new = {uses: members for uses, members in new.items() if not {uses} & {*self.done, *self.failed}}
+        problems = {uses: self.base.problem.with_uses(sorted(uses)) for uses in new}
+        found = each(lambda uses: self._minimum(start, [new[uses]], problems[uses]), list(new))
+        for uses, (best, reason) in zip(new, found, strict=True):
+            self._keep(uses, problems[uses], best, reason)
+
+    def _minimum(
+        self, start: Refit, signatures: Sequence[Sequence[Scored]], problem: Problem, again: bool = False
+    ) -> tuple[Minimum | None, str]:
+        """Lowest minimum of a problem with the uses of the signatures, as `fit` says; None, and why, without one."""
+        uses = start.uses | {s.use for s in signatures[0]}
         starts = [start_from(start, members, problem) for members in signatures]
         if not again:
             known = [dict(self.known[uses])] if uses in self.known else []
@@ -221,6 +237,11 @@ class Refits:
             nested = self._best_within(uses)
             if best is None or best.chi2 > nested.fit.chi2 + STALL_TOLERANCE * unit(problem, best.chi2):
                 best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
+        return best, reason
+
+    def _keep(self, uses: EffectSet, problem: Problem, best: Minimum | None, reason: str) -> Refit | None:
+        """What was fitted, or the better fit that was there before."""
+        before = self.done.get(uses)
         if best is None or (before is not None and before.fit.chi2 <= best.chi2):
             if before is None:
                 self.failed[uses] = reason
