@@ -340,8 +340,7 @@ def _of_members(search: Search) -> list[Any]:
     if not search.best.uses:
         return []
     step = search.step(search.base)
-    found = minimum_detectable_sizes(step.seen, step.acceptance, search.best.dispersion)
-    return [v for v in found if v.use in {str(u) for u in search.best.uses}]
+    return minimum_detectable_sizes(step.seen, step.acceptance, search.best.dispersion, search.best.uses)
 
 
 def _discrepancy(problem: Problem) -> float:
