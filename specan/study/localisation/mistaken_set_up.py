@@ -251,7 +251,8 @@ class _Misfit:
         """Of all places on the faces those that explain most with a strength that is free at every line."""
         places = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
         everywhere = [(face, float(a), float(b)) for face in faces for a, b in places]
-        placed = self._problem.assembly.model.receivers.placed
+        receivers = self._problem.assembly.model.receivers
+        placed = None if receivers is None else receivers.placed
         if placed is None:
             return everywhere
         share = np.zeros(len(everywhere))

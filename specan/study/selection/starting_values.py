@@ -363,7 +363,7 @@ def _shares(refit: Refit, placed: PlacedEffects, elements: Sequence[str]) -> dic
     across, along = (axis.ravel() for axis in np.meshgrid(_grid(), _grid(), indexing="ij"))
     places = np.column_stack([across, along])
     total = 0.0
-    explained = {element: np.zeros(len(places)) for element in elements}
+    by_element = {element: np.zeros(len(places)) for element in elements}
     for observation in seen:
         own = problem.seen_by(observation, problem.values_at(refit.fit.theta))
         quantities = problem.assembly.evaluate(
@@ -373,8 +373,8 @@ def _shares(refit: Refit, placed: PlacedEffects, elements: Sequence[str]) -> dic
         weight = observation.kept / observation.noise
         total += float(np.sum(np.abs(gap * weight) ** 2))
         for element in elements:
-            explained[element] += explained(gap * weight, placed, quantities, element, places, observation)
-    return {e: x.reshape(EACH_WAY, EACH_WAY) / total for e, x in explained.items()} if total else {}
+            by_element[element] += explained(gap * weight, placed, quantities, element, places, observation)
+    return {e: x.reshape(EACH_WAY, EACH_WAY) / total for e, x in by_element.items()} if total else {}
 
 
 def explained(
