@@ -259,8 +259,24 @@ def _best_of_few(
         refit = refits.fit(best, [[item] for item in items])
         if refit is not None and refit.bic(1.0) < better.bic(1.0):
             better = refit
-            queue = [*confounded_with(best.problem.assembly.model, use), *queue]
+            queue = [
+                *_elsewhere(best, scored, better, use),
+                *confounded_with(best.problem.assembly.model, use),
+                *queue,
+            ]
     return better
+
+
+def _elsewhere(start: Refit, scored: Mapping[Use, Sequence[Scored]], better: Refit, found: Use) -> list[Use]:
+    """The same effect at the other element that promises most, where what was found does not meet the view.
+
+    At opposite ends it changes every resonance by the same amount to first order, the square of the mode shape: from
+    afar the promises of the two hardly differ.
+    """
+    if better.reduced <= 1 or not found.at or start.problem.assembly.model.effects[found.name].instrument:
+        return []
+    others = [use for use in scored if use.name == found.name and use != found]
+    return sorted(others, key=lambda use: start.promised(scored[use][0]))[:1]
 
 
 def _leaves_its_form(start: Refit, better: Refit) -> bool:
