@@ -1,6 +1,7 @@
 """Fits that set out from far off: down-weighted views, stages, shapes of what is new."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,12 +12,13 @@ from specan.models.measurement_kinds import ReceiverErrors
 from specan.study.diagnose import diagnose
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import describe, fit
+from specan.study.estimation.prediction_error import observable_errors
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem, candidates, confounded_with
-from specan.study.selection.initial_fit import _screened
-from specan.study.selection.refits import Refit
+from specan.study.selection.initial_fit import _elsewhere, _screened
+from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import best_of_each, score
 from specan.study.selection.signatures import shape_grid, signatures
 from specan.study.selection.single_instruments import displaced
@@ -213,6 +215,24 @@ def test_a_few_steps_tell_a_strong_lining_from_what_promises_as_much(model):
     assert str(_screened(base, {use: found[use] for use in uses})[0]) == "wall-impedance@z1"
 
 
+def test_what_does_not_suffice_at_one_wall_is_tried_at_the_opposite_one(model):
+    """The square of a mode's shape is the same at both ends of an axis, and so is what a wall does to resonances."""
+    true = {
+        f"panel-resonance@z1.{name}": v
+        for name, v in (("coverage", 0.3), ("resonance", 170.0), ("loss_factor", 0.1))
+    }
+    problem = base_problem(model, [recorded(model, ["panel-resonance@z1"], true)])
+    values = continuation_fit(problem)
+    view = down_weighted(problem, values=values)
+    base = Refit(frozenset(), view, fit(view, start=values))
+    opposite, right = Use.parse("panel-resonance@z0"), Use.parse("panel-resonance@z1")
+    found = scan_shapes(base, [c.use for c in candidates(view)[0] if c.use.name == opposite.name])
+    wrong = Refits(base, rough=True).fit(base, [[item] for item in found[opposite]])
+    assert wrong.reduced > 1
+    assert _elsewhere(base, found, wrong, opposite) == [right]
+    assert not _elsewhere(base, found, SimpleNamespace(reduced=0.9), opposite)  # it meets the view
+
+
 def test_a_small_resonator_is_found_behind_what_does_something_everywhere(model):
     """A fortieth of the usual size, at a place and a resonance that are not tried at first."""
     use = "helmholtz-resonator@y0"
@@ -341,6 +361,29 @@ def test_an_edge_far_off_its_drawing_is_named(model):
     assert found.verdict == "effect"
     assert found.alternatives == (("dimension-error",),)
     assert found.ranking[0].parameters["dimension-error@z.error"]["value"] == pytest.approx(-0.0076, abs=2e-4)
+
+
+def test_an_edge_that_its_certificate_hardly_admits_is_said_with_what_checks_it(model):
+    """Between what is known and what is named: the value in percent, and the instrument that tells."""
+    found = diagnose(
+        base_problem(model, [recorded(model, ["dimension-error@z"], {"dimension-error@z.error": 0.0036})])
+    )
+    assert found.verdict == "fits-only-if"
+    assert "dimension-error@z.error = 0.3" in found.reason
+    assert " %, known -0.2 to 0.2 %; what would tell: a tape measure; a thermometer" in found.reason
+
+
+def test_levels_do_not_count_lines_of_hum(model):
+    o = recorded(model, [], {})
+    clear = np.abs(o.response).min() / 20
+    heard, random = o.response.copy(), np.full(o.response.shape, clear)
+    heard[:, 7], random[:, 7] = 50 * heard[:, 7], 49 * np.abs(heard[:, 7])
+    o = replace(o, response=heard, random=random)
+    predicted = o.measured * 1.1
+    of_hum = np.tile(np.isin(o.frequency_hz, o.frequency_hz[7]), 2 * len(o.channels))
+    predicted[of_hum] /= 55
+    (error,) = observable_errors(base_problem(model, [o]), [o], [predicted])
+    assert error.level_dB == pytest.approx(20 * np.log10(1.1), rel=1e-9)
 
 
 def test_nothing_is_named_beside_a_lining_that_is_all(model):

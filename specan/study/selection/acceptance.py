@@ -5,7 +5,7 @@ The test is the F-test, BIC and blocked cross-validation together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -23,7 +23,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
 from specan.study.processes import in_parts
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.refits import FORM_TOLERANCE, Refit
+from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit
 from specan.study.selection.signatures import Point, changes, default_value
 from specan.study.selection.significance import (
     LACK_OF_FIT,
@@ -344,7 +344,7 @@ class DetectableSize:
 
 
 def minimum_detectable_sizes(
-    start: Refit, acceptance: AcceptanceTest, dispersion: float, uses: Collection[Use] | None = None
+    start: Refit, acceptance: AcceptanceTest, dispersion: float, only: EffectSet | None = None
 ) -> list[DetectableSize]:
     """For every candidate the amplitude that the acceptance test would pass in 80 % of repetitions.
 
@@ -361,10 +361,10 @@ def minimum_detectable_sizes(
         Of a step from there.
     dispersion : float
         max(s^2, 1) of the best model.
-    uses : collection of Use, optional
-        Those alone.
+    only : set of Use, optional
+        Candidates that are asked for; by default all.
     """
-    found = [c for c in candidates(start.problem)[0] if uses is None or c.use in uses]
+    found = [c for c in candidates(start.problem)[0] if only is None or c.use in only]
     level = acceptance.single_level
     return in_parts(lambda some: [_of(start, one, level, dispersion) for one in some], found)
 

@@ -39,7 +39,10 @@ Found = TypeVar("Found")
 POOR_FIT = 1.5  # reduced chi-square above which a base is too far from the data to set out from
 FORM_TOLERANCE = 0.2  # share of its signature to which the equation of an effect is trusted
 PRUNING_FACTOR = 3.0  # times the best chi-square so far, beyond what an equation may be off
-JACOBIANS = 3  # of all lines, before a set is given up
+# Jacobians of all lines before a set is given up, each with the multiple of the best chi-square beyond which no more
+# are spent on it: windows that a subsample has from elsewhere change a response by some per cent, where the noise is
+# some tenths of one.
+HOPELESS = (0, 1000.0), (1, 100.0), (2, 0.0)
 SLOPE_STEP = 1e-3  # of a parameter's typical size
 
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
@@ -210,12 +213,15 @@ class Refits:
         problem = self.base.problem.with_uses(sorted(uses))
         return self._keep(uses, problem, *self._minimum(start, signatures, problem, again))
 
-    def fit_each(self, start: Refit, many: Sequence[Sequence[Scored]]) -> None:
-        """Add uses of one signature each to a fitted set, several times; no refit knows of the others."""
-        new = {start.uses | {s.use for s in members}: members for members in many}
-        new = {uses: members for uses, members in new.items() if not {uses} & {*self.done, *self.failed}}
+    def fit_each(self, start: Refit, many: Sequence[Sequence[Sequence[Scored]]], again: bool = False) -> None:
+        """As `fit` for several sets, in several processes where they are allowed; no refit knows of the others."""
+        new = {start.uses | {s.use for s in signatures[0]}: signatures for signatures in many}
+        if not again:
+            new = {
+                uses: own for uses, own in new.items() if uses not in self.done and uses not in self.failed
+            }
         problems = {uses: self.base.problem.with_uses(sorted(uses)) for uses in new}
-        found = each(lambda uses: self._minimum(start, [new[uses]], problems[uses]), list(new))
+        found = each(lambda uses: self._minimum(start, new[uses], problems[uses], again), list(new))
         for uses, (best, reason) in zip(new, found, strict=True):
             self._keep(uses, problems[uses], best, reason)
 
@@ -306,12 +312,14 @@ class Refits:
         if self._best_within(uses).fit.chi2 <= min(others):
             return None
         theta = problem.start(near[0])
-        for jacobians in (0, JACOBIANS):
+        for jacobians, hopeless in HOPELESS:
             theta = descend_steps(problem, theta, jacobians)
             residual = problem.residual(theta)
             chi2 = float(residual @ residual)
             if not self.beyond_pruning_bound(chi2, min(others)):
                 return None
+            if chi2 > hopeless * min(others):
+                break
         return Minimum(theta, residual, problem.jacobian(theta), chi2)
 
     def _lowest(
