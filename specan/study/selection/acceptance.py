@@ -21,7 +21,6 @@ from specan.study.estimation.linear import Projection
 from specan.study.estimation.prediction_error import ObservableError, errors_of
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
-from specan.study.processes import in_parts
 from specan.study.selection.candidates import Candidate, candidates
 from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit
 from specan.study.selection.signatures import Point, changes, default_value
@@ -364,9 +363,9 @@ def minimum_detectable_sizes(
     only : set of Use, optional
         Candidates that are asked for; by default all.
     """
-    found = [c for c in candidates(start.problem)[0] if only is None or c.use in only]
+    found, _ = candidates(start.problem)
     level = acceptance.single_level
-    return in_parts(lambda some: [_of(start, one, level, dispersion) for one in some], found)
+    return [_of(start, c, level, dispersion) for c in found if only is None or c.use in only]
 
 
 def _of(start: Refit, candidate: Candidate, level: float, dispersion: float) -> DetectableSize:

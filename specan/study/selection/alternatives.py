@@ -104,7 +104,11 @@ def refit_rivals(search: Search) -> None:
         ]
         closer = scan_shapes(there, declared).values()
         search.refits.fit_each(there, [[[item] for item in items] for items in closer], again=True)
-    search.refits.fit_each(there, [[members] for members in near])
+    if strategy.continuation:
+        search.refits.fit_each(there, [[members] for members in near])
+    else:
+        for members in near:
+            search.refits.fit(there, [members])
     if len(best.uses) == 2 and strategy.continuation:
         for kept in sorted(best.uses):
             _exchange_second(search, kept)
