@@ -19,7 +19,7 @@ from specan.models.catalogue import is_file, load_model, read_rig_file
 from specan.models.groups import with_groups
 from specan.study.build_problem import assemble, parameter_table
 from specan.study.comparison import Comparison
-from specan.study.estimation.continuation import continuation_fit, linearised
+from specan.study.estimation.continuation import continuation_fit, linearised, shifts_of
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.prediction_error import (
     HeldOut,
@@ -297,6 +297,10 @@ class Study:
             o.about(self.problem.assembly, self.problem.seen_by(o, values), seen=False)
             for o in self.data.held_out
         ]
+        if shifts_of(self.problem.assembly) is not None:
+            from specan.study.estimation.mode_shifts import knowing_shifts
+
+            unseen = knowing_shifts(self.problem, unseen)
         return held_out_error(self.problem, self.shown, unseen)
 
     @cached_property

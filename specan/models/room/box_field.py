@@ -13,7 +13,7 @@ the band (`specan.models.room.resonances`); what lies above the truncation is ad
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,6 +111,21 @@ class BoxField:
     def modal(self, source: Port, receivers: Sequence[Port]) -> Complex:
         """The modes up to the truncation alone, array (lines, receivers): all but the near field, and cheap."""
         return self._everywhere(source, receivers, self.modes.coupling(source, receivers))
+
+    def with_modes_at(self, modes: NDArray[np.intp], shift: Real) -> BoxField:
+        """The same box with some of its modes at other frequencies and with other decay rates.
+
+        Parameters
+        ----------
+        modes : array of int (n, 3)
+            Number of each mode along the edges. One that does not resonate by itself in the band stays where it is.
+        shift : array (2, n)
+            Relative changes of natural frequencies and of decay rates.
+        """
+        if self.resonances is None:
+            return self
+        moved = self.resonances.pole_shift(modes, shift[0] + 1j * shift[1])
+        return replace(self, resonances=self.resonances.shifted(moved), _done={})
 
     def _everywhere(self, source: Port, receivers: Sequence[Port], found: Complex) -> Complex:
         return found if self.resonances is None else self.resonances.everywhere(source, receivers, found)

@@ -13,7 +13,7 @@ is summed at every line.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -108,6 +108,10 @@ class Resonances:
         Of ``1 / (K^2 - k^2)``, over the shapes' norms.
     curves : array (lines, modes)
         ``1 / (f - p)``.
+    unshifted : array (few, modes), optional
+        The same at the few lines where the poles in `curves` are not those of the exact sum.
+    orders : array (3, modes), optional
+        Number of the mode along each edge.
     others : Shapes
         At the few lines, arrays (few, modes).
     factors : array (lines, modes)
@@ -120,11 +124,42 @@ class Resonances:
     curves: Complex
     others: Shapes
     factors: Complex
+    unshifted: Complex | None = None
+    orders: NDArray[np.intp] | None = None
+
+    @property
+    def pole(self) -> Complex:
+        """Poles as `curves` have them, half-widths of the band from its middle."""
+        found: Complex = self.few.place[0] - 1 / self.curves[0]
+        return found
+
+    def pole_shift(self, table: NDArray[np.intp], relative: Complex) -> Complex:
+        """Shifts of the poles, half-widths: real and imaginary parts of frequencies by their relative changes.
+
+        Parameters
+        ----------
+        table : array (n, 3)
+            Number of modes along each edge.
+        relative : array (n,)
+            Change of the natural frequency over it, plus j times that of the decay rate over it.
+        """
+        assert self.orders is not None
+        by_order = dict(zip(map(tuple, table.tolist()), relative.tolist(), strict=True))
+        part = np.array([by_order.get(tuple(n), 0) for n in self.orders.T.tolist()], dtype=complex)
+        hertz = self.few.middle + self.few.half * self.pole
+        return np.asarray((part.real * hertz.real + 1j * part.imag * hertz.imag) / self.few.half)
+
+    def shifted(self, shift: Complex) -> Resonances:
+        """The same with other poles, half-widths; what is left of the sum beside the poles stays as it is."""
+        before = self.curves[self.few.chosen] if self.unshifted is None else self.unshifted
+        curves = 1 / (self.few.place[:, None] - (self.pole + shift))
+        return replace(self, curves=curves, unshifted=before)
 
     def everywhere(self, source: Port, receivers: Sequence[Port], exact: Complex) -> Complex:
         """Couplings (lines, receivers) from the exact ones at the few lines (few, receivers)."""
         size = (self.residue * self.poles.at(source))[:, None] * self.poles.at_all(receivers)
-        smooth = exact - self.curves[self.few.chosen] @ size
+        own_curves = self.curves[self.few.chosen] if self.unshifted is None else self.unshifted
+        smooth = exact - own_curves @ size
         if not self.factors.shape[1]:
             return self.curves @ size + self.few.everywhere(smooth)
         own = (self.others.at(source) / self.others.norm)[..., None] * self.others.at_all(receivers)
@@ -181,6 +216,7 @@ def resonances(
         1 / (few.place[:, None] - pole[kept]),
         others,
         1 / (_distance(axes, orders[:, left], few.matrix) - k2[:, None]),
+        orders=orders[:, kept],
     )
 
 
