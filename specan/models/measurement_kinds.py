@@ -312,9 +312,7 @@ class ModeShifts:
     parameters: tuple[str, str]
     size: int
     reads: tuple[str, ...]
-    columns: Callable[
-        [Mapping[str, Any]], Iterator[tuple[NDArray[np.complex128], tuple[complex, complex]]]
-    ]
+    columns: Callable[[Mapping[str, Any]], Iterator[tuple[NDArray[np.complex128], tuple[complex, complex]]]]
 
     def of(self, values: Mapping[str, Any]) -> Array:
         """Shifts out of the values of parameters, array (2 modes,)."""

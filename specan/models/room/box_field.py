@@ -12,7 +12,7 @@ the band (`specan.models.room.resonances`); what lies above the truncation is ad
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -123,9 +123,53 @@ class BoxField:
             Relative changes of natural frequencies and of decay rates.
         """
         if self.resonances is None:
-            return self
-        moved = self.resonances.pole_shift(modes, shift[0] + 1j * shift[1])
-        return replace(self, resonances=self.resonances.shifted(moved), _done={})
+            sizes = self._sizes(modes)
+            moved = sizes[0] * shift[0] + sizes[1] * shift[1]
+            return replace(self, modes=replace(self.modes, moved=(modes.T, moved), _lines={}), _done={})
+        poles = self.resonances.pole_shift(modes, shift[0] + 1j * shift[1])
+        return replace(self, resonances=self.resonances.shifted(poles), _done={})
+
+    def mode_slopes(
+        self, sources: Sequence[tuple[Port, Complex]], receivers: Sequence[Port], modes: NDArray[np.intp]
+    ) -> Iterator[tuple[Complex, tuple[complex, complex]]]:
+        """Change of what sources of given strengths (lines,) make with each mode, as `with_modes_at` moves it.
+
+        Yields
+        ------
+        change : array (receivers, lines)
+            With the mode's pole, or with its squared wave number.
+        sizes : pair of complex
+            What a relative change of the natural frequency, and of the decay rate, moves that.
+        """
+        found = self.resonances
+        if found is None:
+            changes = np.zeros((len(modes), len(receivers), len(self.k2)), dtype=complex)
+            for port, strength in sources:
+                changes += strength * self.modes.slopes(port, receivers, modes.T)
+            yield from zip(changes, zip(*self._sizes(modes).tolist(), strict=True), strict=True)
+            return
+        driven = np.zeros((len(found.residue), len(self.k2)), dtype=complex)
+        for port, strength in sources:
+            driven += np.outer(found.poles.at(port), strength)
+        heard = found.residue[:, None] * found.poles.at_all(receivers)
+        hertz = found.few.middle / found.few.half + found.pole
+        assert found.orders is not None
+        for order in modes:
+            own = np.flatnonzero(np.all(order == found.orders.T, axis=1))
+            slopes = heard[own].T @ (driven[own] * found.curves[:, own].T ** 2)
+            pole = complex(hertz[own[0]]) if own.size else 0j
+            yield slopes, (pole.real + 0j, 1j * pole.imag)
+
+    def _sizes(self, modes: NDArray[np.intp]) -> Complex:
+        """What relative changes of frequency and decay rate make of squared wave numbers (2, n), 1/m^2.
+
+        A mode decays by the imaginary part of what it lacks to resonance where it lacks least.
+        """
+        rigid = np.sum((np.pi * modes / np.array(self.lengths)) ** 2, axis=1)
+        x, y, z = (axis.q2[:, n] for axis, n in zip(self.modes.axes, modes.T, strict=True))
+        lacks = x + y + z - self.modes.k2[:, None]
+        nearest = lacks[np.argmin(np.abs(lacks), axis=0), np.arange(len(modes))]
+        return np.stack([2 * rigid + 0j, 1j * nearest.imag])
 
     def _everywhere(self, source: Port, receivers: Sequence[Port], found: Complex) -> Complex:
         return found if self.resonances is None else self.resonances.everywhere(source, receivers, found)

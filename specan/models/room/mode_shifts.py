@@ -47,7 +47,7 @@ def modes_of(rig: Rig) -> NDArray[np.intp]:
     edges = np.array(rig.room.dims_m)
     low, high = rig.band.f_min_hz * (1 - BESIDE_BAND), rig.band.f_max_hz * (1 + BESIDE_BAND)
     most = np.floor(2 * high * edges / SOUND_SPEED).astype(int)
-    orders = np.indices(most + 1).reshape(3, -1).T
+    orders = np.array(list(np.ndindex(*(most + 1))))
     frequency = SOUND_SPEED / 2 * np.linalg.norm(orders / edges, axis=1)
     inside = np.flatnonzero((frequency >= low) & (frequency <= high))
     return np.asarray(orders[inside[np.argsort(frequency[inside])]])
@@ -66,38 +66,23 @@ def quantities(rig: Rig, modes: NDArray[np.intp]) -> tuple[Quantity, ...]:
 
 
 def _columns(known: Mapping[str, Any]) -> Iterator[tuple[Complex, tuple[complex, complex]]]:
-    """Change of the transfer functions with each mode's pole, and what one standard uncertainty moves it.
+    """Change of the transfer functions with each mode, and how far one standard uncertainty moves it.
 
-    Of ``G = sum_N a_N / (f - p_N) + ...`` it is ``a_N / (f - p_N)^2``: sound that loads give back is not followed.
+    Sound that loads give back is not followed: a diaphragm, a resonator hear the mode where it was.
     """
-    room, table, sd = known["room_modes"], known["modes_apart"], known["mode_shift_sd"]
-    found = room.resonances
-    nowhere = np.zeros(np.shape(known["indicated_frf"]), dtype=complex)
-    if found is None:
-        yield from ((nowhere, (0j, 0j)) for _ in table)
-        return
+    room = known["room_modes"]
     pistons = [
         (known["piston_wall"], known["source_position"], known["piston_radius"]), *known["further_loudspeakers"]
     ]  # fmt: skip
-    driven = np.zeros((len(found.residue), nowhere.shape[1]), dtype=complex)
-    for number, (wall, centre, radius) in enumerate(pistons):
-        port = room.patch(known["wall_names"][int(wall)], centre, float(radius))
-        velocity = known["loudspeaker_velocity"][number] * (known["piston_velocity_profile"] if not number else 1)
-        driven += np.outer(found.poles.at(port) * np.pi * port.radius**2, velocity)
-    heard = found.residue[:, None] * found.poles.at_all([Port(point(p), 0) for p in known["receiver_position"]])
-    factor = 2j * np.pi * known["frequency"] * known["density"] * known["indicated_frf"] / known["field"]
-    hertz = found.few.middle + found.few.half * found.pole
-    which: dict[tuple[int, ...], list[int]] = {}
-    for index, order in enumerate(found.orders.T.tolist()):
-        which.setdefault(tuple(order), []).append(index)
-    for order, sizes in zip(table.tolist(), sd.T, strict=True):
-        own = which.get(tuple(order), [])
-        if not own:
-            yield nowhere, (0j, 0j)
-            continue
-        column = sum(np.outer(heard[k], driven[k] * found.curves[:, k] ** 2) for k in own)
-        pole = hertz[own[0]] / found.few.half
-        yield factor * column, (complex(sizes[0] * pole.real), complex(1j * sizes[1] * pole.imag))
+    ports = [room.patch(known["wall_names"][int(w)], centre, float(radius)) for w, centre, radius in pistons]
+    velocity = known["loudspeaker_velocity"] * np.ones(len(known["frequency"]))
+    velocity[0] = velocity[0] * known["piston_velocity_profile"]
+    sources = [(p, np.pi * p.radius**2 * v) for p, v in zip(ports, velocity, strict=True)]
+    heard = 2j * np.pi * known["frequency"] * known["density"] * known["indicated_frf"] / known["field"]
+    receivers = [Port(point(p), 0) for p in known["receiver_position"]]
+    each = room.mode_slopes(sources, receivers, known["modes_apart"])
+    for (change, sizes), (frequency, damping) in zip(each, known["mode_shift_sd"].T, strict=True):
+        yield heard * change, (sizes[0] * frequency, sizes[1] * damping)
 
 
 def mode_shifts(modes: NDArray[np.intp]) -> ModeShifts | None:

@@ -105,9 +105,7 @@ def resonances_across(
     along = (left_over * (few.middle + few.half * pole.real)) ** 2 - (np.pi / axes[i].length * m[family]) ** 2
     along -= (np.pi / axes[j].length * n[family]) ** 2
     orders[across] = np.round(np.sqrt(np.maximum(along, 0)) * axis.length / np.pi)
-    return Resonances(
-        few, at_poles, residue / at_poles.norm, curves, others, factors, orders=orders
-    )
+    return Resonances(few, at_poles, residue / at_poles.norm, curves, others, factors, orders=orders)
 
 
 class _Families:

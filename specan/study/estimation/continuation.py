@@ -162,7 +162,11 @@ def _linear_about(problem: Problem, assembly: Assembly, values: Mapping[str, Any
         [o.about(assembly, problem.seen_by(o, values), placed=placed) for o in problem.observations]
     )
     shifts = shifts_of(assembly)
-    return found if shifts is None else replace(found, values={**found.values, **shifts.named(shifts.of(values))})
+    return (
+        found
+        if shifts is None
+        else replace(found, values={**found.values, **shifts.named(shifts.of(values))})
+    )
 
 
 def shifts_of(assembly: Assembly) -> ModeShifts | None:

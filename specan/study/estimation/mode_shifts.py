@@ -52,7 +52,7 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
     def at(theta: Array, z: Array) -> Problem:
         return replace(here, values={**whole.values, **shifts.named(z)})
 
-    here, held = whole, np.empty(0)
+    here, held = whole, None
     for number in range(ROUNDS):
         if number % AGAIN == 0:
             now = replace(whole, values={**whole.values, **shifts.named(z)})
@@ -64,9 +64,9 @@ def with_mode_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, 
             here = whole.over(seen)
         now = at(theta, z)
         residual, n = now.residual(theta), now.n_data
-        if not held.size:
-            held = np.abs(residual[n:]) < FAR
-        weights = np.concatenate([np.full(n, 1 / np.sqrt(max(residual[:n] @ residual[:n] / n, 1.0))), held])
+        held = np.abs(residual[n:]) < FAR if held is None else held
+        excess = max(float(residual[:n] @ residual[:n]) / n, 1.0)
+        weights = np.concatenate([np.full(n, excess**-0.5), held])
         jacobian = now.jacobian(theta) * whole.scale
         columns = _white(now, assembly, theta)
         slopes = weights[:, None] * np.hstack(
