@@ -72,7 +72,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     return Model(
         name="room",
         title=shape.title,
-        notes=(*shape.notes, *notes),
+        notes=(*shape.notes, *notes, *mode_shifts.notes(settings, modes)),
         conditions={
             "frequency": Condition("frequency", "Hz", "Frequency of each line.", "frequency_hz", "Hz"),
             "velocity_psd": Condition(

@@ -65,6 +65,15 @@ def quantities(rig: Rig, modes: NDArray[np.intp]) -> tuple[Quantity, ...]:
     return listed, sizes, mode_shift
 
 
+def notes(rig: Rig, modes: NDArray[np.intp]) -> tuple[str, ...]:
+    """What is to be told of a freedom of single modes."""
+    frequency, damping = (100 * part for part in rig.uncertainty.of_each_mode)
+    declared = (
+        f"each of {len(modes)} modes by itself {frequency:.3g} % in frequency and {damping:.3g} % in damping"
+    )
+    return (f"uncertain: {declared} ([uncertainty])",) if len(modes) else ()
+
+
 def _columns(known: Mapping[str, Any]) -> Iterator[tuple[Complex, tuple[complex, complex]]]:
     """Change of the transfer functions with each mode, and how far one standard uncertainty moves it.
 

@@ -202,6 +202,13 @@ def read_rig(content: Mapping[str, Any]) -> Rig:
     rig = parse(Rig, content, "the rig file")
     if (rig.room.dims_m is None) == (rig.room.mesh is None):
         raise RequestError("[room] gives neither or both of dims_m and mesh", expected="one of them")
+    if rig.room.mesh is not None and (
+        rig.uncertainty.mode_frequency_percent or rig.uncertainty.mode_damping_percent
+    ):
+        raise RequestError(
+            "[uncertainty] mode_frequency_percent and mode_damping_percent are for rooms that dims_m describes",
+            remedy="leave them out, or give dims_m",
+        )
     if rig.band.f_max_hz <= rig.band.f_min_hz:
         raise RequestError(
             f"[band] f_max_hz is {rig.band.f_max_hz}, f_min_hz {rig.band.f_min_hz}",
