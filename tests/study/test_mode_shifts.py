@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from truth.room import simulate, write
 
 from specan.study.create import begin
 from specan.study.study import Study
+from truth.room import simulate, write
 
 DECLARED = {"mode_frequency_percent": 0.1, "mode_damping_percent": 3.0}
 

@@ -156,8 +156,8 @@ def _make_box(
     # is fitted they must not jump.
     k_max = 2 * np.pi * float(np.max(frequency)) / COLD
     counts = mode_counts(as_drawn, k_max, float(margin))
-    made = box(frequency, lengths, (k - 1j * attenuation) ** 2, 1j * k * admittance, as_drawn, k_max, counts)
-    return made.with_modes_at(modes_apart, mode_shift) if np.any(mode_shift) else made
+    k2 = (k - 1j * attenuation) ** 2
+    return box(frequency, lengths, k2, 1j * k * admittance, as_drawn, k_max, counts, modes_apart, mode_shift)
 
 
 @quantity(unit="Pa*s/m", axes=("place",))

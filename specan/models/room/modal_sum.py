@@ -64,19 +64,23 @@ class Modes:
                 out[part, i] = here.port_sum(amplitudes, [x[part] for x in along], receivers[i])
         return out
 
-    def slopes(self, source: Port, receivers: Sequence[Port], numbers: NDArray[np.intp]) -> Complex:
-        """Change of the sum with the squared wave number of single modes (3, n): array (n, receivers, lines)."""
+    def products(self, source: Port, receivers: Sequence[Port], numbers: NDArray[np.intp]) -> Complex:
+        """``Psi(r) Psi(s) / Lambda`` of single modes (3, n), array (lines, receivers, n)."""
         points = np.array([port.position for port in receivers])
         from_source = _along(self.axes, source)
         heard = np.ones((1, 1, 1), dtype=complex)
         for i, axis in enumerate(self.axes):
             heard = heard * axis.at(points[:, i])[:, numbers[i]]
-        out = np.empty((numbers.shape[1], len(receivers), len(self.k2)), dtype=complex)
+        out = np.empty((len(self.k2), len(receivers), numbers.shape[1]), dtype=complex)
         for part, here in self._parts():
-            amplitudes = here.amplitudes([x[part] for x in from_source], source)[:, *numbers]
-            each = -amplitudes / here.distance[:, *numbers]
-            out[..., part] = (each[..., None] * heard[part]).transpose(1, 2, 0)
+            each = (here.amplitudes([x[part] for x in from_source], source) * here.distance)[:, *numbers]
+            out[part] = (each[..., None] * heard[part]).transpose(0, 2, 1)
         return out
+
+    def lacks(self, numbers: NDArray[np.intp]) -> Complex:
+        """``K^2 - k^2`` of single modes (3, n), as the box has them, array (lines, n)."""
+        x, y, z = (axis.q2[:, n] for axis, n in zip(self.axes, numbers, strict=True))
+        return np.asarray(x + y + z - self.k2[:, None])
 
 
 _ALONG = (

@@ -111,7 +111,7 @@ class Resonances:
     unshifted : array (few, modes), optional
         The same at the few lines where the poles in `curves` are not those of the exact sum.
     orders : array (3, modes), optional
-        Number of the mode along each edge.
+        Numbers along the edges of what rings nearest, where the poles are not those of single modes.
     others : Shapes
         At the few lines, arrays (few, modes).
     factors : array (lines, modes)
@@ -128,32 +128,27 @@ class Resonances:
     orders: NDArray[np.intp] | None = None
 
     @property
-    def pole(self) -> Complex:
-        """Poles as `curves` have them, half-widths of the band from its middle."""
-        found: Complex = self.few.place[0] - 1 / self.curves[0]
+    def per_k2(self) -> Complex:
+        """Move of each pole, half-widths of the band, with the squared wave number of its mode, array (modes,)."""
+        found: Complex = -self.residue * self.poles.norm
         return found
 
-    def pole_shift(self, table: NDArray[np.intp], relative: Complex) -> Complex:
-        """Shifts of the poles, half-widths: real and imaginary parts of frequencies by their relative changes.
+    def shifted(self, modes: NDArray[np.intp], more: Complex) -> Resonances:
+        """The same with other poles; what is left of the sum beside the poles stays as it is.
 
         Parameters
         ----------
-        table : array (n, 3)
-            Number of modes along each edge.
-        relative : array (n,)
-            Change of the natural frequency over it, plus j times that of the decay rate over it.
+        modes : array of int (3, n)
+            Numbers of some modes along the edges.
+        more : array (n,)
+            By how much their squared wave numbers are larger, 1/m^2.
         """
         assert self.orders is not None
-        by_order = dict(zip(map(tuple, table.tolist()), relative.tolist(), strict=True))
+        by_order = dict(zip(map(tuple, modes.T.tolist()), more.tolist(), strict=True))
         part = np.array([by_order.get(tuple(n), 0) for n in self.orders.T.tolist()], dtype=complex)
-        hertz = self.few.middle + self.few.half * self.pole
-        return np.asarray((part.real * hertz.real + 1j * part.imag * hertz.imag) / self.few.half)
-
-    def shifted(self, shift: Complex) -> Resonances:
-        """The same with other poles, half-widths; what is left of the sum beside the poles stays as it is."""
-        before = self.curves[self.few.chosen] if self.unshifted is None else self.unshifted
-        curves = 1 / (self.few.place[:, None] - (self.pole + shift))
-        return replace(self, curves=curves, unshifted=before)
+        pole = self.few.place[0] - 1 / self.curves[0] + part * self.per_k2
+        curves = 1 / (self.few.place[:, None] - pole)
+        return replace(self, curves=curves, unshifted=self.curves[self.few.chosen])
 
     def everywhere(self, source: Port, receivers: Sequence[Port], exact: Complex) -> Complex:
         """Couplings (lines, receivers) from the exact ones at the few lines (few, receivers)."""
@@ -174,6 +169,7 @@ def resonances(
     k2: Complex,
     counts: Sequence[int],
     highest: float,
+    moved: tuple[NDArray[np.intp], Complex] | None = None,
 ) -> Resonances:
     """Poles of the modes that may resonate in the band.
 
@@ -188,16 +184,22 @@ def resonances(
         Modes along each edge among which they are.
     highest : float
         Wave number up to which a mode may resonate in the band, 1/m.
+    moved : array of int (3, n) and array (n,), optional
+        See `Modes`.
     """
     lengths = tuple(axis.length for axis in axes)
     orders = _orders(tuple(counts))
     distance = _distance(axes, orders) - k2[few.chosen, None]
+    more = np.zeros(len(orders[0]), dtype=complex)
+    if moved is not None:
+        more[np.ravel_multi_index(tuple(moved[0]), tuple(counts))] = moved[1]
+        distance = distance + more
     near = np.min((distance + k2[few.chosen, None]).real, axis=0) <= highest**2
-    orders, distance = orders[:, near], distance[:, near]
+    orders, distance, more = orders[:, near], distance[:, near], more[near]
     pole, slope, found = _poles(few, distance, k2[few.chosen])
     residue = np.where(found, 1 / slope, 0)
     some = slice(few.looked_at.start, None, EVERY * few.looked_at.step)
-    there = _distance(axes, orders, few.matrix[some]) - k2[some, None]
+    there = _distance(axes, orders, few.matrix[some]) - k2[some, None] + more
     exact, seen = 1 / distance, 1 / there
     rest = exact - residue / (few.place[few.chosen, None] - pole)
     off = few.matrix[some] @ rest - (seen - residue / (few.place[some, None] - pole))
@@ -215,8 +217,7 @@ def resonances(
         residue[kept] / poles.norm,
         1 / (few.place[:, None] - pole[kept]),
         others,
-        1 / (_distance(axes, orders[:, left], few.matrix) - k2[:, None]),
-        orders=orders[:, kept],
+        1 / (_distance(axes, orders[:, left], few.matrix) - k2[:, None] + more[left]),
     )
 
 
