@@ -119,7 +119,7 @@ def command(
         )
     else:
         click.echo(f"{done} analysed, {aside} put aside, {len(failed)} failed.")
-        table("", ["table", "rows"], [[path.name, _rows(path)] for path in report.tables])
+        table("", ["table", "rows"], [[p.name, n] for p, n in zip(report.tables, report.rows, strict=True)])
         click.echo(f"Written to {output}." if page is None else f"Written to {output}; the page is {page}.")
     if failed:
         return 1 if done or aside else 3
@@ -134,20 +134,6 @@ def _write_report(report: BatchReport, settings: BatchSettings, output: Path) ->
     with text_file(page) as file:
         file.write(batch_report(report, settings))
     return page
-
-
-_PIECE = 1 << 20
-
-
-def _rows(path: Path) -> int:
-    with path.open("rb") as file:
-        while (line := file.readline()).startswith(b"#"):
-            pass
-        lines, rest = int(bool(line)), file.read(_PIECE)
-        while rest:
-            lines += rest.count(b"\n")
-            rest = file.read(_PIECE)
-    return lines - 1
 
 
 def progress_line() -> Callable[[int, int, float], None] | None:

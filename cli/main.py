@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import importlib
 import io
 import os
@@ -127,6 +129,9 @@ def _show_version(ctx: click.Context, wanted: bool) -> None:
 def run() -> None:
     """Run the suite and turn errors into messages and exit codes."""
     debug = "--debug" in sys.argv
+    atexit.register(
+        gc.freeze
+    )  # the system takes the memory back: looking through all modules takes it 0.05 s more
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a name may hold what the terminal cannot show
             stream.reconfigure(errors="backslashreplace")

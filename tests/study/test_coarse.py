@@ -305,6 +305,19 @@ def test_a_receiver_that_stands_elsewhere_is_found_by_its_own_rows(model):
     assert one.values == pytest.approx(true, abs=2e-4)
 
 
+@pytest.mark.parametrize("gain", [-0.06, 0.07])
+def test_a_gain_beyond_its_calibration_is_found_by_the_rows_of_its_microphone(model, gain):
+    use = "microphone-gain@Mic 2"
+    true = {f"{use}.gain": gain}
+    problem = linearised(base_problem(model, [recorded(model, [use], true)]), [{}])
+    base = Refit(frozenset(), problem, describe(problem, problem.start({})))
+    assert not base.poor_fit  # a calibration of 0.1 dB covers it, at a price
+    found = displaced(base, [c.use for c in candidates(problem)[0]])
+    first = next(iter(found))
+    assert str(first) == use
+    assert found[first].values == pytest.approx(true, rel=0.3)
+
+
 @pytest.mark.parametrize("warmer", [-3.0, 4.0])
 def test_a_certificate_that_a_lining_contradicts_is_part_of_the_verdict(model, warmer):
     """With the wall alone the air is taken far off what its thermometer says: both are missing, not one."""

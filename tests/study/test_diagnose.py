@@ -1,7 +1,7 @@
 """Verdicts on the analytic toy: what is there is named, what is not is not, and the numbers hold."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -13,12 +13,14 @@ from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.localisation.localise import localise
+from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import (
     AcceptanceTest,
     Decision,
     DetectableSize,
     by_effect,
     minimum_detectable_sizes,
+    noise_dof,
 )
 from specan.study.selection.alternatives import alternatives, distance
 from specan.study.selection.candidates import base_problem
@@ -26,6 +28,7 @@ from specan.study.selection.pulls import data_alone, pulls, too_far
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.residual_law import residual_law, simplest
 from specan.study.selection.search import Search
+from specan.study.selection.significance import improvement_probability
 from specan.study.verdict import parameters_of
 
 
@@ -630,6 +633,49 @@ def test_the_equation_of_an_effect_is_trusted_to_a_fifth(toy):
     assert [r.uses for r in alternatives(search)] == [search.best.uses, pair.uses]
     exact = AcceptanceTest(step.start, step.acceptance.family, 0.0, step.acceptance.level)
     assert exact.decision(pair).accepted
+
+
+class OfResonances(TableObservation):
+    """Rows that are searched as those of transfer functions are."""
+
+    strategy = replace(TableObservation.strategy, continuation=True)
+
+
+def test_the_form_of_an_effect_reaches_a_certificate_through_the_data_only(toy):
+    """What the worst error of form, of unit length in the data, gains without a certificate: plain least squares."""
+    model = toy.model("square", "zero-error")
+    values = 2.0 + 3.0 * toy.x + 60 * toy.x**2 + 2.0 * (toy.z > 0)
+    plain = toy.observation(values)
+    seen = OfResonances(**{f.name: getattr(plain, f.name) for f in fields(plain) if f.init})
+    problem = base_problem(model, [seen])
+    base = Refit(frozenset(), problem, fit(problem))
+    family = Search(Refits(base)).step(base).acceptance.family
+    alone, both = problem.with_uses(["square"]), problem.with_uses(["square", "zero-error"])
+    square = Refit(frozenset({Use("square")}), alone, fit(alone), 1, 1)
+    freed = Refit(frozenset({Use("square"), Use("zero-error")}), both, fit(both), 2, 2)
+    certificate = 0.5
+    shown = np.column_stack([np.ones(48), toy.x, toy.x**2, toy.z > 0]).astype(float)
+    held = np.vstack([shown, [0.0, 0.0, 0.0, 1 / certificate]])
+
+    def gained(error):
+        def left(columns, y):
+            return np.sum((y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]) ** 2)
+
+        return left(held, np.append(error, 0.0)) - left(shown, error)
+
+    rest = shown[:, 3] - shown[:, :3] @ np.linalg.lstsq(shown[:, :3], shown[:, 3], rcond=None)[0]
+    most = gained(rest / np.linalg.norm(rest))
+    rng = np.random.default_rng(1)
+    assert all(gained(e / np.linalg.norm(e)) <= most for e in rng.standard_normal((200, 48)))
+    assert 0.05 < most < 0.5
+
+    test = AcceptanceTest(square, family, 1000.0)
+    decision = test.decision(freed)
+    tolerated = test.left_by_form * most
+    single = improvement_probability(
+        square.chi2 - freed.chi2, 1, noise_dof=noise_dof(freed), tolerated=tolerated
+    )
+    assert decision.p_with_tolerance == pytest.approx(test.family.probability(single), rel=1e-6)
 
 
 def test_noise_from_few_repeats_makes_acceptance_careful(toy):

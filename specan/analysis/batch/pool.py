@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
+    from multiprocessing.connection import Connection
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -43,14 +43,13 @@ def spread(
             yield position, work(item)
         return
     waiting = list(range(len(items)))
-    waiting, suspects = yield from _round(items, waiting, work, prepare, context, jobs)
-    while waiting or suspects:
-        # Some process died, and nobody knows over which item: those in work are tried one at a time.
-        for position in suspects:
-            _, dead = yield from _round(items, [position], work, prepare, context, 1)
-            if dead:
+    while waiting:
+        dead, waiting = yield from _round(items, waiting, work, prepare, context, jobs)
+        # Other processes may have taken the memory that the dead one asked for: its item is tried once more, alone.
+        for position in dead:
+            dead_again, _ = yield from _round(items, [position], work, prepare, context, 1)
+            if dead_again:
                 yield position, on_death(items[position])
-        waiting, suspects = yield from _round(items, waiting, work, prepare, context, jobs)
 
 
 def _round(
@@ -61,48 +60,74 @@ def _round(
     context: tuple[Any, ...],
     jobs: int,
 ) -> Generator[tuple[int, Result], None, tuple[list[int], list[int]]]:
-    """Work until done or until a process dies; returns what was not begun and what was in work then."""
+    """Work until every process has ended; returns what a process died over, and what none has begun.
+
+    This process only takes in results: it shares the cores with the others.
+    """
     # Loaded here: a batch in one process does without.
     import multiprocessing
-    from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing.connection import wait
 
-    waiting = list(positions)[::-1]
-    running: dict[Future[Result], int] = {}
-    if not waiting:
-        return [], []
     # A copy of this process has everything loaded, a new one takes 0.4 s. Copied are processes without threads only: a
     # lock that another thread holds would never be given back. Other systems than Linux begin new ones.
     copied = sys.platform == "linux" and threading.active_count() == 1
-    context_of = multiprocessing.get_context("fork" if copied else "spawn")
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(min(jobs, len(waiting)), context_of, _begin, (prepare, *context))
+    processes: Any = multiprocessing.get_context("fork" if copied else "spawn")
+    begun = processes.Value("q", 0)
+    workers: dict[Any, Any] = {}
+    done: set[int] = set()
     try:
-        while waiting or running:
-            # Two for each process: none waits while a result is put away here.
-            while waiting and len(running) < 2 * jobs:
-                position = waiting.pop()
-                running[pool.submit(work, items[position])] = position
-            ready, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in ready:
-                result = future.result()
-                yield running.pop(future), result
-    except BrokenProcessPool:
-        return waiting[::-1], sorted(running.values())
-    except BaseException:  # interrupted, or not wanted any more: nobody waits for what is in work
-        for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-    return [], []
+        for _ in range(min(jobs, len(positions))):
+            source, sink = processes.Pipe(duplex=False)
+            told = (sink, begun, items, positions, work, prepare, context)
+            worker = processes.Process(target=_serve, args=told, daemon=True)
+            worker.start()
+            sink.close()  # the end of the process is the end of what can be read
+            workers[source] = source, worker
+        while workers:
+            for source in wait(list(workers)):
+                try:
+                    outcome: tuple[int, Any, Exception | None] = workers[source][0].recv()
+                except (EOFError, OSError):
+                    workers.pop(source)[1].join()
+                    continue
+                position, result, fault = outcome
+                if fault is not None:
+                    raise fault
+                done.add(position)
+                yield position, result
+    finally:  # interrupted, or not wanted any more: nobody waits for what is in work
+        for _, worker in workers.values():
+            worker.terminate()
+    count = begun.value
+    return [p for p in positions[:count] if p not in done], list(positions[count:])
 
 
-def _begin(prepare: Callable[..., None], *context: Any) -> None:
-    """Prepare a process; it leaves interruptions to the one that began it, and ends with that one."""
+def _serve(
+    sink: Connection,
+    begun: Any,
+    items: Sequence[Item],
+    positions: Sequence[int],
+    work: Callable[[Item], Result],
+    prepare: Callable[..., None],
+    context: tuple[Any, ...],
+) -> None:
+    """Work on what nobody has begun, until nothing is left.
+
+    Interruptions are left to the process that began this one, which ends with that one.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     prepare(*context)
+    while True:
+        with begun.get_lock():
+            number = begun.value
+            begun.value = min(number + 1, len(positions))
+        if number == len(positions):
+            return
+        try:
+            sink.send((positions[number], work(items[positions[number]]), None))
+        except Exception as fault:
+            sink.send((positions[number], None, fault))
 
 
 def _end_with_parent() -> None:

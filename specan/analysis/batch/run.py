@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +22,7 @@ from specan.analysis.batch.settings import BatchSettings
 from specan.analysis.batch.store import Context, Kept, Store, common_context, context_of, unchanged
 from specan.analysis.batch.tables import write_tables
 from specan.data.calibration import Calibration
+from specan.dsp.freed_memory import keep_freed_memory
 from specan.errors import RequestError
 from specan.io.calibration_file import read_calibration
 from specan.io.channel_table import read_channel_table
@@ -47,12 +48,15 @@ class BatchReport(Result):
         Sorted by label, without their lines.
     tables : tuple of Path
         The files that were written.
+    rows : tuple of int
+        Their numbers of rows.
     resumed : int
         Number of results that an earlier batch had left.
     """
 
     results: tuple[FileResult, ...]
     tables: tuple[Path, ...]
+    rows: tuple[int, ...]
     resumed: int = 0
 
     dimensions = ("file",)
@@ -137,6 +141,7 @@ def run_batch(
         raise RequestError(f"the number of processes is {jobs}", expected="1 or more")
     if jobs is not None and cluster is not None:
         raise RequestError("processes and a cluster are asked for", expected="--jobs or --cluster, not both")
+    keep_freed_memory()  # files of a second work in 20 MB, again and again
     settings = (settings or BatchSettings()).completed()
     inputs = find_inputs(directories)
     if channel_table is not None or settings.sampling_rate is not None:
@@ -182,7 +187,8 @@ def run_batch(
         written = write_tables(store.place, header, results, kept)
         _publish(store.place, out, written)
         store.keep_only(kept)
-    return BatchReport(tuple(results), tuple(out / name for name in written), resumed)
+    tables = tuple(out / name for name in written)
+    return BatchReport(tuple(results), tables, tuple(written.values()), resumed)
 
 
 def _watched(
@@ -235,7 +241,7 @@ def _certain(settings: BatchSettings) -> tuple[str, ...]:
     return tuple(name for name in COLUMNS if name not in OPTIONAL or settings.orders is not None)
 
 
-def _publish(ready: Path, out: Path, written: Sequence[str]) -> None:
+def _publish(ready: Path, out: Path, written: Collection[str]) -> None:
     """Put tables that are complete in place, one right after the other; those of an earlier batch alone go."""
     for name in OPTIONAL.intersection(written):
         check_table(out / name)
@@ -264,6 +270,7 @@ def _prepare(
     settings: str, calibrations: dict[str, Calibration], verify: bool, place: Path, common: str
 ) -> None:
     global _settings, _verify, _store, _context
+    keep_freed_memory()
     _settings, _verify = BatchSettings.model_validate_json(settings), verify
     _store, _context = Store(place, joined=True), context_of(common)
     _calibrations.clear()

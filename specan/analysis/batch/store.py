@@ -118,7 +118,7 @@ def program_identity() -> str:
     return f"specan {specan.__version__} ({digest.hexdigest()[:12]}), numpy {np.__version__}, scipy {scipy.__version__}"
 
 
-_SCHEMA, _SUFFIX = 3, ".result"
+_SCHEMA, _SUFFIX = 4, ".result"
 
 
 @dataclass(frozen=True)
@@ -136,6 +136,8 @@ class Kept:
     path : Path
     places : mapping of str to (int, int)
         First byte and number of bytes of the lines of each table.
+    rows : mapping of str to int
+        Number of lines of each table.
     """
 
     result: FileResult
@@ -143,6 +145,7 @@ class Kept:
     context: str
     path: Path
     places: Mapping[str, tuple[int, int]]
+    rows: Mapping[str, int]
 
     def lines(self, table: str) -> str:
         """Lines of one table."""
@@ -199,7 +202,8 @@ class Store:
                 if zlib.crc32(file.read()) != found["checksum"] or file.tell() != end:
                     return None
                 result = _result(found)
-                return Kept(result, Identity(**found["identity"]), found["context"], path, places)
+                identity = Identity(**found["identity"])
+                return Kept(result, identity, found["context"], path, places, found["rows"])
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
 
@@ -225,6 +229,7 @@ class Store:
             "tone": None if result.tone is None else _plain(result.tone),
             "checksum": zlib.crc32(b"".join(encoded.values())),
             "lines": {table: len(lines) for table, lines in encoded.items()},
+            "rows": {table: lines.count(b"\n") for table, lines in encoded.items()},
         }
         try:
             # Not waited for: what a power cut has left half written does not have its checksum, and is made again.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 from specan import __version__
@@ -38,7 +38,7 @@ UNITS = {
 
 def write_tables(
     out: Path, header: Sequence[str], results: Sequence[FileResult], kept: Mapping[str, Kept]
-) -> tuple[str, ...]:
+) -> dict[str, int]:
     """Write every table, those without a row as well; optional ones only where a file has them.
 
     Parameters
@@ -52,24 +52,29 @@ def write_tables(
 
     Returns
     -------
-    tuple of str
-        Names of the tables that were written.
+    dict
+        Number of rows of each table that was written.
     """
-    written = []
+    written = {}
     for name, columns in text.COLUMNS.items():
         here = [r for r in results if r.label in kept and name in kept[r.label].places]
         if name in text.OPTIONAL and not here:
             continue
-        written.append(name)
         about = [f"file {r.label}: {line}" for r in here for line in r.about]
-        if name == "skipped.txt":
-            lines: Iterator[str | bytes] = _skipped(results)
-        elif name == "sine.txt":
-            lines = _sine_lines(results, _blocks(name, here, kept))
+        lines: Iterable[str | bytes]
+        if name in ("skipped.txt", "sine.txt"):
+            made = (
+                _skipped(results)
+                if name == "skipped.txt"
+                else _sine_lines(results, _blocks(name, here, kept))
+            )
+            lines = texts = list(made)
+            written[name] = sum(block.count("\n") for block in texts)
         else:
             lines = (kept[r.label].encoded(name) for r in here)
+            written[name] = sum(kept[r.label].rows[name] for r in here)
         text.write_table(out / name, [*_head(name, header), *about], columns, lines)
-    return tuple(written)
+    return written
 
 
 def _head(name: str, header: Sequence[str]) -> list[str]:

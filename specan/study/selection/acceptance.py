@@ -135,7 +135,7 @@ class AcceptanceTest:
 
         return Decision(
             p_value=probability(0.0),
-            p_with_tolerance=probability(self.left_by_form / dispersion),
+            p_with_tolerance=probability(self.left_by_form * self._seen_in_data(extended) / dispersion),
             delta_bic=start.bic(dispersion) - extended.bic(dispersion),
             held_out_gain=held_out_gain(start, extended),
             level=self.level,
@@ -153,6 +153,19 @@ class AcceptanceTest:
             return allowed
         seen = max(start.lack_of_fit_chi2 - start.dof, 0.0)
         return min(allowed, seen + COINCIDENCE * float(np.sqrt(2 * start.dof)))
+
+    def _seen_in_data(self, extended: Refit) -> float:
+        """Share of the direction of an extension that lies in the data, where the form of an equation may err.
+
+        One for effects. An extension that only gives certificates up gains where data and certificates disagree, and
+        of a certificate's direction, projected beside the fit, the data have the share h, the leverage of its row:
+        the variance with it over that of the certificate alone. Of several, h is at most the largest eigenvalue.
+        """
+        freed = _freed(extended, self.start)
+        if not freed or extended.count - self.start.count != len(freed):
+            return 1.0
+        part = self.start.linear.basis[[self.start.problem.pseudo_rows[name] for name in freed]]
+        return float(np.linalg.eigvalsh(part @ part.T)[-1])
 
     def _family_wise(self, single: float) -> float:
         bound = self.family.probability(single)

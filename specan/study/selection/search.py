@@ -267,14 +267,19 @@ class Search:
         ]
 
     def _displaced(self, step: Step) -> list[Use]:
-        """Receivers whose own rows ask for another place by more than a name needs; their refits begin there."""
+        """Receivers whose own rows ask for another place or gain decisively by BIC; their refits begin there.
+
+        A refit gains more than their rows do alone, with all else held.
+        """
         price = float(np.log(step.start.problem.n_effective))
         start, least = step.start.problem.values_at(step.start.fit.theta), step.acceptance.left_by_form
         found = [
             (use, one.values)
             for use, one in displaced(step.start, step.by_use).items()
-            if one.gain > max(least, step.acceptance.needed_reduction) + price * len(one.values)
-        ][:MOST_OUTSTANDING]
+            if one.gain > least + DECISIVE + price * len(one.values)
+        ]
+        first = [*dict.fromkeys(use.at for use, _ in found)][:MOST_OUTSTANDING]
+        found = [(use, values) for use, values in found if use.at in first]
         for use, values in found:
             self.refits.known = {**self.refits.known, step.start.uses | {use}: {**start, **values}}
         return [use for use, _ in found]
