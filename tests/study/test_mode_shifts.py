@@ -33,7 +33,7 @@ def test_modes_that_ring_elsewhere_are_no_effect_where_they_are_declared(uneven,
     plain.mkdir()
     declared.mkdir()
     before = studied(uneven, plain)
-    assert before.best.reduced_chi2 > 50
+    assert before.best.reduced_chi2 > 2  # this room decays fast: a shift is a small part of a width
     study = studied(uneven, declared, **DECLARED)
     assert 0.5 < study.best.reduced_chi2 < 1.15
     assert 0.5 < study.held_out.reduced_chi2 < 1.3
