@@ -326,6 +326,22 @@ class ModeShifts:
 
 
 @dataclass(frozen=True, eq=False)
+class UsualShifts:
+    """Shifts of single modes that nobody has declared, though they are usual.
+
+    Attributes
+    ----------
+    with_shifts : callable
+        ``with_shifts(model) -> model`` with `ModeShifts` of a usual size.
+    words : str
+        What is to be declared then.
+    """
+
+    with_shifts: Callable[[Any], Any]
+    words: str
+
+
+@dataclass(frozen=True, eq=False)
 class InRecording:
     """What of the receivers and the conditions holds in one recording.
 
@@ -387,6 +403,8 @@ class Receivers:
         Path of a recording of the receivers while the source is silent.
     shifts : ModeShifts, optional
         Shifts of single modes, if any are declared.
+    usual_shifts : UsualShifts, optional
+        What they may be where none are.
     in_recording : callable, optional
         ``in_recording(file name, start, duration_s) -> InRecording``, `start` a datetime64 (UTC) or None where nothing
         tells; all receivers where it is not given.
@@ -415,4 +433,5 @@ class Receivers:
     left_out_hz: tuple[tuple[float, float], ...] = ()
     background: str | None = None
     shifts: ModeShifts | None = None
+    usual_shifts: UsualShifts | None = None
     in_recording: Callable[[str, Any, float], InRecording] | None = None

@@ -13,7 +13,7 @@ DECLARED = {"mode_frequency_percent": 0.1, "mode_damping_percent": 3.0}
 @pytest.fixture(scope="module")
 def uneven():
     """Shifts uniform in frequency and skew in damping, where the study's are normal."""
-    made = simulate(4100, n_mics=6, uneven_percent=(0.1, 3.0))
+    made = simulate(71000, n_mics=6, uneven_percent=(0.1, 3.0))
     made.rig["band"]["f_max_hz"] = 320.0
     return made
 
@@ -33,7 +33,7 @@ def test_modes_that_ring_elsewhere_are_no_effect_where_they_are_declared(uneven,
     plain.mkdir()
     declared.mkdir()
     before = studied(uneven, plain)
-    assert before.best.reduced_chi2 > 2  # this room decays fast: a shift is a small part of a width
+    assert before.best.reduced_chi2 > 50
     study = studied(uneven, declared, **DECLARED)
     assert 0.5 < study.best.reduced_chi2 < 1.15
     assert 0.5 < study.held_out.reduced_chi2 < 1.3

@@ -50,8 +50,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     walls = known_walls.tied(shape.walls, settings.room.tied_walls)
     tables = known_walls.known_tables(settings.walls, walls, (settings.band.f_min_hz, settings.band.f_max_hz))
     octaves = _bands(settings, per_octave=1)
-    apart = settings.room.dims_m is not None and any(settings.uncertainty.of_each_mode)
-    modes = mode_shifts.modes_of(settings) if apart else np.empty((0, 3), dtype=np.intp)
+    modes = mode_shifts.modes_of(settings)
     quantities = [
         *shape.quantities,
         *_constants(settings, cards, shape.walls),
@@ -113,13 +112,14 @@ def build(rig: Mapping[str, Any]) -> Model:
             "loudspeaker": loudspeakers,
             "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
             "third_octave": tuple(f"{f:.4g} Hz" for f in _bands(settings)),
-            **({"mode": tuple(map(_mode_name, modes))} if len(modes) else {}),
+            **mode_shifts.axes(modes),
             **shape.axes,
         },
         words=WORDS,
         receivers=replace(
             room_receivers(settings, places, partial(in_recording, settings, log)),
             shifts=mode_shifts.mode_shifts(modes),
+            usual_shifts=mode_shifts.usual_shifts(settings, modes),
         ),
         settings={"rig": settings.model_dump(), "face_areas_m2": shape.areas_m2},
     )
@@ -164,10 +164,6 @@ def _box(rig: Rig) -> RoomShape:
         ),
         axes={"dimension": ("x", "y", "z")},
     )
-
-
-def _mode_name(orders: np.ndarray) -> str:
-    return " ".join(f"{axis}{n}" for axis, n in zip("xyz", orders, strict=True) if n)
 
 
 def _check_size(rig: Rig, dims: tuple[float, ...]) -> None:

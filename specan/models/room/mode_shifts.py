@@ -7,19 +7,22 @@ all microphones, recordings and loudspeakers meet the same.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from specan.models.effect import Parameter
-from specan.models.measurement_kinds import ModeShifts
+from specan.models.measurement_kinds import ModeShifts, UsualShifts
+from specan.models.model import Model
 from specan.models.quantity import Quantity, constant, quantity
 from specan.models.room.port import Port, point
 from specan.models.room.rig import Rig
 
 Complex = NDArray[np.complex128]
 
+USUAL_PERCENT = 0.1  # of natural frequencies of built rooms; see docs/room.md
 BESIDE_BAND = 0.03  # of the ends of the band: modes so near beside it may move too, 30 shifts of 0.1 %
 SOUND_SPEED = 343.2  # m/s, at 20 degrees Celsius (ISO 9613-1): which modes there are needs no better one
 
@@ -40,10 +43,12 @@ def mode_shift(
 
 
 def modes_of(rig: Rig) -> NDArray[np.intp]:
-    """Numbers along the edges (n, 3) of the modes of a rigid box in the band, the lowest first.
+    """Numbers along the edges (n, 3) of the modes of a rigid box in the band, the lowest first; none if none may shift.
 
     ``f = c / 2 sqrt((l / X)^2 + (m / Y)^2 + (n / Z)^2)`` (Kuttruff, Room Acoustics, 6th ed., eq. 3.17).
     """
+    if rig.room.dims_m is None or not any(rig.uncertainty.of_each_mode):
+        return np.empty((0, 3), dtype=np.intp)
     edges = np.array(rig.room.dims_m)
     low, high = rig.band.f_min_hz * (1 - BESIDE_BAND), rig.band.f_max_hz * (1 + BESIDE_BAND)
     most = np.floor(2 * high * edges / SOUND_SPEED).astype(int)
@@ -63,6 +68,34 @@ def quantities(rig: Rig, modes: NDArray[np.intp]) -> tuple[Quantity, ...]:
         "mode_shift_sd", np.broadcast_to(sd, (2, len(modes))), "1", "Standard uncertainties of the shifts."
     )
     return listed, sizes, mode_shift
+
+
+def axes(modes: NDArray[np.intp]) -> dict[str, tuple[str, ...]]:
+    """Names of the modes: ``x1 y2``; no axis where none may be shifted."""
+    names = [
+        " ".join(f"{axis}{n}" for axis, n in zip("xyz", order, strict=True) if n) for order in modes.tolist()
+    ]
+    return {"mode": tuple(names)} if names else {}
+
+
+def usual_shifts(rig: Rig, modes: NDArray[np.intp]) -> UsualShifts | None:
+    """What built rooms usually have; None where shifts are declared, or the modes have no numbers."""
+    if len(modes) or rig.room.dims_m is None:
+        return None
+    usual = {"mode_frequency_percent": USUAL_PERCENT}
+    declared = rig.model_copy(update={"uncertainty": rig.uncertainty.model_copy(update=usual)})
+
+    def with_shifts(model: Model) -> Model:
+        apart = modes_of(declared)
+        assert model.receivers is not None
+        return replace(
+            model,
+            quantities={**model.quantities, **{q.name: q for q in quantities(declared, apart)}},
+            axes={**model.axes, **axes(apart)},
+            receivers=replace(model.receivers, shifts=mode_shifts(apart), usual_shifts=None),
+        )
+
+    return UsualShifts(with_shifts, f"[uncertainty] mode_frequency_percent = {USUAL_PERCENT:g}")
 
 
 def notes(rig: Rig, modes: NDArray[np.intp]) -> tuple[str, ...]:
