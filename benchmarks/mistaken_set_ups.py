@@ -2,8 +2,9 @@
 
     python benchmarks/mistaken_set_ups.py --rooms 9 --seed 6100 --cache DIR
 
-Every room of `room_search` is recorded once and described four times: rightly, with two microphones exchanged, with all
-of them shuffled, and with the loudspeaker in another wall. Mistakes and places are drawn.
+Every room of `room_search` is recorded once and described six times: rightly, with two microphones exchanged, with all
+of them shuffled, with the loudspeaker in another wall, and with the vibrometer or one microphone of reversed sign.
+Mistakes and places are drawn.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,12 +42,13 @@ F_MAX_HZ = 400.0
 KINDS = ("lining", "corner", "warm", "lining-warm", "box", "moved", "two-moved", "panel-delay", "null")
 
 
-def described(made: RoomCase, rig: dict[str, Any], folder: Path) -> Problem:
-    """The room model as a rig file describes it, over the recording."""
+def described(made: RoomCase, rig: dict[str, Any], sign: np.ndarray, folder: Path) -> Problem:
+    """The room model as a rig file describes it, over the recording with signs of its microphones."""
     path, _ = write(made, folder)
     model = load_model("room", rig)
     data = open_data(model, MeasuredFiles([DataFile("recording", path)]))
-    return base_problem(model, data.fitted)
+    problem = base_problem(model, data.fitted)
+    return problem.over([replace(o, response=sign[:, None] * o.response) for o in problem.observations])
 
 
 def looked_for(problem: Problem) -> MistakenSetUp:
@@ -57,11 +60,12 @@ def looked_for(problem: Problem) -> MistakenSetUp:
     return mistake_beside(initial_fit(start, unheard), problem) if start.poor_fit else found
 
 
-def mistakes(rig: dict[str, Any], seed: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Descriptions of one room: the kind of mistake, what has to be said of it, and the rig file."""
+def mistakes(rig: dict[str, Any], seed: int) -> Iterator[tuple[str, str, dict[str, Any], np.ndarray]]:
+    """Descriptions of one room: the kind of mistake, what has to be said of it, the rig file, signs of microphones."""
     rng = np.random.default_rng([seed, 99])
     places = rig["mics"]["position_m"]
-    yield "none", "", rig
+    right = np.ones(len(places))
+    yield "none", "", rig, right
     for kind in ("exchanged", "shuffled"):
         order = np.arange(len(places))
         if kind == "exchanged":
@@ -73,13 +77,17 @@ def mistakes(rig: dict[str, Any], seed: int) -> Iterator[tuple[str, str, dict[st
             said = "belong to other channels"
         wrong = deepcopy(rig)
         wrong["mics"]["position_m"] = [places[k] for k in order]
-        yield kind, said, wrong
+        yield kind, said, wrong, right
     wrong, dims = deepcopy(rig), np.array(rig["room"]["dims_m"])
     wall = str(rng.choice([w for w in WALLS if w != rig["piston"]["wall"]]))
     centre = rng.uniform(0.1, dims - 0.1)
     centre["xyz".index(wall[0])] = dims["xyz".index(wall[0])] if wall[1] == "1" else 0.0
     wrong["piston"] |= {"wall": wall, "centre_m": [float(c) for c in centre]}
-    yield "other wall", f"in wall {rig['piston']['wall']} near", wrong
+    yield "other wall", f"in wall {rig['piston']['wall']} near", wrong, right
+    yield "vibrometer reversed", "the vibrometer has reversed sign", rig, -right
+    one = int(rng.integers(len(places)))
+    turned = np.where(np.arange(len(places)) == one, -1.0, 1.0)
+    yield "microphone reversed", f"Mic {one + 1} has reversed sign", rig, turned
 
 
 def main() -> int:
@@ -99,8 +107,8 @@ def main() -> int:
         made = simulate(seed, drawn(kind, seed, arguments.mics), n_mics=arguments.mics, cache=arguments.cache)
         made.rig["band"]["f_max_hz"] = F_MAX_HZ
         with tempfile.TemporaryDirectory() as folder:
-            for mistake, said, rig in mistakes(made.rig, seed):
-                problem = described(made, rig, Path(folder))
+            for mistake, said, rig, sign in mistakes(made.rig, seed):
+                problem = described(made, rig, sign, Path(folder))
                 start = time.process_time()
                 found = looked_for(problem)
                 right = said in found.text if said else not found.text

@@ -31,6 +31,7 @@ _OF_A_TERMINAL = (
     "JUPYTER_LINES",
 )
 _WIDTH = "80"  # of a file or a pipe
+LONGEST_WORD = 48  # letters of a cell that are not broken over two lines
 
 
 @contextmanager
@@ -68,21 +69,38 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> N
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # rich would end the process itself
 
+    console = Sheet(soft_wrap=False)
+    widths = column_widths([list(header), *rows], console.width)
+    console.width = max(console.width, sum(widths) + 2 * (len(widths) - 1))
     sheet = Table(title=title or None, title_justify="left", box=None, pad_edge=False, header_style="bold")
     for index, name in enumerate(header):
         numeric = _numeric(rows, index)
-        # Names of effects and parameters are copied into commands: they are never broken over two lines.
-        words = [word for row in rows for word in str(row[index]).split()] if index == 0 else []
-        least = max(map(len, words), default=1)
-        sheet.add_column(
-            name, justify="right" if numeric else "left", overflow="fold", min_width=min(least, 48)
-        )
+        sheet.add_column(name, justify="right" if numeric else "left", overflow="fold", width=widths[index])
     from rich.text import Text
 
     for row in rows:
         # Text, not markup: a channel may be called "[bold]".
         sheet.add_row(*(Text(str(cell)) for cell in row))
-    Sheet(soft_wrap=False).print(sheet)
+    console.print(sheet)
+
+
+def column_widths(rows: Sequence[Sequence[Any]], width: int) -> list[int]:
+    """Widths of columns two letters apart that fit in, as far as no word is broken: the widest give way first.
+
+    Names of effects and parameters are copied into commands; nothing is cut off at the edge.
+    """
+    from rich.cells import cell_len
+
+    columns = [[str(cell) for cell in column] for column in zip(*rows, strict=True)]
+    widths = [max(map(cell_len, column)) for column in columns]
+    least = [max((cell_len(w) for cell in c for w in cell.split()), default=0) for c in columns]
+    least = [min(word, LONGEST_WORD) for word in least]
+    while sum(widths) + 2 * (len(widths) - 1) > width:
+        shrinkable = [k for k, size in enumerate(widths) if size > least[k]]
+        if not shrinkable:
+            break
+        widths[max(shrinkable, key=lambda k: widths[k])] -= 1
+    return widths
 
 
 def plain_lines(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str] | None:

@@ -109,12 +109,11 @@ def _print_pulls(found: Diagnosis) -> None:
     if found.pulls:
         click.echo("")
         table(
-            "Pulls against what is known beforehand, the worst first",
-            ["parameter", "value", "known", "unit", "pull", ""],
+            "Values outside of what is known, and by how many standard uncertainties",
+            ["parameter", "value", "known", "unit", "off by", ""],
             [
                 [
-                    p.parameter, f"{p.value:.3g}", f"{p.known[0]:.3g} to {p.known[1]:.3g}",
-                    "" if p.unit == "1" else p.unit, f"{p.pull:+.1f} sigma", "at its bound" if p.at_bound else "",
+                    p.parameter, *p.shown(), f"{p.pull:+.1f}", "at its bound" if p.at_bound else "",
                 ]
                 for p in found.pulls
             ],
@@ -218,11 +217,11 @@ def _uses(ranked: Ranked) -> list[str]:
 def _row(ranked: Ranked, now_dB: float | None, levels: bool) -> list[Any]:
     remark = "" if ranked.plausible else "outside"
     if ranked.at_bound:
-        remark = f"{remark}, at bound".lstrip(", ")
+        remark = f"{remark}, at its bound".lstrip(", ")
     fall = [f"{now_dB:.2g} to {ranked.level_after_dB:.2g}"] if levels else []
     return [
         " + ".join(ranked.effects), f"{ranked.error_after:.3g}", *fall, f"{ranked.delta_bic:.1f}",
-        f"{ranked.p_value:.1g}", f"{ranked.held_out_gain:.1f}", remark,
+        f"{ranked.p_value:.1g}" if ranked.p_value >= 1e-12 else "<1e-12", f"{ranked.held_out_gain:.1f}", remark,
     ]  # fmt: skip
 
 

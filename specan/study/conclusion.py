@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from specan.errors import ComputationError
+from specan.models import Use
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import MOST_ROWS, localise
@@ -57,7 +58,9 @@ def conclude(search: Search, sets: Sequence[Refit]) -> Conclusion:
     contradicted = search.too_far(best)
     if contradicted:
         return Conclusion(
-            "fits-only-if", f"with {names} it fits only with {_values(contradicted)}{_telling(best)}", True
+            "fits-only-if",
+            f"with {names} it fits only with {_values(contradicted)}{_telling(best, contradicted)}",
+            True,
         )
     return Conclusion("effect" if len(sets) == 1 else "group", "")
 
@@ -189,7 +192,9 @@ def _of_base(search: Search) -> Conclusion:
         return Conclusion("unknown-effect", reason, True)
     if contradicted:
         return Conclusion(
-            "fits-only-if", f"the model fits only with {_values(contradicted)}{_telling(base)}", True
+            "fits-only-if",
+            f"the model fits only with {_values(contradicted)}{_telling(base, contradicted)}",
+            True,
         )
     other = data_alone(base)
     if other.contradicts:
@@ -364,12 +369,15 @@ def _beside(other: DataAlone) -> str:
     return said
 
 
-def _telling(refit: Refit) -> str:
-    """What would decide: what separates the added effect from others, or conditions that did not vary."""
+def _telling(refit: Refit, contradicted: Sequence[Pull] = ()) -> str:
+    """What would decide: what checks a certificate, what separates an added effect, or conditions that did not vary."""
     effects = refit.problem.assembly.model.effects
-    wanted = " or ".join(effects[use.name].separate_by for use in sorted(refit.uses)) or what_would_tell(
-        refit
+    held = [p.parameter for p in contradicted[:MOST_PULLS] if p.parameter.whole in refit.problem.priors]
+    uses = dict.fromkeys(
+        [*(Use.parse(name.owner).name for name in held), *(u.name for u in sorted(refit.uses))]
     )
+    checks = [effects[name].separate_by for name in uses if name in effects and effects[name].separate_by]
+    wanted = " or ".join(checks) or what_would_tell(refit)
     return f"; what would tell: {wanted}" if wanted else ""
 
 

@@ -45,3 +45,14 @@ def test_a_usual_table_does_not_need_rich(monkeypatch: pytest.MonkeyPatch) -> No
     assert found == ["table      rows", "noise.txt  9600", "sine.txt       "]
     assert output.plain_lines("", ["x"], [["\u00e4"]]) is None
     assert output.plain_lines("", ["x"], [["y" * 81]]) is None
+
+
+def test_a_table_wider_than_a_pipe_is_wrapped_and_nothing_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "microphone-delay@card.delay-of-" + "x" * 17  # 48 letters
+    row = [name, "-0.002492", "-0.003354", "-0.001631", "Pa*s/m", "outside, at its bound"]
+    text = printed(monkeypatch, "", ["parameter", "value", "from", "to", "unit", ""], [row])
+    assert name in text
+    assert "".join(text.split()) == "".join(
+        ["parametervaluefromtounit", *row[:5], "outside,", "atitsbound"]
+    ).replace(" ", "")
+    assert len(max(text.splitlines(), key=len)) < 48 + 9 + 9 + 9 + 6 + 21 + 10  # it gives way where it can

@@ -11,6 +11,7 @@ from specan.models.measurement_kinds import ReceiverErrors
 from specan.study.diagnose import diagnose
 from specan.study.estimation.continuation import continuation_fit, down_weighted, linearised
 from specan.study.estimation.fit import describe, fit
+from specan.study.estimation.prediction_error import observable_errors
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
@@ -341,6 +342,29 @@ def test_an_edge_far_off_its_drawing_is_named(model):
     assert found.verdict == "effect"
     assert found.alternatives == (("dimension-error",),)
     assert found.ranking[0].parameters["dimension-error@z.error"]["value"] == pytest.approx(-0.0076, abs=2e-4)
+
+
+def test_an_edge_that_its_certificate_hardly_admits_is_said_with_what_checks_it(model):
+    """Between what is known and what is named: the value in percent, and the instrument that tells."""
+    found = diagnose(
+        base_problem(model, [recorded(model, ["dimension-error@z"], {"dimension-error@z.error": 0.0036})])
+    )
+    assert found.verdict == "fits-only-if"
+    assert "dimension-error@z.error = 0.3" in found.reason
+    assert " %, known -0.2 to 0.2 %; what would tell: a tape measure; a thermometer" in found.reason
+
+
+def test_levels_do_not_count_lines_of_hum(model):
+    o = recorded(model, [], {})
+    clear = np.abs(o.response).min() / 20
+    heard, random = o.response.copy(), np.full(o.response.shape, clear)
+    heard[:, 7], random[:, 7] = 50 * heard[:, 7], 49 * np.abs(heard[:, 7])
+    o = replace(o, response=heard, random=random)
+    predicted = o.measured * 1.1
+    of_hum = np.tile(np.isin(o.frequency_hz, o.frequency_hz[7]), 2 * len(o.channels))
+    predicted[of_hum] /= 55
+    (error,) = observable_errors(base_problem(model, [o]), [o], [predicted])
+    assert error.level_dB == pytest.approx(20 * np.log10(1.1), rel=1e-9)
 
 
 def test_nothing_is_named_beside_a_lining_that_is_all(model):

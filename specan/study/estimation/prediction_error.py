@@ -23,7 +23,9 @@ from specan.study.observation import Array, Observation
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.order_lines import OrderLinesObservation
 
-ABOVE_NOISE = 10.0  # times its noise that a line's power must be for its level to count
+ABOVE_NOISE = (
+    10.0  # times its noise that a line's power must be for its level to count: noise then adds 0.4 dB
+)
 
 AT_ONCE = 256  # blocks whose directions are computed together
 LEAST_SHARE = 0.01  # of its variance that a direction must keep; less is the parameters' extrapolation
@@ -40,8 +42,8 @@ class ObservableError:
     relative_rms, relative_max : float
         Root mean square and largest magnitude of the same over the measured value, percent.
     level_dB : float or None
-        RMS of the error of levels: of transfer functions over channels and third octaves, of order lines over sensors,
-        families and harmonics, each line weighing the same.
+        RMS of the error of levels: of transfer functions over channels and third octaves, without lines
+        within 10 dB of their noise; of order lines over sensors, families and harmonics, each line weighing the same.
     level_of : str
         What these are levels of.
     """
@@ -98,18 +100,31 @@ _CELLS: dict[type, tuple[str, tuple[str, ...]]] = {
 
 
 def _levels_dB(observation: Any, predicted: Array) -> Array:
-    """Level of the prediction over what was measured, of every cell; of order lines above their noise, beside that."""
+    """Level of the prediction over what was measured, of every cell.
+
+    Of transfer functions, of lines 10 dB above their noise and background; of order lines above their noise, beside it.
+    """
     own = [
         np.unique(observation.labels[name], return_inverse=True)[1] for name in _CELLS[type(observation)][1]
     ]
     _, cell = np.unique(np.stack(own), axis=1, return_inverse=True)
     lines = isinstance(observation, OrderLinesObservation)
     floor = np.bincount(cell.ravel(), weights=observation.sigma**2) if lines else 0.0
-    power = [np.bincount(cell.ravel(), weights=values**2) for values in (predicted, observation.measured)]
+    clear = 1.0 if lines else _clear(observation)
+    power = [
+        np.bincount(cell.ravel(), weights=clear * values**2) for values in (predicted, observation.measured)
+    ]
     with np.errstate(divide="ignore", invalid="ignore"):
         found = 10 * np.log10((power[0] + floor) / (power[1] + floor))
     seen = np.isfinite(found) & (power[1] > ABOVE_NOISE * floor)
     return np.asarray(found[seen])
+
+
+def _clear(observation: FrfObservation) -> NDArray[np.bool_]:
+    """Rows, real parts and then imaginary parts, of lines whose power is `ABOVE_NOISE` times that of their noise."""
+    noise = 2 * observation.random[observation.kept] ** 2
+    clear: NDArray[np.bool_] = np.abs(observation.response[observation.kept]) ** 2 > ABOVE_NOISE * noise
+    return np.tile(clear, 2)
 
 
 def errors_of(

@@ -59,15 +59,25 @@ class Pull:
     @property
     def text(self) -> str:
         """``mu = 0.22, known 0.01 to 0.12``."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        low, high = self.known
+        value, known, unit = self.shown(2)
+        space = f" {unit}" if unit else ""
+        bound = ", at the end of its domain" if self.at_bound else ""
+        return f"{self.parameter} = {value}{space}, known {known}{space}{bound}"
+
+    def shown(self, digits: int = 3) -> tuple[str, str, str]:
+        """Value, range and unit as a person reads them: a relative error in percent.
+
+        What has no unit and a range to either side of nothing is a relative error.
+        """
+        relative = self.unit == "1" and self.known[0] == -self.known[1]
+        share, unit = (100.0, "%") if relative else (1.0, "" if self.unit == "1" else self.unit)
+        low, high = (share * end for end in self.known)
         known = (
             f"{low:.3g} to {high:.3g}"
             if np.isfinite([low, high]).all()
             else (f"above {low:.3g}" if np.isfinite(low) else f"below {high:.3g}")
         )
-        bound = ", at the end of its domain" if self.at_bound else ""
-        return f"{self.parameter} = {self.value:.2g}{unit}, known {known}{unit}{bound}"
+        return f"{share * self.value:.{digits}g}", known, unit
 
 
 def pulls(refit: Refit) -> tuple[Pull, ...]:
