@@ -1,10 +1,13 @@
 """Rooms whose modes ring each a little elsewhere, by a simulated truth that marches the wave equation in time."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from specan.study.create import begin
 from specan.study.study import Study
+from specan.study.verdict import Diagnosis, LackOfFit
 from truth.room import simulate, write
 
 DECLARED = {"mode_frequency_percent": 0.1, "mode_damping_percent": 3.0}
@@ -50,3 +53,17 @@ def test_modes_that_ring_elsewhere_are_no_effect_where_they_are_declared(uneven,
 
     said = study.diagnose()
     assert said.verdict == "nothing-missing", said.reason
+
+
+@pytest.mark.parametrize(
+    ("reduced", "unseen", "told"),
+    [
+        (1.11, 1.01, True),  # 5 % of chi-squares of 600 values lie above 658 (tables), 1.10 a value
+        (1.11, 1.3, False),
+        (1.5, 1.01, False),
+    ],
+)
+def test_a_small_misfit_that_held_out_data_do_not_show_is_told(reduced, unseen, told):
+    held = SimpleNamespace(chi2=600 * unseen, n=600, reduced_chi2=unseen)
+    found = Diagnosis("unknown-effect", "", lack_of_fit=LackOfFit(reduced, 1e-9, 5000.0))
+    assert bool(Study._well_predicted(SimpleNamespace(held_out=held), found)) == told
