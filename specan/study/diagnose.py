@@ -102,6 +102,7 @@ def diagnose(
     problem: Problem,
     *,
     base: Fit | None = None,
+    set_up: MistakenSetUp | None = None,
     bootstrap: bool = False,
     progress: Progress | None = None,
     begun: list[Search] | None = None,
@@ -114,6 +115,8 @@ def diagnose(
         The model with the effects it has, its observations, nuisances and free parameters.
     base : Fit, optional
         A fit of it, where it has been fitted already.
+    set_up : MistakenSetUp, optional
+        What `mistaken_set_up` has found, where it has been looked for already.
     bootstrap : bool
         Family-wise probabilities by simulation of the maximum over all candidates instead of a bound.
     progress : callable, optional
@@ -138,7 +141,7 @@ def diagnose(
     declared = Search(Refits(start), (), bootstrap, progress, part=(0.0, ENDS))
     if start.poor_fit:
         progress("checking positions and signs of the channels against the data", 0.0)
-        mistake, near = mistaken_set_up(problem), InitialFit(start)
+        mistake, near = set_up or mistaken_set_up(problem), InitialFit(start)
         if not mistake.text:
             near = initial_fit(start, progress, lambda rough: begun.append(Search(rough)))
             mistake = mistake_beside(near, problem)
@@ -346,8 +349,7 @@ def _of_members(search: Search) -> list[Any]:
     if not search.best.uses:
         return []
     step = search.step(search.base)
-    found = minimum_detectable_sizes(step.seen, step.acceptance, search.best.dispersion)
-    return [v for v in found if v.use in {str(u) for u in search.best.uses}]
+    return minimum_detectable_sizes(step.seen, step.acceptance, search.best.dispersion, search.best.uses)
 
 
 def _discrepancy(problem: Problem) -> float:

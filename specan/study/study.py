@@ -347,8 +347,9 @@ class Study:
             try:
                 with working(jobs) if jobs > 1 else contextlib.nullcontext():
                     found = diagnose(
-                        self.problem, base=self.best, bootstrap=bootstrap, progress=progress, begun=begun
-                    )
+                        self.problem, base=self.best, set_up=self.kept.find("set_up", MistakenSetUp),
+                        bootstrap=bootstrap, progress=progress, begun=begun,
+                    )  # fmt: skip
             except KeyboardInterrupt:
                 stopped = Stopped(tuple(begun))
                 self._keep_stopped(stopped.content)

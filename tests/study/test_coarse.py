@@ -1,6 +1,7 @@
 """Fits that set out from far off: down-weighted views, stages, shapes of what is new."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.observation.window_leakage import Folding
 from specan.study.selection.candidates import base_problem, candidates, confounded_with
-from specan.study.selection.initial_fit import _screened
-from specan.study.selection.refits import Refit
+from specan.study.selection.initial_fit import _elsewhere, _screened
+from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import best_of_each, score
 from specan.study.selection.signatures import shape_grid, signatures
 from specan.study.selection.single_instruments import displaced
@@ -212,6 +213,28 @@ def test_a_few_steps_tell_a_strong_lining_from_what_promises_as_much(model):
     uses = [Use.parse(name) for name in ("leak@z1", "wall-impedance@x1", "wall-impedance@z1")]
     found = scan_shapes(base, uses)
     assert str(_screened(base, {use: found[use] for use in uses})[0]) == "wall-impedance@z1"
+
+
+def test_what_does_not_suffice_at_one_wall_is_tried_at_the_opposite_one(model):
+    """The square of a mode's shape is the same at both ends of an axis, and so is what a wall does to resonances."""
+    true = {
+        f"panel-resonance@z1.{name}": v
+        for name, v in (("coverage", 0.3), ("resonance", 170.0), ("loss_factor", 0.1))
+    }
+    problem = base_problem(model, [recorded(model, ["panel-resonance@z1"], true)])
+    values = continuation_fit(problem)
+    view = down_weighted(problem, values=values)
+    base = Refit(frozenset(), view, fit(view, start=values))
+    opposite, right = Use.parse("panel-resonance@z0"), Use.parse("panel-resonance@z1")
+    found = scan_shapes(base, [c.use for c in candidates(view)[0] if c.use.name == opposite.name])
+    refits = Refits(base, rough=True)
+    wrong = refits.fit(base, [[item] for item in found[opposite]])
+    assert wrong.reduced > 1
+    assert _elsewhere(refits, base, wrong, found) == [right]
+    assert not _elsewhere(
+        refits, base, SimpleNamespace(reduced=0.9, uses=wrong.uses), found
+    )  # it meets the view
+    assert refits.fit(base, [[item] for item in found[right]]).reduced < 1
 
 
 def test_a_small_resonator_is_found_behind_what_does_something_everywhere(model):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -188,7 +189,7 @@ def field(
     pistons = [(piston_wall, source_position, float(piston_radius)), *further_loudspeakers]
     ports = [room_modes.patch(wall_names[wall], centre, radius) for wall, centre, radius in pistons]
     areas = [np.pi * port.radius**2 for port in ports]
-    microphones = [Port(point(p), ports[0].axis) for p in receiver_position]
+    microphones = _points(np.asarray(receiver_position, dtype=float).tobytes(), ports[0].axis)
     first, *others = loudspeaker_velocity
     given = [(ports[0], areas[0] * (piston_velocity_profile * first))]
     given += [(port, area * moving) for port, area, moving in zip(ports[1:], areas[1:], others, strict=True)]
@@ -206,6 +207,12 @@ def field(
         if np.any(strength):
             total += strength[:, None] * room_modes.coupling(port, microphones)
     return (factor[:, None] * total).T
+
+
+@lru_cache(maxsize=64)
+def _points(positions: bytes, axis: int) -> tuple[Port, ...]:
+    """Ports of microphones; the same ones where they stand still, as they mostly do in a fit."""
+    return tuple(Port(point(p), axis) for p in np.frombuffer(positions).reshape(-1, 3))
 
 
 def _placed(collection: Any, modes: RoomModes) -> list[tuple[Port, Any]]:
@@ -226,7 +233,7 @@ def _load_strengths(
     factor: Complex,
     sources: list[tuple[Port, Complex]],
     loads: list[tuple[Port, Complex]],
-    microphones: list[Port],
+    microphones: Sequence[Port],
 ) -> list[Complex]:
     """Volume velocity that each load returns: ``(1 + F G Y) p = F G q`` at the loads, ``q = -Y p``.
 

@@ -42,8 +42,10 @@ def indicated_frf(
     frequency, field, receiver_gain, receiver_delay, vibrometer_delay, vibrometer_gain, microphone_at_place
 ):
     """Transfer function as the instruments indicate it, array (places of microphones, lines)."""
-    late = np.outer(receiver_delay[microphone_at_place] - vibrometer_delay, frequency)
-    return field * receiver_gain[microphone_at_place, None] * np.exp(-2j * np.pi * late) / vibrometer_gain
+    # the microphones of a card are late together
+    delay, own = np.unique(receiver_delay[microphone_at_place] - vibrometer_delay, return_inverse=True)
+    turned = np.exp(-2j * np.pi * np.outer(delay, frequency)) / vibrometer_gain
+    return field * (receiver_gain[microphone_at_place, None] * turned[own])
 
 
 QUANTITIES = (receiver_gain, card_delay, receiver_delay, vibrometer_delay, vibrometer_gain, indicated_frf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,14 @@ class Port:
     proportions: tuple[float, float, float] = (1.0, 1.0, 1.0)
     slope: int | None = None
     drawn: tuple[float, float, float] | None = None
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        """Worked out once: couplings are looked up by their ports at every evaluation."""
+        return hash((self.position, self.axis, self.radius, self.ball, self.proportions))
 
 
 def disc_mean(kt2: NDArray, radius: float) -> NDArray:

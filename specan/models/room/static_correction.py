@@ -161,14 +161,16 @@ class _Plane:
 
     def beside(self, first: int, last: int, weight: Real, k2: Complex) -> Complex:
         """Far modes between two places of one wall: ``1 / kappa`` and ``-1 / kappa^2`` in powers of k^2 / k_t^2."""
-        inverse = 1 / self.kt2[first:last]
-        part = weight[first:last] * np.sqrt(inverse)
-        rigid, soft = np.zeros((2, len(k2)), dtype=complex)
-        for power, root in enumerate(_ROOTS):
-            rigid += root * k2**power * part.sum()
-            soft -= k2**power * (part * np.sqrt(inverse)).sum()
-            part = part * inverse
-        return np.stack([rigid, soft])
+        rigid, soft = (weight[first:last] @ self._inverse[first:last]).reshape(2, -1)
+        powers = k2[:, None] ** np.arange(len(_ROOTS))
+        return np.stack([powers @ (np.array(_ROOTS) * rigid), -(powers @ soft)])
+
+    @cached_property
+    def _inverse(self) -> Real:
+        """``1 / k_t^(2p + 1)``, then ``1 / k_t^(2p + 2)``, array (modes, 2 powers)."""
+        power = np.arange(len(_ROOTS))
+        kt2 = np.maximum(self.kt2, 1.0)[:, None]  # far modes are well above
+        return np.asarray(kt2 ** -np.concatenate([power + 0.5, power + 1.0]))
 
 
 @dataclass(frozen=True, eq=False)

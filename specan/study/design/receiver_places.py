@@ -245,7 +245,7 @@ def _expected(
 def _level_sigma(observation: FrfObservation, mic: int, lines: Any, response: Any) -> float:
     weight = np.conj(response) / np.sum(np.abs(response) ** 2)
     random = np.sum(np.abs(weight * observation.noise[mic, lines]) ** 2)
-    common = weight @ observation.common[mic, lines]
+    common = weight @ observation.common_at((mic, lines))
     return float(DB * np.sqrt(random + np.sum(common.real**2)))
 
 

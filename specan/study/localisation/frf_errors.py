@@ -170,7 +170,7 @@ def curve_errors(observation: FrfObservation, predicted: Array) -> FrfErrors:
     labels[kept] = observation.labels["third_octave_hz"][: observation.n // 2]
     bands = np.unique(labels[kept])
     parts = np.full((4, len(kept), len(bands)), np.nan)
-    common = np.zeros((len(kept), len(bands), observation.common.shape[-1]), dtype=complex)
+    common = np.zeros((len(kept), len(bands), observation.common_at((0, 0)).shape[-1]), dtype=complex)
     for m in np.flatnonzero(kept.any(axis=1)).tolist():
         for b, band in enumerate(bands):
             lines = np.flatnonzero(labels[m] == band)
@@ -205,7 +205,7 @@ def _cell(
     correlation = np.where(apart < known.size, known[np.minimum(apart, known.size - 1)], 0.0)
     noisy = weight * observation.noise[mic, lines]
     random = float(np.real(np.conj(noisy) @ correlation @ noisy))
-    common = weight @ observation.common[mic, lines]
+    common = weight @ observation.common_at((mic, lines))
     spread = [np.sqrt(random + np.sum(part**2)) for part in (common.real, common.imag)]
     return (level, DB * spread[0], phase, np.degrees(spread[1])), common
 

@@ -21,6 +21,7 @@ from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
 from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
+from specan.study.selection.starting_values import explained
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -32,6 +33,7 @@ SHARE = 0.5  # of the chi-square on the coarse view that may be left with a mist
 # modes some per cent elsewhere, as in air 10 K off, the best place left two thirds and was wrong (2 of 18 cases).
 MOST_LEFT_PERCENT = 50.0
 EACH_WAY = 7  # places of a source along each edge that are looked at first
+LIKELY = 40  # of them, at which the source is tried itself: with its near field, and as strong as it is
 REFINED = 12  # steps of the place of a source, each half the one before where nothing is better
 FROM_EDGE = 0.04
 
@@ -219,7 +221,7 @@ def _source_elsewhere(problem: Problem, source: SourcePlaces) -> tuple[_Fitted, 
     """The source where it suits the data best, over all faces."""
     grid = np.linspace(FROM_EDGE, 1 - FROM_EDGE, EACH_WAY)
     misfit = _Misfit(problem, source)
-    best = min((misfit(face, a, b), face, a, b) for face in source.faces for a in grid for b in grid)
+    best = min((misfit(face, a, b), face, a, b) for face, a, b in misfit.likely(source.faces, grid))
     step = float(grid[1] - grid[0]) / 2
     for _ in range(REFINED):
         _, face, a, b = best
@@ -246,6 +248,23 @@ class _Misfit:
         self._problem, self._source = problem, source
         self._values = _declared_values(problem)
         self._seen = [o for o, _ in _coarse(problem)]
+
+    def likely(self, faces: Sequence[str], grid: Array) -> list[tuple[str, float, float]]:
+        """Of all places on the faces those that explain most with a strength that is free at every line."""
+        places = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
+        everywhere = [(face, float(a), float(b)) for face in faces for a, b in places]
+        receivers = self._problem.assembly.model.receivers
+        placed = None if receivers is None else receivers.placed
+        if placed is None:
+            return everywhere
+        share = np.zeros(len(everywhere))
+        for o in self._seen:
+            own = self._problem.seen_by(o, self._values)
+            found = self._problem.assembly.evaluate(o.conditions_at_nodes, own, wanted=list(placed.reads))
+            share += np.concatenate(
+                [explained(o.response * o.kept / o.noise, placed, found, face, places, o) for face in faces]
+            )
+        return [everywhere[k] for k in np.argsort(-share)[:LIKELY]]
 
     def __call__(self, face: str, across: float, along: float) -> float:
         there = _with_source(self._problem, self._source, face, across, along)

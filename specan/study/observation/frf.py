@@ -173,7 +173,13 @@ class FrfObservation(KeptLines):
     @property
     def common(self) -> Complex:
         """Everything that lines share, (receivers, lines, r + s): `shared`, then `modal`."""
-        return self.shared if self.modal is None else np.concatenate([self.shared, self.modal], axis=-1)
+        return self.common_at(...)
+
+    def common_at(self, rows: Any) -> Complex:
+        """The same of some receivers and lines."""
+        if self.modal is None:
+            return self.shared[rows]
+        return np.concatenate([self.shared[rows], self.modal[rows]], axis=-1)
 
     @cached_property
     def measured(self) -> Array:
@@ -254,13 +260,11 @@ class FrfObservation(KeptLines):
 
     def whiten_each(self, flat: Array) -> Array:
         """V^(-1/2) without what the receivers have in common, along axis 0 of a matrix."""
-        out = np.empty_like(flat, dtype=float)
-        half = self.n // 2
+        shape = (2, self.n // 2, flat.shape[1])
+        both, out = flat.reshape(shape), np.empty(shape)
         for (first, last), whitener in zip(self._spans, self._whiteners, strict=True):
-            both = np.stack([flat[first:last], flat[half + first : half + last]])
-            both = whitener(both)
-            out[first:last], out[half + first : half + last] = both
-        return out
+            out[:, first:last] = whitener(both[:, first:last])
+        return out.reshape(flat.shape)
 
     @cached_property
     def of_all(self) -> tuple[Array, Array]:
@@ -479,7 +483,7 @@ class _Whitener:
     """V^(-1/2) of one receiver: V = S (C + U U^T) S with S the random sigma, C the lines' correlation."""
 
     sigma: Array
-    banded: Array  # lower Cholesky factor of C
+    banded: Array | None  # lower Cholesky factor of C; None where no lines are near each other
     basis: Array  # orthonormal, (2 lines, r)
     shrink: Array  # by how much each direction of the basis is shortened
 
@@ -495,7 +499,8 @@ class _Whitener:
             gap = number[lag:] - number[:-lag]
             for distance in range(1, len(correlation)):
                 banded[lag, : len(gap)] += np.where(gap == distance, correlation[distance], 0.0)
-        plain = cls(sigma, cholesky_banded(banded, lower=True), np.empty((2 * len(number), 0)), np.empty(0))
+        root = cholesky_banded(banded, lower=True) if banded[1:].any() else None
+        plain = cls(sigma, root, np.empty((2 * len(number), 0)), np.empty(0))
         if not len(number) or not shared.shape[1]:
             return plain
         both = plain(np.stack([shared.real, shared.imag]))
@@ -504,14 +509,16 @@ class _Whitener:
 
     def __call__(self, both: Array) -> Array:
         """Whiten an array (2, lines, columns)."""
-        from scipy.linalg import solve_banded
-
         lines = len(self.sigma)
         if not lines:
             return both
-        scaled = (both / self.sigma[:, None]).transpose(1, 0, 2).reshape(lines, -1)
-        scaled = solve_banded((len(self.banded) - 1, 0), self.banded, scaled, check_finite=False)
-        white = scaled.reshape(lines, 2, -1).transpose(1, 0, 2).reshape(2 * lines, -1)
+        scaled = both / self.sigma[:, None]
+        if self.banded is not None:
+            from scipy.linalg.lapack import dtbtrs
+
+            rows = scaled.transpose(1, 0, 2).reshape(lines, -1)
+            scaled = dtbtrs(self.banded, rows, uplo="L")[0].reshape(lines, 2, -1).transpose(1, 0, 2)
+        white = scaled.reshape(2 * lines, -1)
         if self.basis.size:
             white = white - self.basis @ (self.shrink[:, None] * (self.basis.T @ white))
         return white.reshape(2, lines, -1)
@@ -525,7 +532,11 @@ def widened(columns: Array) -> tuple[Array, Array]:
 
 
 def _changed(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(n for n in new if not np.array_equal(np.asarray(old.get(n)), np.asarray(new[n])))
+    return tuple(n for n, v in new.items() if not _same(old.get(n), v))
+
+
+def _same(old: Any, new: Any) -> bool:
+    return old is new or (old == new if type(old) is type(new) is float else np.array_equal(old, new))
 
 
 def nominal_third(number: int) -> float:

@@ -19,6 +19,7 @@ Complex = NDArray[np.complex128]
 REACH = 25  # lines to either side from which a window lets energy through: Hann has fallen by 90 dB
 NODES_PER_LINE = 2  # for responses of up to a block
 _ORDER = 12  # points of the Lagrange interpolation between nodes
+_LAGRANGE = np.array([np.prod([i - j for j in range(_ORDER) if j != i]) for i in range(_ORDER)], dtype=float)
 _MIDDLE = 0.35  # blocks: between nodes a response turns about as quickly as one that comes so late
 
 
@@ -137,12 +138,13 @@ def _interpolation(at: Real, nodes: NDArray[np.intp], per_line: int) -> Any:
     inside = np.flatnonzero((at >= nodes[0]) & (at <= nodes[-1]))
     left = np.clip(np.floor(at[inside]).astype(int) - _ORDER // 2 + 1, nodes[0], nodes[-1] - _ORDER + 1)
     x = at[inside] - left
+    factors = x[:, None] - np.arange(_ORDER)
     weights = np.ones((len(inside), _ORDER))
-    for i in range(_ORDER):
-        for j in range(_ORDER):
-            if i != j:
-                weights[:, i] *= (x - j) / (i - j)
-    turned = np.exp(-2j * np.pi * _MIDDLE / per_line * (x[:, None] - np.arange(_ORDER)))
+    for i in range(1, _ORDER):  # all factors but the own: those before it, and those behind it
+        weights[:, i:] *= factors[:, i - 1 : i]
+        weights[:, :-i] *= factors[:, _ORDER - i : _ORDER - i + 1]
+    weights = weights / _LAGRANGE
+    turned = np.exp(-2j * np.pi * _MIDDLE / per_line * factors)
     weights = weights * turned
     columns = (left - nodes[0])[:, None] + np.arange(_ORDER)
     rows = np.repeat(inside, _ORDER)

@@ -22,7 +22,7 @@ from specan.study.estimation.prediction_error import ObservableError, errors_of
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
 from specan.study.selection.candidates import Candidate, candidates
-from specan.study.selection.refits import FORM_TOLERANCE, Refit
+from specan.study.selection.refits import FORM_TOLERANCE, EffectSet, Refit
 from specan.study.selection.signatures import Point, changes, default_value
 from specan.study.selection.significance import (
     LACK_OF_FIT,
@@ -343,7 +343,7 @@ class DetectableSize:
 
 
 def minimum_detectable_sizes(
-    start: Refit, acceptance: AcceptanceTest, dispersion: float
+    start: Refit, acceptance: AcceptanceTest, dispersion: float, only: EffectSet | None = None
 ) -> list[DetectableSize]:
     """For every candidate the amplitude that the acceptance test would pass in 80 % of repetitions.
 
@@ -360,10 +360,12 @@ def minimum_detectable_sizes(
         Of a step from there.
     dispersion : float
         max(s^2, 1) of the best model.
+    only : set of Use, optional
+        Candidates that are asked for; by default all.
     """
     found, _ = candidates(start.problem)
     level = acceptance.single_level
-    return [_of(start, candidate, level, dispersion) for candidate in found]
+    return [_of(start, c, level, dispersion) for c in found if only is None or c.use in only]
 
 
 def _of(start: Refit, candidate: Candidate, level: float, dispersion: float) -> DetectableSize:

@@ -7,7 +7,7 @@ looked at anew. Only which of them are looked at first, and where their fits beg
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -53,6 +53,8 @@ SUBSAMPLE_JACOBIANS = 5  # Jacobians of a subsample
 JACOBIANS = 3  # of all lines, from where a subsample leads
 ABOUT_ITSELF = 2  # covariances about the field of a set: the second is about where the first leads
 
+Led = tuple[float, dict[str, Any]]  # chi-square with the price of the parameters, and SI values
+
 
 @dataclass(frozen=True, eq=False)
 class InitialFit:
@@ -91,15 +93,25 @@ def initial_fit(
     def trying(text: str, share: float) -> None:
         progress(f"looking for a field that is near the measured one{text}", share)
 
+    led: dict[EffectSet, Led] = {}
+
+    def met(refit: Refit) -> bool:
+        chi2, values = _on_all_lines(start, refit, {refit.uses: refit})[refit.uses]
+        led[refit.uses] = chi2, values
+        return chi2 < POOR_FIT * start.problem.n_data
+
     trying("", BEGINS)
-    tried = _tried(start.problem, trying, begun)
+    tried = _tried(start.problem, trying, begun, met)
     bare = next(r for r in tried if not r.uses)
     near = min(tried, key=lambda r: r.bic(1.0))
     if near.chi2 > CLEAR * bare.chi2:  # the base is as near as the view can tell
         return InitialFit(start)
     beside = [r for r in tried if len(r.uses) == 1 and r.chi2 < PRUNING_FACTOR * near.chi2]
     known = {r.uses: r.problem.values_at(r.fit.theta) for r in tried if r.uses}
-    found, values = _on_all_lines(start, near, {r.uses: r for r in [*beside, near]})
+    sets = {r.uses: r for r in [*beside, near]}
+    reached = led if {*led} == {*sets} else _on_all_lines(start, near, sets)
+    found = min(reached, key=lambda uses: reached[uses][0])
+    values = {uses: v for uses, (_, v) in reached.items()}
     single = sorted((uses for uses in values if len(uses) == 1), key=lambda uses: uses != found)
     likely = dict.fromkeys(use for uses in [*single, near.uses] for use in sorted(uses))
     return InitialFit(
@@ -111,10 +123,8 @@ def initial_fit(
     )
 
 
-def _on_all_lines(
-    start: Refit, near: Refit, sets: Mapping[EffectSet, Refit]
-) -> tuple[EffectSet, dict[EffectSet, dict[str, Any]]]:
-    """Where some steps on all lines lead the likeliest of some sets, and which of them comes nearest.
+def _on_all_lines(start: Refit, near: Refit, sets: Mapping[EffectSet, Refit]) -> dict[EffectSet, Led]:
+    """Where some steps on all lines lead the likeliest of some sets, with covariances about the nearest.
 
     What seems nearest to the few lines of a down-weighted view, which has no windows, need not be the field. A
     subsample has them: it says which sets are worth the steps.
@@ -123,7 +133,7 @@ def _on_all_lines(
     price = float(np.log(problem.n_effective))
     problems = {uses: problem.with_uses(sorted(uses)) for uses in sets}
 
-    def on_a_subsample(uses: EffectSet) -> tuple[float, dict[str, Any]]:
+    def on_a_subsample(uses: EffectSet) -> Led:
         refit = sets[uses]
         whole, values = problems[uses], refit.problem.values_at(refit.fit.theta)
         theta = whole.start(values)
@@ -133,15 +143,14 @@ def _on_all_lines(
         chi2 = float(np.sum(subsample.residual(theta) ** 2)) * problem.n_data / subsample.n_data
         return chi2 + refit.count * price, whole.values_at(theta)
 
-    def on_all(uses: EffectSet) -> tuple[float, dict[str, Any]]:
+    def on_all(uses: EffectSet) -> Led:
         whole = problems[uses]
         theta = descend_steps(whole, whole.start(subsampled[uses][1]), JACOBIANS)
         return float(np.sum(whole.residual(theta) ** 2)) + sets[uses].count * price, whole.values_at(theta)
 
     subsampled = dict(zip(sets, each(on_a_subsample, list(sets)), strict=True))
     likeliest = sorted(sets, key=lambda uses: subsampled[uses][0])[:LIKELY]
-    reached = dict(zip(likeliest, each(on_all, likeliest), strict=True))
-    return min(reached, key=lambda uses: reached[uses][0]), {uses: v for uses, (_, v) in reached.items()}
+    return dict(zip(likeliest, each(on_all, likeliest), strict=True))
 
 
 def with_covariances_about(start: Refit, uses: EffectSet, values: Mapping[str, Any]) -> Refit:
@@ -168,7 +177,10 @@ def about_itself(refit: Refit) -> Refit:
 
 
 def _tried(
-    problem: Problem, trying: Callable[[str, float], None], begun: Callable[[Refits], None]
+    problem: Problem,
+    trying: Callable[[str, float], None],
+    begun: Callable[[Refits], None],
+    met: Callable[[Refit], bool],
 ) -> list[Refit]:
     """Sets of up to two effects that a greedy search on a down-weighted view fits, the empty one included."""
     values = continuation_fit(problem)
@@ -187,7 +199,10 @@ def _tried(
         def say(use: Use) -> None:
             trying(f": with {use}", REFITS)
 
-        better = _best_of_few(refits, best, scored, say)
+        better = _evident(refits, best, scored, say)
+        if better is not None and met(better):  # what is much like it is compared with it by the search
+            break
+        better = _best_of_few(refits, better or best, best, scored, say)
         if better is best or better.reduced < 1:  # within the few per cent of the view
             break
         best = better
@@ -216,11 +231,17 @@ def _evident(
 
 
 def _best_of_few(
-    refits: Refits, best: Refit, scored: Mapping[Use, Sequence[Scored]], trying: Callable[[Use], None]
+    refits: Refits,
+    better: Refit,
+    best: Refit,
+    scored: Mapping[Use, Sequence[Scored]],
+    trying: Callable[[Use], None],
 ) -> Refit:
-    """The best set with one effect more, of those that promise most and of what is easily taken for the best."""
+    """The best set with one effect more than `best`, of those that promise most and of what is easily taken for them.
+
+    `better` is one that meets the view already, or `best` itself.
+    """
     closer: dict[Use, list[Scored]] = {}
-    better = _evident(refits, best, scored, trying) or best
     looked_at = {*better.uses - best.uses}
     if better is best:
         closer = scan_promising(best, scored, SCANNED)
@@ -238,8 +259,37 @@ def _best_of_few(
         refit = refits.fit(best, [[item] for item in items])
         if refit is not None and refit.bic(1.0) < better.bic(1.0):
             better = refit
-            queue = [*confounded_with(best.problem.assembly.model, use), *queue]
+            queue = [
+                *_elsewhere(refits, best, better, scored),
+                *confounded_with(best.problem.assembly.model, use),
+                *queue,
+            ]
     return better
+
+
+def _elsewhere(refits: Refits, start: Refit, better: Refit, scored: Iterable[Use]) -> list[Use]:
+    """The same effect at the other element where it does best, with its values, where it does not meet the view.
+
+    At opposite ends it changes every resonance by the same amount to first order, the square of the mode's shape: from
+    afar the promises of the two hardly differ. The refit there begins at the same values.
+    """
+    (found,) = better.uses - start.uses
+    if better.reduced <= 1 or not found.at or start.problem.assembly.model.effects[found.name].instrument:
+        return []
+    values = better.problem.values_at(better.fit.theta)
+    reached: dict[Use, tuple[float, dict[str, Any]]] = {}
+    for use in scored:
+        if use.name == found.name and use != found:
+            there = {
+                f"{use}.{ParameterName(n).own}" if ParameterName(n).owned_by({found}) else n: v
+                for n, v in values.items()
+            }
+            whole = start.problem.with_uses(sorted({*start.uses, use}))
+            with suppress(ComputationError):
+                reached[use] = float(np.sum(whole.residual(whole.start(there)) ** 2)), there
+    best = sorted(reached, key=lambda use: reached[use][0])[:1]
+    refits.known = {**refits.known, **{start.uses | {use}: reached[use][1] for use in best}}
+    return best
 
 
 def _leaves_its_form(start: Refit, better: Refit) -> bool:

@@ -38,7 +38,10 @@ Found = TypeVar("Found")
 POOR_FIT = 1.5  # reduced chi-square above which a base is too far from the data to set out from
 FORM_TOLERANCE = 0.2  # share of its signature to which the equation of an effect is trusted
 PRUNING_FACTOR = 3.0  # times the best chi-square so far, beyond what an equation may be off
-JACOBIANS = 3  # of all lines, before a set is given up
+# Jacobians of all lines before a set is given up, each with the multiple of the best chi-square beyond which no more
+# are spent on it: windows that a subsample has from elsewhere change a response by some per cent, where the noise is
+# some tenths of one.
+HOPELESS = (0, 1000.0), (1, 100.0), (2, 0.0)
 SLOPE_STEP = 1e-3  # of a parameter's typical size
 
 # Change of the whitened residual by a parameter's typical size below which it is on a plateau.
@@ -285,12 +288,14 @@ class Refits:
         if self._best_within(uses).fit.chi2 <= min(others):
             return None
         theta = problem.start(near[0])
-        for jacobians in (0, JACOBIANS):
+        for jacobians, hopeless in HOPELESS:
             theta = descend_steps(problem, theta, jacobians)
             residual = problem.residual(theta)
             chi2 = float(residual @ residual)
             if not self.beyond_pruning_bound(chi2, min(others)):
                 return None
+            if chi2 > hopeless * min(others):
+                break
         return Minimum(theta, residual, problem.jacobian(theta), chi2)
 
     def _lowest(

@@ -126,7 +126,8 @@ def scan_shapes(refit: Refit, uses: Sequence[Use]) -> dict[Use, list[Scored]]:
         optima += _at_places(refit, found[use], places.get(use, ()), known)
         optima += _all_over(refit, found[use], known)
         optima.sort(key=lambda s: -s.chi2_reduction)
-        return [*optima[:STARTS], *different(scored[use], STARTS)[1:]]
+        starts = [*optima[:STARTS], *different(scored[use], STARTS)[1:]]
+        return list({(*s.signature.shapes.values(), *s.signature.size): s for s in starts}.values())
 
     return dict(zip(scored, each(peaks, list(scored)), strict=True))
 
@@ -362,7 +363,7 @@ def _shares(refit: Refit, placed: PlacedEffects, elements: Sequence[str]) -> dic
     across, along = (axis.ravel() for axis in np.meshgrid(_grid(), _grid(), indexing="ij"))
     places = np.column_stack([across, along])
     total = 0.0
-    explained = {element: np.zeros(len(places)) for element in elements}
+    by_element = {element: np.zeros(len(places)) for element in elements}
     for observation in seen:
         own = problem.seen_by(observation, problem.values_at(refit.fit.theta))
         quantities = problem.assembly.evaluate(
@@ -372,11 +373,11 @@ def _shares(refit: Refit, placed: PlacedEffects, elements: Sequence[str]) -> dic
         weight = observation.kept / observation.noise
         total += float(np.sum(np.abs(gap * weight) ** 2))
         for element in elements:
-            explained[element] += _explained(gap * weight, placed, quantities, element, places, observation)
-    return {e: x.reshape(EACH_WAY, EACH_WAY) / total for e, x in explained.items()} if total else {}
+            by_element[element] += explained(gap * weight, placed, quantities, element, places, observation)
+    return {e: x.reshape(EACH_WAY, EACH_WAY) / total for e, x in by_element.items()} if total else {}
 
 
-def _explained(
+def explained(
     white: NDArray[np.complex128],
     placed: PlacedEffects,
     quantities: Any,
