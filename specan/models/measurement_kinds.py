@@ -6,7 +6,7 @@ there are, and what a recording tells about them. Of transfer functions the rece
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -291,6 +291,57 @@ class NamedModes:
 
 
 @dataclass(frozen=True, eq=False)
+class ModeShifts:
+    """Shifts of single modes, of which only a standard uncertainty is known: a fit finds them beside everything else.
+
+    They are parameters of the model that no one names, in standard uncertainties.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Full names of the two parameters, vectors over the modes: natural frequency, damping.
+    size : int
+        Number of modes.
+    reads : tuple of str
+        Quantities of the model that `columns` needs.
+    columns : callable
+        ``columns(quantities) -> iterator`` over the modes of (derivative by the mode's pole, array (receivers,
+        frequencies); what one standard uncertainty of either parameter moves the pole).
+    """
+
+    parameters: tuple[str, str]
+    size: int
+    reads: tuple[str, ...]
+    columns: Callable[[Mapping[str, Any]], Iterator[tuple[NDArray[np.complex128], tuple[complex, complex]]]]
+
+    def of(self, values: Mapping[str, Any]) -> Array:
+        """Shifts out of the values of parameters, array (2 modes,)."""
+        return np.concatenate(
+            [np.broadcast_to(np.asarray(values.get(n, 0.0), float), (self.size,)) for n in self.parameters]
+        )
+
+    def named(self, shifts: Array) -> dict[str, Array]:
+        """The parameters, from shifts (2 modes,)."""
+        return {self.parameters[0]: shifts[: self.size], self.parameters[1]: shifts[self.size :]}
+
+
+@dataclass(frozen=True, eq=False)
+class UsualShifts:
+    """Shifts of single modes that nobody has declared, though they are usual.
+
+    Attributes
+    ----------
+    with_shifts : callable
+        ``with_shifts(model) -> model`` with `ModeShifts` of a usual size.
+    words : str
+        What is to be declared then.
+    """
+
+    with_shifts: Callable[[Any], Any]
+    words: str
+
+
+@dataclass(frozen=True, eq=False)
 class InRecording:
     """What of the receivers and the conditions holds in one recording.
 
@@ -350,6 +401,10 @@ class Receivers:
         Bands whose lines are not looked at.
     background : str, optional
         Path of a recording of the receivers while the source is silent.
+    shifts : ModeShifts, optional
+        Shifts of single modes, if any are declared.
+    usual_shifts : UsualShifts, optional
+        What they may be where none are.
     in_recording : callable, optional
         ``in_recording(file name, start, duration_s) -> InRecording``, `start` a datetime64 (UTC) or None where nothing
         tells; all receivers where it is not given.
@@ -377,4 +432,6 @@ class Receivers:
     block_s: float | None = None
     left_out_hz: tuple[tuple[float, float], ...] = ()
     background: str | None = None
+    shifts: ModeShifts | None = None
+    usual_shifts: UsualShifts | None = None
     in_recording: Callable[[str, Any, float], InRecording] | None = None

@@ -28,7 +28,7 @@ from specan.study.design.operating_points import Proposal, explore, propose
 from specan.study.estimation.fit import Fit, fit
 from specan.study.estimation.problem import Problem
 from specan.study.localisation.localise import Block, localise
-from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up
+from specan.study.localisation.mistaken_set_up import MistakenSetUp, mistaken_set_up, undeclared_shifts
 from specan.study.selection.acceptance import by_effect, minimum_detectable_sizes
 from specan.study.selection.alternatives import alternatives, other_forms, refit_promising
 from specan.study.selection.doubtful_data import (
@@ -282,6 +282,7 @@ def _verdict(forms: OfForms, found: Conclusion) -> Diagnosis:
                 *better_but_too_far(search, sets),
                 *_off_certificates(best, found.values or pulls(best)),
                 *_too_good(base),
+                *_undeclared(base, found),
                 *(forms.sizes(rows[0].parameters) if best.uses else ()),
             )
             if r
@@ -324,6 +325,11 @@ def _too_good(base: Refit) -> tuple[str, ...]:
         "times as uncertain as it scatters, so that small effects stay hidden. Different conditions may have been "
         "taken for repeats, or the declared model discrepancy or uncertainty is too large",
     )
+
+
+def _undeclared(base: Refit, found: Conclusion) -> tuple[str, ...]:
+    """Shifts of modes that explain what no effect does, though the rig file does not say so."""
+    return (undeclared_shifts(base.problem, LACK_OF_FIT),) if found.kind == "unknown-effect" else ()
 
 
 def _off_certificates(best: Refit, pulled: Sequence[Pull]) -> tuple[str, ...]:

@@ -227,10 +227,14 @@ def test_what_does_not_suffice_at_one_wall_is_tried_at_the_opposite_one(model):
     base = Refit(frozenset(), view, fit(view, start=values))
     opposite, right = Use.parse("panel-resonance@z0"), Use.parse("panel-resonance@z1")
     found = scan_shapes(base, [c.use for c in candidates(view)[0] if c.use.name == opposite.name])
-    wrong = Refits(base, rough=True).fit(base, [[item] for item in found[opposite]])
+    refits = Refits(base, rough=True)
+    wrong = refits.fit(base, [[item] for item in found[opposite]])
     assert wrong.reduced > 1
-    assert _elsewhere(base, found, wrong, opposite) == [right]
-    assert not _elsewhere(base, found, SimpleNamespace(reduced=0.9), opposite)  # it meets the view
+    assert _elsewhere(refits, base, wrong, found) == [right]
+    assert not _elsewhere(
+        refits, base, SimpleNamespace(reduced=0.9, uses=wrong.uses), found
+    )  # it meets the view
+    assert refits.fit(base, [[item] for item in found[right]]).reduced < 1
 
 
 def test_a_small_resonator_is_found_behind_what_does_something_everywhere(model):

@@ -14,7 +14,7 @@ from truth.rig import CALIBRATOR_HZ, Rig, Take, calibrator_take
 from truth.rig_files import write_tdms
 from truth.room import layout as rooms
 from truth.room.effects import check, hide
-from truth.room.field import Room
+from truth.room.field import Room, Uneven
 from truth.room.layout import at_temperature
 from truth.room.line import Real
 from truth.room.record import Session, record
@@ -26,6 +26,7 @@ _DELIVERED_DB, _DELIVERED_DEG = 0.7, 2.0  # standard deviations of an uncalibrat
 _ADAPTER = 6  # microphones that go into the calibrator at once
 _CALIBRATION_RATE, _CALIBRATION_S = 8192.0, 6.0
 MAINS_HZ = 50.02
+UNEVEN_UP_TO_HZ = 560.0  # above, modes lie off the bands that are looked at
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ def simulate(
     tone_hz: float | None = None,
     hum_Pa: float = 0.0,
     calibrated: bool = True,
+    uneven_percent: tuple[float, float] | None = None,
     cache: Path | str | None = None,
 ) -> RoomCase:
     """Record a room in which effects are hidden.
@@ -99,6 +101,8 @@ def simulate(
     calibrated : bool
         Whether the nominal sensitivities are true but for the errors that a calibration leaves. Otherwise the
         microphones are as they come: some decibels and degrees off, which `write` tells by calibrator recordings.
+    uneven_percent : tuple of float, optional
+        RMS of what every mode's natural frequency and damping differ from those of the box.
     cache : path, optional
         Directory of impulse responses.
 
@@ -121,6 +125,8 @@ def simulate(
     if tone_hz is not None and not 0.0 < tone_hz <= rooms.F_MAX_HZ:
         raise RequestError(f"a tone of {tone_hz:g} Hz is asked for", expected=f"up to {rooms.F_MAX_HZ:g} Hz")
     truth = hide(_draw_truth(seed, take, n_mics), hidden, seed)
+    if uneven_percent is not None:
+        truth = replace(truth, room=_with_uneven_modes(truth.room, uneven_percent, seed))
     responses = [impulse_responses(room, cache) for room in _over_time(truth)]
     raw = _as_delivered(seed, take, n_mics) if not calibrated else (np.zeros(n_mics), np.zeros(n_mics))
     hardware = _hardware(truth, raw[0] + truth.gain_dB, raw[1] - 360.0 * CALIBRATOR_HZ * truth.delay_s)
@@ -174,6 +180,22 @@ def _over_time(truth: Truth) -> list[Room]:
     steps = 2 * int(np.ceil(abs(truth.drift_K) / 2.0 / _DRIFT_STEP_K))
     part = np.linspace(-0.5, 0.5, steps + 1)
     return [at_temperature(truth.room, truth.temperature_C + p * truth.drift_K) for p in part]
+
+
+def _with_uneven_modes(room: Room, percent: tuple[float, float], seed: int) -> Room:
+    """The room with every mode somewhat elsewhere: uniform in frequency, skew in damping."""
+    rng = np.random.default_rng([seed, 8])
+    edges = np.array(room.dims_m)
+    most = (2.0 * UNEVEN_UP_TO_HZ * edges / room.sound_speed).astype(int) + 1
+    found = []
+    for orders in np.ndindex(*most):
+        frequency = room.sound_speed / 2.0 * float(np.linalg.norm(np.array(orders) / edges))
+        shift = percent[0] / 100.0 * rng.uniform(-np.sqrt(3.0), np.sqrt(3.0))
+        duller = percent[1] / 100.0 * (rng.exponential() - 1.0)  # of mean 0 and standard deviation 1
+        if 0.0 < frequency <= UNEVEN_UP_TO_HZ:
+            first, second, third = orders
+            found.append(Uneven((first, second, third), (1.0 + shift) ** 2 - 1.0, duller))
+    return replace(room, uneven=tuple(found))
 
 
 def _as_delivered(seed: int, take: int, n_mics: int) -> tuple[Real, Real]:

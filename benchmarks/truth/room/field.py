@@ -6,7 +6,7 @@ Bull. Seism. Soc. Am. 88, 1998) with a diagonal mass matrix, marched by central 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,19 @@ _LINES_AT_ONCE = 64  # bounds the memory of the transform
 _MARGIN = 0.8  # of the largest stable step; the linings' springs need some of it
 
 Part = Lining | Plug
+
+
+@dataclass(frozen=True)
+class Uneven:
+    """A mode of the rigid box, by its numbers along the edges, that is stiffer and duller than the box makes it.
+
+    What the walls hang on, what stands in the corners, seams: of each mode, as a share of its stiffness and of the
+    damping that walls of equal admittance give it.
+    """
+
+    orders: tuple[int, int, int]
+    stiffer: float
+    duller: float
 
 
 @dataclass(frozen=True)
@@ -59,6 +72,8 @@ class Room:
         Relative humidity, which decides how much.
     block : Block, optional
         A rigid object.
+    uneven : tuple of Uneven
+        Modes that ring elsewhere than the box lets them.
     """
 
     dims_m: tuple[float, float, float]
@@ -74,6 +89,7 @@ class Room:
     air_losses: bool = True
     humidity_percent: float = 50.0
     block: Block | None = None
+    uneven: tuple[Uneven, ...] = field(default=(), repr=False)
 
 
 @dataclass(frozen=True)
@@ -178,6 +194,7 @@ def march(room: Room, shortest_s: float = 0.3, longest_s: float = LONGEST_S) -> 
     square = (room.sound_speed * step) ** 2 / (1.0 + NITROGEN * room.air_losses)
     keep = np.exp(-2.0 * np.pi * air.nitrogen_hz * step)
 
+    shapes, stiffer, duller = _uneven(box, room, step)
     old, now, slow = (np.zeros(box.volume.size) for _ in range(3))
     samples: list[Real] = []
     per_check = round(_CHECK_S * OUTPUT_HZ)
@@ -201,6 +218,9 @@ def march(room: Room, shortest_s: float = 0.3, longest_s: float = LONGEST_S) -> 
         if obstacle is not None:
             load -= obstacle.pressure * (2.0 * obstacle.pressure @ change)
             load += square * (obstacle.gradient @ bent) @ obstacle.gradient
+        if room.uneven:
+            parts = stiffer * (shapes @ (now * mass)) + duller * (shapes @ (change * mass))
+            load -= (parts @ shapes) * mass
         for shape, late, gain in sources:
             if 0 <= n - late < len(acceleration):
                 load += (square * gain * acceleration[n - late]) * shape
@@ -208,6 +228,26 @@ def march(room: Room, shortest_s: float = 0.3, longest_s: float = LONGEST_S) -> 
             load[branch.nodes] -= square * room.density * branch.volume_acceleration(now)
         old, now = now, old + losses.solve(load)
     return Heard(np.array(samples).T, pulse, step, every)
+
+
+def _uneven(box: Box, room: Room, step_s: float) -> tuple[Real, Real, Real]:
+    """Shapes of unit mass (modes, nodes), what their fields pull back, and what their changes are held back by."""
+    shapes, stiffer, duller = [np.zeros(box.volume.size)], [0.0], [0.0]
+    for one in room.uneven:
+        x, y, z = (
+            np.cos(np.pi * n * axis.nodes / edge)
+            for n, axis, edge in zip(one.orders, box.lines, room.dims_m, strict=True)
+        )
+        shape = np.einsum("i,j,k->ijk", x, y, z).ravel()
+        shapes.append(shape / np.sqrt(np.sum(shape**2 * box.volume.ravel())))
+        k2 = sum((np.pi * n / edge) ** 2 for n, edge in zip(one.orders, room.dims_m, strict=True))
+        rate = room.sound_speed * sum(  # 1/s, twice the decay rate: the walls' share of the mode's energy
+            (2.0 if n else 1.0) * (room.admittance[2 * i] + room.admittance[2 * i + 1]) / room.dims_m[i]
+            for i, n in enumerate(one.orders)
+        )
+        stiffer.append((room.sound_speed * step_s) ** 2 * k2 * one.stiffer)
+        duller.append(step_s * rate * one.duller)
+    return np.array(shapes), np.array(stiffer), np.array(duller)
 
 
 def _pulse(step_s: float) -> Real:

@@ -37,7 +37,8 @@ def impulse_responses(room: Room, cache: Path | str | None = None) -> Real:
     if cache is None:
         return _compute(room)
     method = _METHOD if room.block is None else _WITH_A_BLOCK
-    key = hashlib.sha256(f"{method} {room!r}".encode()).hexdigest()[:24]
+    uneven = f" {room.uneven!r}" if room.uneven else ""
+    key = hashlib.sha256(f"{method} {room!r}{uneven}".encode()).hexdigest()[:24]
     kept = Path(cache) / f"room-{key}.npy"
     try:
         return np.load(kept)

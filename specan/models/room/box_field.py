@@ -12,8 +12,9 @@ the band (`specan.models.room.resonances`); what lies above the truncation is ad
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,6 +123,51 @@ class BoxField:
         """The modes up to the truncation alone, array (lines, receivers): all but the near field, and cheap."""
         return self._everywhere(source, receivers, self.modes.coupling(source, receivers))
 
+    def mode_slopes(
+        self, sources: Sequence[tuple[Port, Complex]], receivers: Sequence[Port], modes: NDArray[np.intp]
+    ) -> Iterator[tuple[Complex, Complex]]:
+        """What relative changes of each mode's frequency and decay rate change of what some sources make.
+
+        Parameters
+        ----------
+        sources : sequence of (Port, array (lines,))
+            With their strengths.
+        receivers : sequence of Port
+        modes : array of int (n, 3)
+            Numbers of the modes along the edges.
+
+        Yields
+        ------
+        slope : array (receivers, lines)
+            With the squared wave number of the mode.
+        sizes : array (2,)
+            What the two changes make of that.
+        """
+        found, numbers = self.resonances, modes.T
+        sizes = _mode_sizes(self.lengths, self.modes, numbers)
+        if found is not None and found.orders is not None:
+            driven = np.zeros((len(found.residue), len(self.k2)), dtype=complex)
+            for port, strength in sources:
+                driven += np.outer(found.residue * found.poles.at(port) * found.per_k2, strength)
+            heard = found.poles.at_all(receivers)
+            for order, size in zip(modes, sizes.T, strict=True):
+                own = np.flatnonzero(np.all(order == found.orders.T, axis=1))
+                yield heard[own].T @ (driven[own] * found.curves[:, own].T ** 2), size
+            return
+        lacks = self.modes.lacks(numbers) + self.modes.k2[:, None]  # K^2, smooth
+        if found is not None:
+            lacks = found.few.everywhere(lacks)
+        lacks -= self.k2[:, None]
+        if self.modes.moved is not None:
+            lacks += self.modes.moved[1]
+        products = [self.modes.products(port, receivers, numbers) for port, _ in sources]
+        for n, size in enumerate(sizes.T):
+            slope = np.zeros((len(self.k2), len(receivers)), dtype=complex)
+            for (_, strength), product in zip(sources, products, strict=True):
+                one = product[..., n] if found is None else found.few.everywhere(product[..., n])
+                slope -= strength[:, None] * one
+            yield (slope / lacks[:, n, None] ** 2).T, size
+
     def _everywhere(self, source: Port, receivers: Sequence[Port], found: Complex) -> Complex:
         return found if self.resonances is None else self.resonances.everywhere(source, receivers, found)
 
@@ -158,6 +204,8 @@ def box(
     drawn: tuple[float, float, float],
     k_max: float,
     counts: tuple[int, ...],
+    modes: NDArray[np.intp] | None = None,
+    shift: Real | None = None,
 ) -> BoxField:
     """A box with `counts` modes along its edges, most of them at few lines where these tell the others.
 
@@ -168,6 +216,10 @@ def box(
         See `BoxField`, `Modes`.
     k_max : float
         Largest wave number of the band for the drawn room, 1/m.
+    modes : array of int (n, 3), optional
+        Numbers along the edges of modes that are not where the box has them.
+    shift : array (2, n), optional
+        Relative changes of their natural frequencies and decay rates.
     """
     k2_max = max(k_max, float(np.sqrt(k2).real.max())) ** 2
     near = near_counts(drawn, k_max)
@@ -175,18 +227,40 @@ def box(
     for few in choices:
         if few.meets(soft.T):
             axes = _axes(lengths, soft[:, few.chosen], counts)
+            some = _moved(Modes(axes, k2[few.chosen]), lengths, modes, shift)
             walls = _dimensionless(lengths, soft)
             off = [i for i in range(3) if not axes[i].holds(few, near[i], *walls[i])]
             highest, poles = NEAR * float(np.sqrt(k2_max)), None
             if not off:
-                poles = resonances(axes, few, k2, near, highest)
+                poles = resonances(axes, few, k2, near, highest, some.moved)
             elif (
                 len(off) == 1 and few is choices[-1]
             ):  # poles far from the band are hard to find, and matter less then
                 poles = resonances_across(axes, few, k2, np.stack(walls[off[0]]), off[0], near, highest)
+                if poles is not None and some.moved is not None:
+                    poles, some = poles.shifted(*some.moved), replace(some, moved=None)
             if poles is not None:
-                return BoxField(lengths, Modes(axes, k2[few.chosen]), k2, soft, drawn, k2_max, counts, poles)
-    return BoxField(lengths, Modes(_axes(lengths, soft, counts), k2), k2, soft, drawn, k2_max, counts)
+                return BoxField(lengths, some, k2, soft, drawn, k2_max, counts, poles)
+    every = _moved(Modes(_axes(lengths, soft, counts), k2), lengths, modes, shift)
+    return BoxField(lengths, every, k2, soft, drawn, k2_max, counts)
+
+
+def _mode_sizes(lengths: tuple[float, ...], sum_: Modes, numbers: NDArray[np.intp]) -> Complex:
+    """What relative changes of frequency and decay rate make of squared wave numbers (2, n), 1/m^2.
+
+    A mode of squared wave number ``K^2 = k_0^2 + j b`` rings where ``k = k_0``, and decays by ``b``.
+    """
+    rigid = np.sum((np.pi * numbers.T / np.array(lengths)) ** 2, axis=1)
+    decay, k = sum_.lacks(numbers).imag, np.sqrt(sum_.k2).real
+    at_resonance = [np.interp(np.sqrt(k0), k, part) for k0, part in zip(rigid, decay.T, strict=True)]
+    return np.stack([2 * rigid + 0j, 1j * np.array(at_resonance)])
+
+
+def _moved(sum_: Modes, lengths: tuple[float, ...], modes: Any, shift: Any) -> Modes:
+    """The modes with some of them shifted."""
+    if modes is None or not np.any(shift):
+        return sum_
+    return replace(sum_, moved=(modes.T, np.sum(_mode_sizes(lengths, sum_, modes.T) * shift, axis=0)))
 
 
 def near_counts(lengths: tuple[float, ...], k_max: float) -> tuple[int, int, int]:

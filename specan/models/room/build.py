@@ -15,7 +15,7 @@ from specan.models.catalogue import effects_in
 from specan.models.effect import Use
 from specan.models.model import Model, Nuisance, Words
 from specan.models.quantity import Condition, Observable, Quantity, constant
-from specan.models.room import air, field, instruments, known_walls
+from specan.models.room import air, field, instruments, known_walls, mode_shifts
 from specan.models.room.places import in_recording, places_of, room_receivers, wall_areas
 from specan.models.room.rig import WALLS, Rig, read_rig
 from specan.models.room.shape import RoomShape, mesh_shape
@@ -50,6 +50,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     walls = known_walls.tied(shape.walls, settings.room.tied_walls)
     tables = known_walls.known_tables(settings.walls, walls, (settings.band.f_min_hz, settings.band.f_max_hz))
     octaves = _bands(settings, per_octave=1)
+    modes = mode_shifts.modes_of(settings)
     quantities = [
         *shape.quantities,
         *_constants(settings, cards, shape.walls),
@@ -58,6 +59,7 @@ def build(rig: Mapping[str, Any]) -> Model:
         *known_walls.QUANTITIES,
         *field.QUANTITIES,
         *instruments.QUANTITIES,
+        *mode_shifts.quantities(settings, modes),
     ]
     effects = effects_in("specan.models.room.effects")
     loudspeakers = tuple(f"loudspeaker {i}" for i in range(2, 2 + len(settings.loudspeakers)))
@@ -69,7 +71,7 @@ def build(rig: Mapping[str, Any]) -> Model:
     return Model(
         name="room",
         title=shape.title,
-        notes=(*shape.notes, *notes),
+        notes=(*shape.notes, *notes, *mode_shifts.notes(settings, modes)),
         conditions={
             "frequency": Condition("frequency", "Hz", "Frequency of each line.", "frequency_hz", "Hz"),
             "velocity_psd": Condition(
@@ -110,10 +112,15 @@ def build(rig: Mapping[str, Any]) -> Model:
             "loudspeaker": loudspeakers,
             "card": tuple(f"card {i}" for i in range(1, len(cards) + 1)),
             "third_octave": tuple(f"{f:.4g} Hz" for f in _bands(settings)),
+            **mode_shifts.axes(modes),
             **shape.axes,
         },
         words=WORDS,
-        receivers=room_receivers(settings, places, partial(in_recording, settings, log)),
+        receivers=replace(
+            room_receivers(settings, places, partial(in_recording, settings, log)),
+            shifts=mode_shifts.mode_shifts(modes),
+            usual_shifts=mode_shifts.usual_shifts(settings, modes),
+        ),
         settings={"rig": settings.model_dump(), "face_areas_m2": shape.areas_m2},
     )
 

@@ -105,6 +105,8 @@ def room_modes(
     room_dimensions,
     drawn_dimensions,
     mode_margin,
+    modes_apart,
+    mode_shift,
 ):
     """The room's modes, and the couplings that were asked of them."""
     inputs = (
@@ -116,6 +118,8 @@ def room_modes(
         room_dimensions,
         drawn_dimensions,
         mode_margin,
+        modes_apart,
+        mode_shift,
     )
     key: tuple[bytes, ...] = tuple(np.asarray(value).tobytes() for value in inputs)
     if key not in _BOXES:
@@ -144,6 +148,8 @@ def _make_box(
     dimensions: Any,
     drawn: Any,
     margin: Any,
+    modes_apart: Any,
+    mode_shift: Any,
 ) -> BoxField:
     lengths, as_drawn = point(dimensions), point(drawn)
     k = 2 * np.pi * np.asarray(frequency, dtype=float) / (sound_speed * (1 + dispersion))
@@ -151,7 +157,8 @@ def _make_box(
     # is fitted they must not jump.
     k_max = 2 * np.pi * float(np.max(frequency)) / COLD
     counts = mode_counts(as_drawn, k_max, float(margin))
-    return box(frequency, lengths, (k - 1j * attenuation) ** 2, 1j * k * admittance, as_drawn, k_max, counts)
+    k2 = (k - 1j * attenuation) ** 2
+    return box(frequency, lengths, k2, 1j * k * admittance, as_drawn, k_max, counts, modes_apart, mode_shift)
 
 
 @quantity(unit="Pa*s/m", axes=("place",))

@@ -27,10 +27,13 @@ class Modes:
         Eigenvalues and eigenfunctions along the edges.
     k2 : array (lines,)
         Squared wave number with the air's attenuation in it, 1/m^2.
+    moved : array of int (3, n) and array (n,), optional
+        Numbers of some modes along the edges, and by how much their squared wave numbers are larger, 1/m^2.
     """
 
     axes: tuple[AxisModes, AxisModes, AxisModes]
     k2: Complex
+    moved: tuple[NDArray[np.intp], Complex] | None = None
     _lines: dict[int, _Lines] = field(default_factory=dict, repr=False, compare=False)
 
     def _parts(self) -> Iterator[tuple[slice, _Lines]]:
@@ -39,7 +42,7 @@ class Modes:
         step = max(1, _TERMS_AT_ONCE // modes)
         for first in range(0, len(self.k2), step):
             part = slice(first, first + step)
-            here = self._lines.get(first) or _Lines.of(self.axes, self.k2, part)
+            here = self._lines.get(first) or _Lines.of(self.axes, self.k2, part, self.moved)
             if modes * len(self.k2) < _TERMS_KEPT:
                 self._lines[first] = here
             yield part, here
@@ -60,6 +63,24 @@ class Modes:
             for i, along in zip(special, to_special, strict=True):
                 out[part, i] = here.port_sum(amplitudes, [x[part] for x in along], receivers[i])
         return out
+
+    def products(self, source: Port, receivers: Sequence[Port], numbers: NDArray[np.intp]) -> Complex:
+        """``Psi(r) Psi(s) / Lambda`` of single modes (3, n), array (lines, receivers, n)."""
+        points = np.array([port.position for port in receivers])
+        from_source = _along(self.axes, source)
+        heard = np.ones((1, 1, 1), dtype=complex)
+        for i, axis in enumerate(self.axes):
+            heard = heard * axis.at(points[:, i])[:, numbers[i]]
+        out = np.empty((len(self.k2), len(receivers), numbers.shape[1]), dtype=complex)
+        for part, here in self._parts():
+            each = (here.amplitudes([x[part] for x in from_source], source) * here.distance)[:, *numbers]
+            out[part] = (each[..., None] * heard[part]).transpose(0, 2, 1)
+        return out
+
+    def lacks(self, numbers: NDArray[np.intp]) -> Complex:
+        """``K^2 - k^2`` of single modes (3, n), as the box has them, array (lines, n)."""
+        x, y, z = (axis.q2[:, n] for axis, n in zip(self.axes, numbers, strict=True))
+        return np.asarray(x + y + z - self.k2[:, None])
 
 
 _ALONG = (
@@ -88,11 +109,20 @@ class _Lines:
     _means: dict[tuple[int, float, bool, tuple[float, float, float]], NDArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, axes: Sequence[AxisModes], k2: Complex, part: slice) -> _Lines:
+    def of(
+        cls,
+        axes: Sequence[AxisModes],
+        k2: Complex,
+        part: slice,
+        moved: tuple[NDArray[np.intp], Complex] | None = None,
+    ) -> _Lines:
         q = [(axis.w[part] / axis.length**2)[where] for axis, where in zip(axes, _ALONG, strict=True)]
         norm = [axis.norm[part][where] for axis, where in zip(axes, _ALONG, strict=True)]
         own = k2[part][:, None, None, None]
-        return cls((q[0], q[1], q[2]), (norm[0], norm[1], norm[2]), (q[0] - own) + q[1] + q[2], own)
+        distance = (q[0] - own) + q[1] + q[2]
+        if moved is not None:
+            distance[:, *moved[0]] += moved[1]
+        return cls((q[0], q[1], q[2]), (norm[0], norm[1], norm[2]), distance, own)
 
     def amplitudes(self, along: Sequence[Complex], source: Port) -> Complex:
         """Psi_N(source) / (Lambda_N (K_N^2 - k^2)), array (lines, nx, ny, nz)."""

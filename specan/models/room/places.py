@@ -96,7 +96,7 @@ def room_receivers(
             calibration_dB=given.calibration_dB,
             calibration_phase_deg=given.calibration_phase_deg,
             discrepancy=given.model_discrepancy_percent / 100,
-            detuning=given.natural_frequency_percent / 100,
+            detuning=(given.natural_frequency_percent if dims is None else given.smooth_percent) / 100,
             frame_m=given.frame_m,
             frame_tilt_deg=given.frame_tilt_deg,
             common_dB=given.calibrator_dB,

@@ -13,7 +13,7 @@ is summed at every line.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -108,6 +108,10 @@ class Resonances:
         Of ``1 / (K^2 - k^2)``, over the shapes' norms.
     curves : array (lines, modes)
         ``1 / (f - p)``.
+    unshifted : array (few, modes), optional
+        The same at the few lines where the poles in `curves` are not those of the exact sum.
+    orders : array (3, modes), optional
+        Numbers along the edges of what rings nearest, where the poles are not those of single modes.
     others : Shapes
         At the few lines, arrays (few, modes).
     factors : array (lines, modes)
@@ -120,11 +124,37 @@ class Resonances:
     curves: Complex
     others: Shapes
     factors: Complex
+    unshifted: Complex | None = None
+    orders: NDArray[np.intp] | None = None
+
+    @property
+    def per_k2(self) -> Complex:
+        """Move of each pole, half-widths of the band, with the squared wave number of its mode, array (modes,)."""
+        found: Complex = -self.residue * self.poles.norm
+        return found
+
+    def shifted(self, modes: NDArray[np.intp], more: Complex) -> Resonances:
+        """The same with other poles; what is left of the sum beside the poles stays as it is.
+
+        Parameters
+        ----------
+        modes : array of int (3, n)
+            Numbers of some modes along the edges.
+        more : array (n,)
+            By how much their squared wave numbers are larger, 1/m^2.
+        """
+        assert self.orders is not None
+        by_order = dict(zip(map(tuple, modes.T.tolist()), more.tolist(), strict=True))
+        part = np.array([by_order.get(tuple(n), 0) for n in self.orders.T.tolist()], dtype=complex)
+        pole = self.few.place[0] - 1 / self.curves[0] + part * self.per_k2
+        curves = 1 / (self.few.place[:, None] - pole)
+        return replace(self, curves=curves, unshifted=self.curves[self.few.chosen])
 
     def everywhere(self, source: Port, receivers: Sequence[Port], exact: Complex) -> Complex:
         """Couplings (lines, receivers) from the exact ones at the few lines (few, receivers)."""
         size = (self.residue * self.poles.at(source))[:, None] * self.poles.at_all(receivers)
-        smooth = exact - self.curves[self.few.chosen] @ size
+        own_curves = self.curves[self.few.chosen] if self.unshifted is None else self.unshifted
+        smooth = exact - own_curves @ size
         if not self.factors.shape[1]:
             return self.curves @ size + self.few.everywhere(smooth)
         own = (self.others.at(source) / self.others.norm)[..., None] * self.others.at_all(receivers)
@@ -139,6 +169,7 @@ def resonances(
     k2: Complex,
     counts: Sequence[int],
     highest: float,
+    moved: tuple[NDArray[np.intp], Complex] | None = None,
 ) -> Resonances:
     """Poles of the modes that may resonate in the band.
 
@@ -153,16 +184,22 @@ def resonances(
         Modes along each edge among which they are.
     highest : float
         Wave number up to which a mode may resonate in the band, 1/m.
+    moved : array of int (3, n) and array (n,), optional
+        See `Modes`.
     """
     lengths = tuple(axis.length for axis in axes)
     orders = _orders(tuple(counts))
     distance = _distance(axes, orders) - k2[few.chosen, None]
+    more = np.zeros(len(orders[0]), dtype=complex)
+    if moved is not None:
+        more[np.ravel_multi_index(tuple(moved[0]), tuple(counts))] = moved[1]
+        distance = distance + more
     near = np.min((distance + k2[few.chosen, None]).real, axis=0) <= highest**2
-    orders, distance = orders[:, near], distance[:, near]
+    orders, distance, more = orders[:, near], distance[:, near], more[near]
     pole, slope, found = _poles(few, distance, k2[few.chosen])
     residue = np.where(found, 1 / slope, 0)
     some = slice(few.looked_at.start, None, EVERY * few.looked_at.step)
-    there = _distance(axes, orders, few.matrix[some]) - k2[some, None]
+    there = _distance(axes, orders, few.matrix[some]) - k2[some, None] + more
     exact, seen = 1 / distance, 1 / there
     rest = exact - residue / (few.place[few.chosen, None] - pole)
     off = few.matrix[some] @ rest - (seen - residue / (few.place[some, None] - pole))
@@ -180,7 +217,7 @@ def resonances(
         residue[kept] / poles.norm,
         1 / (few.place[:, None] - pole[kept]),
         others,
-        1 / (_distance(axes, orders[:, left], few.matrix) - k2[:, None]),
+        1 / (_distance(axes, orders[:, left], few.matrix) - k2[:, None] + more[left]),
     )
 
 

@@ -98,7 +98,14 @@ def resonances_across(
     empty = np.empty((len(few.chosen), 0), dtype=complex)
     others = Shapes(lengths, (empty, empty, empty), (empty, empty, empty))
     factors = np.empty((len(k2), 0), dtype=complex)
-    return Resonances(few, at_poles, residue / at_poles.norm, curves, others, factors)
+    orders = np.empty((3, len(pole)), dtype=np.intp)
+    orders[i], orders[j] = m[family], n[family]
+    # Along the soft axis a mode has no number of its own: that of the rigid axis which rings nearest.
+    left_over = (np.sqrt(k2[few.chosen]) / (few.middle + few.half * few.place[few.chosen])).real.mean()
+    along = (left_over * (few.middle + few.half * pole.real)) ** 2 - (np.pi / axes[i].length * m[family]) ** 2
+    along -= (np.pi / axes[j].length * n[family]) ** 2
+    orders[across] = np.round(np.sqrt(np.maximum(along, 0)) * axis.length / np.pi)
+    return Resonances(few, at_poles, residue / at_poles.norm, curves, others, factors, orders=orders)
 
 
 class _Families:

@@ -17,6 +17,7 @@ from typing import Any
 
 from specan.errors import ComputationError
 from specan.models import Assembly
+from specan.models.measurement_kinds import ModeShifts
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, best_screened, descend_steps
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
@@ -130,18 +131,45 @@ def linearised(
     if not problem.strategy.linearised_covariance:
         return problem
     values: Mapping[str, Any] = continuation_fit(problem, starts) if ended is None else ended
-    near = about(problem, problem.assembly, values)
+    values = with_shifts(problem, problem.assembly, values)
+    near = _linear_about(problem, problem.assembly, values)
     theta = descend_steps(near, near.start(values), JACOBIANS)
-    values = problem.values_at(theta)
-    return replace(
-        about(problem, problem.assembly, values),
-        values={**problem.values, **{name: values[name] for name in problem.free}},
-    )
+    values = with_shifts(problem, problem.assembly, near.values_at(theta))
+    found = _linear_about(problem, problem.assembly, values)
+    return replace(found, values={**found.values, **{name: values[name] for name in problem.free}})
 
 
 def about(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Problem:
-    """The problem with covariances about a model at given values; places that are free in the problem have no error."""
+    """The problem with covariances about a model at given values; places that are free in the problem have no error.
+
+    Where single modes may be shifted, the problem then holds the shifts that are most probable with that model.
+    """
+    return _linear_about(problem, assembly, with_shifts(problem, assembly, values))
+
+
+def with_shifts(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The values with the most probable shifts of modes, where any are declared; see `mode_shifts`."""
+    if shifts_of(assembly) is None:
+        return values
+    from specan.study.estimation.mode_shifts import with_mode_shifts
+
+    return with_mode_shifts(problem, assembly, values)
+
+
+def _linear_about(problem: Problem, assembly: Assembly, values: Mapping[str, Any]) -> Problem:
     placed = [str(use) for use in problem.assembly.uses]
-    return problem.over(
+    found = problem.over(
         [o.about(assembly, problem.seen_by(o, values), placed=placed) for o in problem.observations]
     )
+    shifts = shifts_of(assembly)
+    return (
+        found
+        if shifts is None
+        else replace(found, values={**found.values, **shifts.named(shifts.of(values))})
+    )
+
+
+def shifts_of(assembly: Assembly) -> ModeShifts | None:
+    """What the model declares of shifts of single modes."""
+    receivers = assembly.model.receivers
+    return None if receivers is None else receivers.shifts

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from specan.errors import ComputationError
 from specan.models.measurement_kinds import Receivers, SourcePlaces
-from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted
+from specan.study.estimation.continuation import STAGES, continuation_fit, down_weighted, linearised
+from specan.study.estimation.fit import fit
 from specan.study.estimation.problem import Problem
+from specan.study.observation.correlated_errors import CommonErrors
 from specan.study.observation.frf import FrfObservation
 from specan.study.selection.starting_values import explained
 
@@ -271,3 +273,38 @@ class _Misfit:
             predicted = o.responses(there.assembly, [there.seen_by(o, self._values)])[0]
             total += float(np.sum(np.abs((o.response - predicted) * o.kept / o.noise) ** 2))
         return total
+
+
+def undeclared_shifts(problem: Problem, least: float) -> str:
+    """A sentence where shifts that nobody has declared let the model meet the data; empty where they do not.
+
+    Parameters
+    ----------
+    problem : Problem
+        A model that does not meet them.
+    least : float
+        Probability of its misfit from which a model meets the data.
+    """
+    receivers = problem.assembly.model.receivers
+    if receivers is None or receivers.usual_shifts is None or not problem.strategy.linearised_covariance:
+        return ""
+    model = receivers.usual_shifts.with_shifts(problem.assembly.model)
+    seen = [
+        replace(o, declared=CommonErrors(replace(o.declared.receivers, shifts=model.receivers.shifts)))
+        for o in problem.observations
+        if isinstance(o, FrfObservation) and o.declared is not None
+    ]
+    try:
+        free = linearised(
+            replace(problem, assembly=model.assemble(problem.assembly.uses), observations=tuple(seen))
+        )
+        met = fit(free)
+    except ComputationError:
+        return ""
+    if met.p_value < least:
+        return ""
+    return (
+        f"modes that ring each a little elsewhere than those of the model would explain it (reduced chi-square "
+        f"{met.reduced_chi2:.2f}), as seams, suspensions and cables make them: declare them by "
+        f"{receivers.usual_shifts.words}, and diagnose again"
+    )

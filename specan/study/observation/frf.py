@@ -101,6 +101,9 @@ class FrfObservation(KeptLines):
         Where the receivers probably stand, m from the drawing: `shared` holds the slopes there.
     offset : complex array (receivers, lines)
         Added to a prediction for the moved places: back along the slopes to the drawn ones.
+    shifts : int
+        How many of the last columns of `modal` are shifts of single modes. `offset` takes what the model holds of
+        them back along these columns: they are uncertain about no shift.
     quantities : tuple of str
         Instead of `quantity`, one for each channel.
     observables : tuple of str
@@ -132,6 +135,7 @@ class FrfObservation(KeptLines):
     moved: Array | None = None
     offset: Complex | float = 0.0
     modal: Complex | None = None
+    shifts: int = 0
     quantities: tuple[str, ...] = ()
     observables: tuple[str, ...] = ("frf",)
     line_correlation: tuple[float, ...] = LINE_CORRELATION
@@ -287,7 +291,14 @@ class FrfObservation(KeptLines):
         """
         if self.declared is None:
             return self
-        drawn = replace(self, noise=self.random, moved=None, offset=0.0)
+        return self.about_unshifted(assembly, values, seen, placed)._with_shifts(assembly, values)
+
+    def about_unshifted(
+        self, assembly: Assembly, values: Mapping[str, Any], seen: bool, placed: Collection[str] = ()
+    ) -> FrfObservation:
+        """The same without the uncertainty of single modes."""
+        assert self.declared is not None
+        drawn = replace(self, noise=self.random, moved=None, offset=0.0, shifts=0)
         stand = np.isin(movers(assembly), [str(use) for use in placed])
         shared, modal, _ = self.declared.columns(drawn.responses, assembly, values, self.frequency_hz)
         shared[stand, :, PLACE] = 0
@@ -303,6 +314,53 @@ class FrfObservation(KeptLines):
             shared[stand, :, PLACE] = 0
             found = replace(there, shared=shared, modal=modal, offset=-np.einsum("ma,aml->ml", moved, slopes))
         return found
+
+    def _with_shifts(self, assembly: Assembly, values: Mapping[str, Any]) -> FrfObservation:
+        assert self.declared is not None
+        shifts = self.declared.receivers.shifts
+        if shifts is None:
+            return self
+        columns = self.shift_columns(assembly, values)
+        modal = columns if self.modal is None else np.concatenate([self.modal, columns], axis=-1)
+        back = columns @ shifts.of(values)
+        return replace(self, modal=modal, offset=self.offset - back, shifts=columns.shape[-1])
+
+    def shift_columns(self, assembly: Assembly, values: Mapping[str, Any]) -> Complex:
+        """One standard uncertainty of each mode's natural frequency, then of each mode's damping, where they are."""
+        assert self.declared is not None
+        shifts = self.declared.receivers.shifts
+        assert shifts is not None
+        many: Sequence[Mapping[str, Any]] = [values]
+        if self.moved is not None:
+            assembly, many = moved_to(assembly, many, self.moved)
+        known = assembly.evaluate(self.conditions_at_nodes, many[0], wanted=shifts.reads)
+        out = np.empty((*self.response.shape, 2 * shifts.size), dtype=complex)
+        for k, (column, units) in enumerate(shifts.columns(known.values)):
+            folded = self.folding(column)
+            out[..., k], out[..., shifts.size + k] = folded * units[0], folded * units[1]
+        return out
+
+    def plain(
+        self,
+        assembly: Assembly,
+        values: Mapping[str, Any],
+        told: Sequence[tuple[FrfObservation, Mapping[str, Any]]] = (),
+    ) -> Array:
+        """Prediction as it is shown: shifts of modes that were found are not taken back."""
+        predicted = self.predict(assembly, values)
+        if not self.shifts or self.declared is None or self.modal is None:
+            return predicted
+        shifts = self.declared.receivers.shifts
+        assert shifts is not None
+        return predicted + self.stack(self.modal[..., -self.shifts :] @ shifts.of(values))
+
+    def knowing_shifts(self, root: Array) -> FrfObservation:
+        """The same where other data tell the shifts that the model holds: `root` is that of their covariance."""
+        if not self.shifts or self.modal is None:
+            return self
+        columns = self.modal[..., -self.shifts :]
+        modal = np.concatenate([self.modal[..., : -self.shifts], columns @ root], axis=-1)
+        return replace(self, modal=modal, offset=0.0, shifts=0)
 
     def _places(self, assembly: Assembly, values: Mapping[str, Any]) -> Array:
         """Most probable displacement of each receiver, in standard uncertainties, array (receivers, 3).
@@ -373,6 +431,7 @@ class FrfObservation(KeptLines):
             conditions_at_nodes=self.conditions_at(self.frequency_hz[lines]),
             drift=self.drift and self.drift.at(lines),
             modal=None,
+            shifts=0,
             declared=None,
             moved=None,
             offset=0.0,

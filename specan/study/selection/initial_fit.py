@@ -7,7 +7,7 @@ looked at anew. Only which of them are looked at first, and where their fits beg
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -264,23 +264,36 @@ def _best_of_few(
         if refit is not None and refit.bic(1.0) < better.bic(1.0):
             better = refit
             queue = [
-                *_elsewhere(best, scored, better, use),
+                *_elsewhere(refits, best, better, scored),
                 *confounded_with(best.problem.assembly.model, use),
                 *queue,
             ]
     return better
 
 
-def _elsewhere(start: Refit, scored: Mapping[Use, Sequence[Scored]], better: Refit, found: Use) -> list[Use]:
-    """The same effect at the other element that promises most, where what was found does not meet the view.
+def _elsewhere(refits: Refits, start: Refit, better: Refit, scored: Iterable[Use]) -> list[Use]:
+    """The same effect at the other element where it does best, with its values, where it does not meet the view.
 
-    At opposite ends it changes every resonance by the same amount to first order, the square of the mode shape: from
-    afar the promises of the two hardly differ.
+    At opposite ends it changes every resonance by the same amount to first order, the square of the mode's shape: from
+    afar the promises of the two hardly differ. The refit there begins at the same values.
     """
+    (found,) = better.uses - start.uses
     if better.reduced <= 1 or not found.at or start.problem.assembly.model.effects[found.name].instrument:
         return []
-    others = [use for use in scored if use.name == found.name and use != found]
-    return sorted(others, key=lambda use: start.promised(scored[use][0]))[:1]
+    values = better.problem.values_at(better.fit.theta)
+    reached: dict[Use, tuple[float, dict[str, Any]]] = {}
+    for use in scored:
+        if use.name == found.name and use != found:
+            there = {
+                f"{use}.{ParameterName(n).own}" if ParameterName(n).owned_by({found}) else n: v
+                for n, v in values.items()
+            }
+            whole = start.problem.with_uses(sorted({*start.uses, use}))
+            with suppress(ComputationError):
+                reached[use] = float(np.sum(whole.residual(whole.start(there)) ** 2)), there
+    best = sorted(reached, key=lambda use: reached[use][0])[:1]
+    refits.known = {**refits.known, **{start.uses | {use}: reached[use][1] for use in best}}
+    return best
 
 
 def _leaves_its_form(start: Refit, better: Refit) -> bool:
