@@ -109,7 +109,7 @@ def _print_pulls(found: Diagnosis) -> None:
     if found.pulls:
         click.echo("")
         table(
-            "Values outside of what is known, and by how many standard uncertainties",
+            "Values off what is known, in standard uncertainties",
             ["parameter", "value", "known", "unit", "off by", ""],
             [
                 [
