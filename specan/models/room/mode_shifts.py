@@ -24,8 +24,6 @@ Complex = NDArray[np.complex128]
 
 USUAL_PERCENT = 0.1  # of natural frequencies of built rooms; see docs/room.md
 BESIDE_BAND = 0.03  # of the ends of the band: modes so near beside it may move too, 30 shifts of 0.1 %
-    0.25  # of the ends of the band, from where a soft wall may bring a mode into it; as `NEAR` of the field
-)
 SOUND_SPEED = 343.2  # m/s, at 20 degrees Celsius (ISO 9613-1): which modes there are needs no better one
 
 
