@@ -192,7 +192,7 @@ def resonances(
     distance = _distance(axes, orders) - k2[few.chosen, None]
     more = np.zeros(len(orders[0]), dtype=complex)
     if moved is not None:
-        within = np.all(moved[0].T < np.array(counts), axis=1)
+        within = np.all(np.array(counts) > moved[0].T, axis=1)
         more[np.ravel_multi_index(tuple(moved[0][:, within]), tuple(counts))] = moved[1][within]
         distance = distance + more
     near = np.min((distance + k2[few.chosen, None]).real, axis=0) <= highest**2
