@@ -26,8 +26,6 @@ from specan.models.kept import forget
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-PARTS = 4  # whatever the number of processes: what is computed must not depend on it
-
 _JOBS: ContextVar[int] = ContextVar("jobs", default=1)
 
 
@@ -82,13 +80,6 @@ def each(work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
         if fault is not None:
             raise fault
     return [done[k][1] for k in range(len(items))]
-
-
-def in_parts(work: Callable[[Sequence[Item]], list[Result]], items: Sequence[Item]) -> list[Result]:
-    """``work(items)`` by `each`, some items at a time: for many that take little each."""
-    size = max(1, -(-len(items) // PARTS))
-    parts = [items[k : k + size] for k in range(0, len(items), size)]
-    return [result for found in each(work, parts) for result in found]
 
 
 class _Waiting:

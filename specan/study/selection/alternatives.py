@@ -102,13 +102,10 @@ def refit_rivals(search: Search) -> None:
             for use in confounded_with(there.problem.assembly.model, *search.best.uses)
             if (done := search.refits.done.get(frozenset({use}))) is None or done.chi2 > best.chi2 + WIDE
         ]
-        closer = scan_shapes(there, declared).values()
-        search.refits.fit_each(there, [[[item] for item in items] for items in closer], again=True)
-    if strategy.continuation:
-        search.refits.fit_each(there, [[members] for members in near])
-    else:
-        for members in near:
-            search.refits.fit(there, [members])
+        for items in scan_shapes(there, declared).values():
+            search.refits.fit(there, [[item] for item in items], again=True)
+    for members in near:
+        search.refits.fit(there, [members])
     if len(best.uses) == 2 and strategy.continuation:
         for kept in sorted(best.uses):
             _exchange_second(search, kept)

@@ -21,7 +21,7 @@ from specan.study.estimation.continuation import STAGES, about, continuation_fit
 from specan.study.estimation.fit import describe, fit
 from specan.study.estimation.levenberg_marquardt import SCREENING_JACOBIANS, descend_steps
 from specan.study.estimation.problem import Problem
-from specan.study.processes import each, in_parts
+from specan.study.processes import each
 from specan.study.selection.candidates import candidates, confounded_with
 from specan.study.selection.refits import (
     FORM_TOLERANCE,
@@ -189,7 +189,12 @@ def _tried(
     refits = Refits(best, rough=True)
     begun(refits)
     for _ in range(MOST):
-        scored = _scored(best)
+        found, _ = candidates(best.problem)
+        known: Known = {}
+        points = planned_points(best, found, known)
+        scored = best_of_each(
+            score(best.linear, signatures(best.problem, best.fit, found, points, known), best.weights)
+        )
 
         def say(use: Use) -> None:
             trying(f": with {use}", REFITS)
@@ -202,15 +207,6 @@ def _tried(
             break
         best = better
     return list(refits.done.values())
-
-
-def _scored(best: Refit) -> dict[Use, list[Scored]]:
-    """What every candidate promises beside a set."""
-    found, _ = candidates(best.problem)
-    known: Known = {}
-    points = planned_points(best, found, known)
-    tried = in_parts(lambda some: signatures(best.problem, best.fit, some, points, known), found)
-    return best_of_each(score(best.linear, tried, best.weights))
 
 
 def _evident(

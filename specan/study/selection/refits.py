@@ -25,7 +25,6 @@ from specan.study.estimation.levenberg_marquardt import (
 )
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.problem import Problem
-from specan.study.processes import each
 from specan.study.selection.either_sign import of_either_sign
 from specan.study.selection.score_test import Scored, row_weights
 from specan.study.selection.signatures import with_rows_of
@@ -208,28 +207,10 @@ class Refits:
             None where no start converged; the reason is in `failed`.
         """
         uses = start.uses | {s.use for s in signatures[0]}
-        if not again and (uses in self.done or uses in self.failed):
-            return self.done.get(uses)
+        before = self.done.get(uses)
+        if not again and (before is not None or uses in self.failed):
+            return before
         problem = self.base.problem.with_uses(sorted(uses))
-        return self._keep(uses, problem, *self._minimum(start, signatures, problem, again))
-
-    def fit_each(self, start: Refit, many: Sequence[Sequence[Sequence[Scored]]], again: bool = False) -> None:
-        """As `fit` for several sets, in several processes where they are allowed; no refit knows of the others."""
-        new = {start.uses | {s.use for s in signatures[0]}: signatures for signatures in many}
-        if not again:
-            new = {
-                uses: own for uses, own in new.items() if uses not in self.done and uses not in self.failed
-            }
-        problems = {uses: self.base.problem.with_uses(sorted(uses)) for uses in new}
-        found = each(lambda uses: self._minimum(start, new[uses], problems[uses], again), list(new))
-        for uses, (best, reason) in zip(new, found, strict=True):
-            self._keep(uses, problems[uses], best, reason)
-
-    def _minimum(
-        self, start: Refit, signatures: Sequence[Sequence[Scored]], problem: Problem, again: bool = False
-    ) -> tuple[Minimum | None, str]:
-        """Lowest minimum of a problem with the uses of the signatures, as `fit` says; None, and why, without one."""
-        uses = start.uses | {s.use for s in signatures[0]}
         starts = [start_from(start, members, problem) for members in signatures]
         if not again:
             known = [dict(self.known[uses])] if uses in self.known else []
@@ -243,11 +224,6 @@ class Refits:
             nested = self._best_within(uses)
             if best is None or best.chi2 > nested.fit.chi2 + STALL_TOLERANCE * unit(problem, best.chi2):
                 best, reason = self._lowest(problem, [start_nested(nested, starts[0], problem)], nested)
-        return best, reason
-
-    def _keep(self, uses: EffectSet, problem: Problem, best: Minimum | None, reason: str) -> Refit | None:
-        """What was fitted, or the better fit that was there before."""
-        before = self.done.get(uses)
         if best is None or (before is not None and before.fit.chi2 <= best.chi2):
             if before is None:
                 self.failed[uses] = reason
