@@ -228,8 +228,11 @@ def _place(text: object) -> np.ndarray:
 def run(kind: str, seed: int, arguments: argparse.Namespace) -> dict[str, Any]:
     """One case: verdict, time, the chi-square at the truth and the lowest that the search reached."""
     hidden = drawn(kind, seed, arguments.mics)
-    made = simulate(seed, hidden, n_mics=arguments.mics, cache=arguments.cache)
+    uneven = tuple(arguments.uneven) if arguments.uneven else None
+    made = simulate(seed, hidden, n_mics=arguments.mics, cache=arguments.cache, uneven_percent=uneven)
     made.rig["band"]["f_max_hz"] = arguments.f_max
+    if uneven and not arguments.undeclared:
+        made.rig["uncertainty"] |= {"mode_frequency_percent": uneven[0], "mode_damping_percent": uneven[1]}
     record: dict[str, Any] = {"kind": kind, "seed": seed, "effects": hidden, "at_truth": at_truth(made)}
     bad = {full.split()[-1] for full in hidden if full.startswith(OF_A_MICROPHONE)}
     aside = [m for m in range(arguments.mics, 0, -1) if str(m) not in bad][:HELD_OUT]
@@ -360,6 +363,14 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=3000)
     parser.add_argument("--mics", type=int, default=8)
     parser.add_argument("--f-max", type=float, default=450.0)
+    parser.add_argument(
+        "--uneven",
+        type=float,
+        nargs=2,
+        metavar=("FREQUENCY", "DAMPING"),
+        help="per cent RMS that each mode's natural frequency and damping are off",
+    )
+    parser.add_argument("--undeclared", action="store_true", help="the rig file says nothing of --uneven")
     parser.add_argument("--cache", type=Path)
     parser.add_argument("--out", type=Path, default=Path("room_search.jsonl"))
     parser.add_argument("--report", type=Path)

@@ -196,7 +196,7 @@ def _print_statistics(found: Diagnosis) -> None:
             "left out of the fit, positive is better.)"
         )
         for ranked in found.ranking[:DETAILED]:
-            click.echo(f"{' + '.join(ranked.effects)}:")
+            click.echo(f"{' + '.join(sorted(_uses(ranked)))}:")
             for name, p in ranked.parameters.items():
                 click.echo(f"  {name} = {_value(p)}")
     if found.lack_of_fit is not None:
@@ -220,7 +220,7 @@ def _row(ranked: Ranked, now_dB: float | None, levels: bool) -> list[Any]:
         remark = f"{remark}, at its bound".lstrip(", ")
     fall = [f"{now_dB:.2g} to {ranked.level_after_dB:.2g}"] if levels else []
     return [
-        " + ".join(ranked.effects), f"{ranked.error_after:.3g}", *fall, f"{ranked.delta_bic:.1f}",
+        " + ".join(sorted(_uses(ranked))), f"{ranked.error_after:.3g}", *fall, f"{ranked.delta_bic:.1f}",
         f"{ranked.p_value:.1g}" if ranked.p_value >= 1e-12 else "<1e-12", f"{ranked.held_out_gain:.1f}", remark,
     ]  # fmt: skip
 

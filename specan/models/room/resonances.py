@@ -192,7 +192,8 @@ def resonances(
     distance = _distance(axes, orders) - k2[few.chosen, None]
     more = np.zeros(len(orders[0]), dtype=complex)
     if moved is not None:
-        more[np.ravel_multi_index(tuple(moved[0]), tuple(counts))] = moved[1]
+        within = np.all(np.array(counts) > moved[0].T, axis=1)
+        more[np.ravel_multi_index(tuple(moved[0][:, within]), tuple(counts))] = moved[1][within]
         distance = distance + more
     near = np.min((distance + k2[few.chosen, None]).real, axis=0) <= highest**2
     orders, distance, more = orders[:, near], distance[:, near], more[near]

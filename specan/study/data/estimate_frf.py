@@ -27,6 +27,7 @@ SETTLE_BLOCKS = (0.5, 2.0)  # at least and at most: what the field heard before 
 SETTLE_SHARE = 0.2  # of the record, in between
 LISTENING = 4  # receivers that the decay is taken from
 LEAST_BLOCKS = 4  # below which scatter is no estimate of the noise
+TOGETHER = 1 << 21  # samples of blocks that are analysed together: a second of 40 channels at 51.2 kHz
 
 Complex = Any
 
@@ -90,7 +91,6 @@ def observe_recording(
         )
     settings = TransferFunction(
         reference=reference.name,
-        channels=tuple(m.name for m in channels_of_all),
         estimator=estimator,  # type: ignore[arg-type]
         lines=round(rate * block_s / 2.56),
         window="hann",
@@ -105,9 +105,15 @@ def observe_recording(
             f"{recording.label} lasts {reference.duration_s:.1f} s",
             expected=f"at least {least:.1f} s for lines {rate / block:.2g} Hz apart",
         )
-    found = settings(recording).between(f_min_hz, f_max_hz)
-    _check_coherence(recording, receivers, found.coherence, f_min_hz, f_max_hz)
-    lines = np.round(found.frequency_hz * block / rate).astype(int)
+    parts = [
+        settings.model_copy(update={"channels": few})(recording).between(f_min_hz, f_max_hz)
+        for few in _few_at_once([channel.name for channel in channels_of_all], block)
+    ]
+    frequency_hz = parts[0].frequency_hz
+    _check_coherence(
+        recording, receivers, np.concatenate([part.coherence for part in parts]), f_min_hz, f_max_hz
+    )
+    lines = np.round(frequency_hz * block / rate).astype(int)
     helper = recording.by_role(receivers.helper_role)[0] if estimator == "H3c" else None
     signals = recording.read([reference, *([helper] if helper else [])])
     folding = fold(signals[0], rate, block, hop, start, lines, signals[1] if helper else None)
@@ -117,24 +123,23 @@ def observe_recording(
         **own.conditions,
     }
     quiet = (
-        background_noise(background, recording, channels_of_all, block / rate, found.frequency_hz)
+        background_noise(background, recording, channels_of_all, block / rate, frequency_hz)
         if background
         else None
     )
-    noise = noise_of_lines(
-        recording, reference, channels_of_all, signals, found.frequency_hz, block, start, quiet
-    )
+    noise = noise_of_lines(recording, reference, channels_of_all, signals, frequency_hz, block, start, quiet)
     names = model.axes[receivers.axis]
     response, noise = (
-        _in_rows(own, len(names), part, fill) for part, fill in ((found.response, 0), (noise, 1))
+        _in_rows(own, len(names), part, fill)
+        for part, fill in ((np.concatenate([part.response for part in parts]), 0), (noise, 1))
     )
     kept = np.zeros(response.shape, dtype=bool)
-    kept[own.rows] = _looked_at(receivers, found.frequency_hz)
+    kept[own.rows] = _looked_at(receivers, frequency_hz)
     plain = FrfObservation(
         name=recording.label,
         recording=recording.label,
         quantity=model.observables["frf"].quantity,
-        frequency_hz=found.frequency_hz,
+        frequency_hz=frequency_hz,
         line_hz=rate / block,
         channels=names,
         response=response,
@@ -152,6 +157,12 @@ def observe_recording(
     here = replace(receivers, positions_m=_own_places(receivers, own))
     calibrated = _as_calibrated(here, own, channels_of_all, u_calibrator_percent)
     return replace(plain, **_before_a_fit(calibrated, plain))
+
+
+def _few_at_once(names: Sequence[str], block: int) -> list[tuple[str, ...]]:
+    """Channels in parts of about one size, whose blocks hold few samples: each has many lines beyond the band."""
+    count = min(-(-len(names) * block // TOGETHER), len(names))
+    return [tuple(part.tolist()) for part in np.array_split(np.array(names), count)]
 
 
 def _block_power(reference: Real, block: int, lines: Any) -> Real:

@@ -65,12 +65,22 @@ class CommonErrors:
         of_all = _of_frame(self.receivers, np.stack(moved))
         if errors.common_dB:
             of_all.append(response * (np.log(10) / 20 * errors.common_dB))
-        for part in piecewise_linear_basis(frequency_hz):
+        basis = piecewise_linear_basis(frequency_hz)
+        # Many columns of long records take much memory: they are written where they stay.
+        of_each = np.empty((*response.shape, len(found) + 4 * len(basis)), dtype=complex)
+        common = np.empty((*response.shape, len(of_all) + 2 * len(basis)), dtype=complex)
+        for k, column in enumerate(found):
+            of_each[..., k] = column
+        for k, column in enumerate(of_all):
+            common[..., k] = column
+        for n, part in enumerate(basis):
             level = np.sqrt(np.mean(part * np.abs(response) ** 2) / np.mean(part))
             of = [errors.discrepancy * response, 0.5 * errors.discrepancy * level + 0 * response]
-            found += [part * size * turn for size in of for turn in (1, 1j)]
-            of_all += [part * errors.detuning * detuned * turn for turn in (1, 1j)]
-        return np.stack(found, axis=-1), np.stack(of_all, axis=-1), np.stack(moved)
+            for k, turn in enumerate((1, 1j)):
+                of_each[..., len(found) + 4 * n + k] = part * of[0] * turn
+                of_each[..., len(found) + 4 * n + 2 + k] = part * of[1] * turn
+                common[..., len(of_all) + 2 * n + k] = part * errors.detuning * detuned * turn
+        return of_each, common, np.stack(moved)
 
 
 def _of_all(uncertainty: float | Array, response: Complex) -> float | Array:

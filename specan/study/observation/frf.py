@@ -308,6 +308,7 @@ class FrfObservation(KeptLines):
         for _ in range(PLACED):
             moved = self.declared.position_m * found._places(assembly, values)
             there = replace(drawn, moved=moved)
+            del found, shared, modal  # by far the largest arrays
             shared, modal, slopes = self.declared.columns(
                 there.responses, assembly, values, self.frequency_hz
             )
