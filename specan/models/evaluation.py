@@ -28,6 +28,8 @@ class Parts(Protocol):
     def effects(self) -> Mapping[str, Effect]: ...  # noqa: D102
     @property
     def axes(self) -> Mapping[str, tuple[str, ...]]: ...  # noqa: D102
+    @property
+    def base_order(self) -> Mapping[str, int]: ...  # noqa: D102
 
 
 class _Call:
@@ -192,12 +194,7 @@ class Evaluator:
 
         Those of one loop are together, in the base's order.
         """
-        base_order = {
-            name: i
-            for i, part in enumerate(components({n: q.reads for n, q in self.model.quantities.items()}))
-            for name in part
-        }
-        parts = [sorted(part, key=base_order.__getitem__) for part in components(self._reads)]
+        parts = [sorted(part, key=self.model.base_order.__getitem__) for part in components(self._reads)]
         return [(part, *cut(part, self._reads)) for part in parts]
 
     @cached_property

@@ -67,6 +67,8 @@ def cut(loop: Sequence[str], reads: Mapping[str, Sequence[str]]) -> tuple[list[s
     >>> cut(["a", "b", "c"], {"a": ["c"], "b": ["a"], "c": ["b"]})
     (['b', 'c', 'a'], ('a',))
     """
+    if len(loop) == 1 and loop[0] not in reads[loop[0]]:  # nearly all of them
+        return [*loop], ()
     guessed: list[str] = []
 
     def walk(more: Sequence[str]) -> tuple[int, list[str]]:

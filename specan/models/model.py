@@ -372,6 +372,12 @@ class Model:
         return self._assemblies[chosen]
 
     @cached_property
+    def base_order(self) -> dict[str, int]:
+        """Place of each quantity in the order of evaluation, where no effect acts."""
+        parts = components({name: node.reads for name, node in self.quantities.items()})
+        return {name: place for place, part in enumerate(parts) for name in part}
+
+    @cached_property
     def _assemblies(self) -> dict[tuple[Use, ...], Assembly]:
         """Those made before: a search asks for the same ones again, and each knows its order of evaluation."""
         return {}

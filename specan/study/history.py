@@ -320,8 +320,9 @@ def _programs() -> dict[str, str]:
     for name in ("numpy", "scipy", "numba"):
         with contextlib.suppress(ImportError):
             found[name] = version(name)
+    installed = entry_points()  # once: each call reads what every installed package declares
     for group in (ENTRY_POINTS, MODEL_ENTRY_POINTS):
-        for point in entry_points(group=group):
+        for point in installed.select(group=group):
             found[f"{group} {point.name}"] = f"{point.value} {point.dist.version if point.dist else ''}"
     return found
 
