@@ -263,6 +263,8 @@ def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
     rows = []
     for refit in [*sets, *others]:
         decision, error = search.decision(refit), main_error(refit)
+        linearised = refit.problem.strategy.linearised_covariance
+        told = about_itself(refit) if refit in sets and linearised else refit
         rows.append(
             Ranked(
                 effects=tuple(sorted(u.name for u in refit.uses)),
@@ -272,7 +274,7 @@ def ranking(search: Search, sets: Sequence[Refit]) -> tuple[Ranked, ...]:
                 held_out_gain=decision.held_out_gain,
                 error_after=error.rms,
                 level_after_dB=error.level_dB,
-                parameters=parameters_of(about_itself(refit) if refit in sets else refit, refit in sets),
+                parameters=parameters_of(told, refit in sets),
                 plausible=search.believable(refit),
                 at_bound=any(n.owner in {str(u) for u in refit.uses} for n in refit.fit.at_bound),
                 pulls=shown(pulls(refit)),

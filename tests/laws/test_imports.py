@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 NOISE = next(Path("sample_data/recordings/noise").glob("*.tdms")).as_posix()
+GEAR = "sample_data/worm_gear/study/bench"
 LARGE = ["scipy.signal", "scipy.stats", "acoustics", "pandas", "matplotlib", "pint", "bokeh"]
 SCIPY = ["scipy.special", "scipy.optimize", "scipy.interpolate", "scipy.linalg", "scipy.sparse"]
 VERBS = [
@@ -18,10 +19,35 @@ VERBS = [
     (["fft", NOISE], LARGE),
     (["frf", NOISE], [*LARGE, *SCIPY]),
     (
+        [
+            "study",
+            "new",
+            "{place}",
+            "--model",
+            "worm-gear",
+            "--rig",
+            f"{GEAR}/rig.toml",
+            "--measurement",
+            f"{GEAR}/measurement.csv",
+        ],
+        [*LARGE, "scipy"],
+    ),
+    (
         ["batch", "sample_data/recordings/noise", "-o", "{place}", "--jobs", "1"],
         [*LARGE, *SCIPY, "rich", "numpy.ma", "multiprocessing", "specan.analysis.calibration"],
     ),
 ]
+DIAGNOSE = """
+import io, sys
+from contextlib import redirect_stdout
+from specan_cli.main import main
+place, rig, table = sys.argv[1:]
+with redirect_stdout(io.StringIO()) as said:
+    for words in ["new", place, "--model", "worm-gear", "--rig", rig, "--measurement", table], ["diagnose", place]:
+        main(["study", *words], standalone_mode=False)
+assert "Missing: windage." in said.getvalue()
+print(*sys.modules)
+"""
 CODE = """
 import sys
 from specan_cli.main import run
@@ -42,3 +68,14 @@ def test_a_verb_loads_no_library_that_it_does_not_need(verb, unwanted, tmp_path)
     loaded = done.stdout.rpartition("LOADED ")[2].split()
     assert "specan_cli.main" in loaded
     assert [name for name in unwanted if name in loaded] == []
+
+
+def test_a_verdict_on_a_gear_loads_numpy_alone(tmp_path) -> None:
+    words = [str(tmp_path / "gear"), f"{GEAR}/rig.toml", f"{GEAR}/measurement.csv"]
+    done = subprocess.run(
+        [sys.executable, "-c", DIAGNOSE, *words], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    loaded = done.stdout.split()
+    assert "specan.study.diagnose" in loaded
+    assert [name for name in [*LARGE, "scipy"] if name in loaded] == []

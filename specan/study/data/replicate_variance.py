@@ -28,6 +28,7 @@ from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
 
+STARTS = 2  # of the fit of the base: where both lead is the minimum
 ASKED_FOR = 9.0  # gain in 2 log-likelihood that takes in a component: p = 0.01 over some four that are tried
 ASKED_FOR_MORE = 3.84  # the same for a second size of what is known to be there: p = 0.05
 
@@ -283,6 +284,6 @@ def reference(model: Model, rows: Rows) -> Reference:
     try:
         assembly = model.assemble(model.base_effects)
         free = assembly.free(varying([rows.conditions]))
-        return Reference(assembly, fit(Problem(assembly, (crude(rows),), free)).values)
+        return Reference(assembly, fit(Problem(assembly, (crude(rows),), free), starts=STARTS).values)
     except SpecanError:  # too few rows, or data that the base cannot follow at all: the ideal slopes serve
         return Reference(ideal, ideal.defaults)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,11 +12,22 @@ import numpy as np
 
 from specan.errors import ComputationError, RequestError, nearest
 from specan.models.effect import ParameterName
-from specan.study.estimation.levenberg_marquardt import MOST_REFINING, Minimum, descend, refine
+from specan.study.estimation.distributions import quantile, root, tail
+from specan.study.estimation.levenberg_marquardt import (
+    MOST_REFINING,
+    STEP_TOLERANCE,
+    Minimum,
+    descend,
+    refine,
+    unit,
+)
+from specan.study.estimation.linear import least_inside
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 
 NEAR = 1e-4  # relative, where the trust-region steps of each start end; those of `refine` go on from the best
+MOST_WIDENED = 12  # steps outward to an end of a profile
+MOST_STEPS = 60  # of one start, before another method is tried
 LEVEL = 0.95  # confidence of profile intervals
 NORMAL_95 = 1.96  # standard deviations on either side of 95 % of a normal law
 PART_OF_SPREAD = 0.05  # of the uncertainty of what is held, over which a derivative is taken
@@ -71,7 +84,6 @@ def fit(
     problem: Problem,
     start: Array | Mapping[str, Any] | None = None,
     starts: int = 1,
-    max_evaluations: int = 60,
 ) -> Fit:
     """Fit the free parameters of a problem.
 
@@ -79,13 +91,11 @@ def fit(
     ----------
     problem : Problem
     start : array or mapping, optional
-        Theta, or SI values by name, to start from; the problem's own start by default.
+        Theta of a fit that is near, or SI values by name, to start from; the problem's own start by default.
     starts : int
         Number of starts; those after the first lie in the plausible ranges at fixed quasi-random places,
         so that the same problem always gives the same answer. Only the first without
         `Strategy.further_starts`.
-    max_evaluations : int
-        Trust-region steps that one start may take before another method is tried.
 
     Raises
     ------
@@ -100,52 +110,63 @@ def fit(
             f"{problem.n_data} measured values cannot determine {first.size} parameters",
             remedy="hold some of them fixed or measure more conditions",
         )
-    best: Minimum | None = None
+    if not first.size:
+        return describe(problem, first)
+    places = [first, *_other_starts(problem, starts - 1 if problem.strategy.further_starts else 0)]
+    frugal = _from_nearer if problem.strategy.continuation else descend
+    found: list[Minimum] = []
     reason = "no start gave finite values"
-    for theta0 in [first, *_other_starts(problem, starts - 1 if problem.strategy.further_starts else 0)]:
-        try:
-            found = _descend(problem, theta0, max_evaluations)
-        except ComputationError as fault:
-            reason = fault.found
-            continue
-        if best is None or found.chi2 < best.chi2 - 1e-9 * abs(best.chi2):
-            best = found
-    if best is None:
+    for method in (frugal, _trust_region) if problem.strategy.exact_minimum else (frugal,):
+        for theta0 in places:
+            try:
+                found.append(method(problem, theta0))
+            except ComputationError as fault:
+                reason = fault.found
+            except np.linalg.LinAlgError as fault:
+                reason = f"linear algebra failed ({fault})"
+        if _agree(problem, found) or (found and isinstance(start, np.ndarray)):
+            break
+    if not found:
         raise ComputationError(
             f"the fit of {', '.join(problem.names) or 'no parameter'} failed: {reason}",
             remedy="give other start values or narrower bounds, or take an effect out",
         )
-    if best.theta.size and problem.strategy.exact_minimum:
+    best = found[0]
+    for other in found[1:]:
+        if other.chi2 < best.chi2 - 1e-9 * abs(best.chi2):
+            best = other
+    if problem.strategy.exact_minimum:
         best, _ = refine(problem, best.theta)
     return describe(problem, best.theta, best.residual, best.jacobian)
 
 
-def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> Minimum:
-    """Trust-region steps; in a valley that bends too much for them, those of `refine` from where they got."""
-    if theta0.size == 0:
-        residual = _finite(problem.residual(theta0))
-        return Minimum(theta0, residual, np.empty((residual.size, 0)), float(residual @ residual))
-    if not problem.strategy.exact_minimum:
-        return descend(problem, _nearer(problem, theta0) if problem.strategy.continuation else theta0)
+def _agree(problem: Problem, found: Sequence[Minimum]) -> bool:
+    """Whether two descents lead to the lowest minimum."""
+    chi2 = sorted(minimum.chi2 for minimum in found)
+    return len(chi2) > 1 and chi2[1] - chi2[0] < STEP_TOLERANCE * unit(problem, chi2[0])
+
+
+def _trust_region(problem: Problem, theta0: Array) -> Minimum:
+    """Trust-region steps; in a valley that bends too much for them, those of `refine` from where they got.
+
+    Loading scipy's takes longer than many a fit.
+    """
     from scipy.optimize import least_squares
 
     low, high = problem.bounds()
     inside = np.clip(theta0, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
-    try:
-        found = least_squares(
-            lambda theta: _finite(problem.residual(theta)),
-            inside,
-            jac=lambda theta: _finite(problem.jacobian(theta)),
-            bounds=(low, high),
-            x_scale=problem.scale,
-            method="trf",
-            xtol=NEAR,
-            ftol=NEAR,
-            gtol=NEAR,
-            max_nfev=max_evaluations,
-        )
-    except np.linalg.LinAlgError as fault:
-        raise ComputationError(f"linear algebra failed ({fault})") from None
+    found = least_squares(
+        lambda theta: _finite(problem.residual(theta)),
+        inside,
+        jac=lambda theta: _finite(problem.jacobian(theta)),
+        bounds=(low, high),
+        x_scale=problem.scale,
+        method="trf",
+        xtol=NEAR,
+        ftol=NEAR,
+        gtol=NEAR,
+        max_nfev=MOST_STEPS,
+    )
     if found.status > 0:
         return Minimum(found.x, found.fun, found.jac, 2 * float(found.cost))
     minimum, settled = refine(problem, found.x)
@@ -154,12 +175,11 @@ def _descend(problem: Problem, theta0: Array, max_evaluations: int) -> Minimum:
     return minimum
 
 
-def _nearer(problem: Problem, theta0: Array) -> Array:
-    """Where a descent on a subsample leads, if it leads anywhere."""
-    try:
-        return descend(problem.subsampled(theta0), theta0).theta
-    except ComputationError:
-        return theta0
+def _from_nearer(problem: Problem, theta0: Array) -> Minimum:
+    """A descent from where that on a subsample leads, if it leads anywhere."""
+    with suppress(ComputationError):
+        theta0 = descend(problem.subsampled(theta0), theta0).theta
+    return descend(problem, theta0)
 
 
 def _finite(array: Array) -> Array:
@@ -281,14 +301,10 @@ def misfit_p_value(chi2: float, dof: float, noise_dof: float = np.inf, pure_erro
     >>> misfit_p_value(150.0, 100, 60, 60) < misfit_p_value(150.0, 100, 60)
     True
     """
-    from scipy.special import chdtrc, fdtrc
-
     lack, own = chi2 - pure_error_dof, dof - pure_error_dof
     if own <= 0:
         return float("nan")
-    if np.isinf(noise_dof):
-        return float(chdtrc(own, max(lack, 0.0)))
-    return float(fdtrc(own, noise_dof, max(lack, 0.0) / own))
+    return tail(max(lack, 0.0) / own, own, noise_dof)
 
 
 def intervals_95(problem: Problem, best: Fit, widen: float = 1.0) -> dict[ParameterName, tuple[float, float]]:
@@ -345,76 +361,62 @@ def profile_interval(problem: Problem, best: Fit, name: str, *, inflate: bool = 
     """
     if name not in problem.names:
         raise RequestError(f"{name!r} is not a free parameter", remedy=nearest(name, problem.names))
-    from scipy.special import chdtri, fdtri
-
-    noise_dof = problem.noise_dof
-    quantile = float(chdtri(1, 1 - LEVEL) if np.isinf(noise_dof) else fdtri(1, noise_dof, LEVEL))
+    allowed = quantile(1 - LEVEL, 1, problem.noise_dof)
     if inflate and best.dof > 0:
-        quantile *= max(1.0, best.reduced_chi2)
-    ends = [_profile_end(problem, best, name, side, quantile) for side in (-1, 1)]
+        allowed *= max(1.0, best.reduced_chi2)
+    excess = _Excess(problem, best, name, allowed)
+    centre, ends = float(best.theta[excess.index]), []
+    for side, bounds in zip((-1, 1), problem.bounds(), strict=True):
+        end = found = float(bounds[excess.index])
+        inner, step = centre, float(np.sqrt(allowed)) * best.standard_error(name)
+        for _ in range(MOST_WIDENED if centre != end else 0):
+            outer = centre + side * step
+            if side * (outer - end) >= 0:
+                if excess(end) <= 0:
+                    break
+                outer = end
+            if excess(outer) > 0:
+                # the root of chi-square is nearly straight
+                found = root(
+                    lambda value: math.sqrt(max(excess(value) + allowed, 0.0)) - math.sqrt(allowed),
+                    inner,
+                    outer,
+                    close=1e-4 * abs(outer - centre),
+                )
+                break
+            inner, step = outer, 1.6 * step
+        ends.append(found)
     return ends[0], ends[1]
 
 
-def _profile_end(problem: Problem, best: Fit, name: str, side: int, quantile: float) -> float:
-    from scipy.optimize import brentq
-
-    excess = _Excess(problem, best, name, quantile)
-    centre = inner = best.theta[excess.index]
-    end = float(problem.bounds()[0 if side < 0 else 1][excess.index])
-    if centre == end:
-        return end
-    step = np.sqrt(quantile) * best.standard_error(name)
-    for _ in range(12):
-        outer = centre + side * step
-        if side * (outer - end) >= 0:
-            if excess(end) <= 0:
-                return end
-            outer = end
-        if excess(outer) > 0:
-            return float(brentq(excess.root, inner, outer, xtol=1e-4 * abs(outer - centre), rtol=1e-10))
-        inner, step = outer, 1.6 * step
-    return end
-
-
 class _Excess:
-    """Least chi-square with one element of theta held at a value, less that of the fit and a quantile."""
+    """Least chi-square with one element of theta held at a value, less that of the fit and what it may rise."""
 
-    def __init__(self, problem: Problem, best: Fit, name: str, quantile: float) -> None:
-        self.problem, self.best, self.quantile = problem, best, quantile
+    def __init__(self, problem: Problem, best: Fit, name: str, allowed: float) -> None:
+        self.problem, self.best, self.allowed = problem, best, allowed
         self.index = k = problem.names.index(name)
         self.others = np.arange(best.theta.size) != k
         self.direction = best.covariance[:, k] / max(best.covariance[k, k], 1e-300)
-        self.known = {float(best.theta[k]): -quantile}  # each value is fitted once
+        self.known = {float(best.theta[k]): -allowed}  # each value is fitted once
 
     def __call__(self, value: float) -> float:
         if value in self.known:
             return self.known[value]
-        from scipy.optimize import least_squares
-
         problem, best, others = self.problem, self.best, self.others
-        low, high = problem.bounds()
-        guess = np.clip(best.theta + self.direction * (value - best.theta[self.index]), low, high)
+        guess = best.theta + self.direction * (value - best.theta[self.index])
         if not np.any(others):
             chi2 = float(np.sum(_finite(problem.residual(np.array([value]))) ** 2))
         else:
-            inside = np.clip(guess, low + 1e-10 * problem.scale, high - 1e-10 * problem.scale)
-            found = least_squares(
+            low, high = problem.bounds()
+            _, chi2 = least_inside(
                 lambda part: _finite(problem.residual(self._whole(part, value))),
-                inside[others],
-                jac=lambda part: _finite(problem.jacobian(self._whole(part, value)))[:, others],
-                bounds=(low[others], high[others]),
-                x_scale=problem.scale[others],
-                xtol=1e-7,
-                ftol=1e-7,
-                max_nfev=60,
+                lambda part: _finite(problem.jacobian(self._whole(part, value)))[:, others],
+                guess[others],
+                low[others],
+                high[others],
             )
-            chi2 = 2 * float(found.cost)
-        self.known[value] = chi2 - best.chi2 - self.quantile
+        self.known[value] = chi2 - best.chi2 - self.allowed
         return self.known[value]
-
-    def root(self, value: float) -> float:
-        """The same for the root of chi-square, which is nearly straight: zero in the same place."""
-        return float(np.sqrt(max(self(value) + self.quantile, 0.0)) - np.sqrt(self.quantile))
 
     def _whole(self, part: Array, value: float) -> Array:
         theta = np.empty(self.others.size)

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from specan.errors import ComputationError
+from specan.study.estimation.linear import held_inside
 from specan.study.estimation.problem import Problem
 from specan.study.observation import Array
 from specan.study.processes import each
@@ -260,12 +261,9 @@ def _step(slope: Array, residual: Array, low: Array, high: Array, damping: float
     weight = damping * np.maximum(np.diag(normal), 1e-12)
     step = _solve(normal + np.diag(weight), -gradient)
     if np.any((step < low) | (step > high)):
-        from scipy.optimize import lsq_linear
-
         root = np.linalg.cholesky(normal + np.diag(weight + 1e-12 * np.diag(normal).max()))
-        right = np.linalg.solve(root, -gradient)
-        ends = (np.minimum(low, 0.0), np.maximum(high, 0.0) + 1e-300)
-        step = np.clip(lsq_linear(root.T, right, ends, method="bvls").x, low, high)
+        right, ends = np.linalg.solve(root, gradient), (np.minimum(low, 0.0), np.maximum(high, 0.0) + 1e-300)
+        step = np.clip(held_inside(np.asarray(root.T, dtype=float), right, *ends), low, high)
     after = residual + slope @ step
     return step, float(residual @ residual - after @ after)
 

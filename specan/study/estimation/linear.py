@@ -5,11 +5,15 @@ A stencil is points around a place, and the weights that make derivatives of wha
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+LEAST_DAMPING = 1e-6  # of the first step inside bounds
+MOST_STEPS, STEADY = 60, 1e-9  # of them, and the share of the sum of squares that the last one promises
+SETTLED = 1e-10  # gradient, and share of the sum of squares, that bounded steps leave
 STEP = 1e-4  # of a parameter's scale, for central differences: truncation and rounding both near 1e-8
 
 # Offsets in steps, their weights, and the weight of the centre. Taylor's theorem; Abramowitz & Stegun, table 25.2.
@@ -142,6 +146,108 @@ def orthonormal(columns: Array, tolerance: float = 1e-9) -> Array:
         return np.zeros((columns.shape[0], 0))
     left, values, _ = np.linalg.svd(columns, full_matrices=False)
     return np.asarray(left[:, values > tolerance * values[0]])
+
+
+def held_inside(columns: Array, residual: Array, low: Array, high: Array) -> Array:
+    """The x between two ends that makes the sum of squares of ``residual + columns x`` least (Stark & Parker 1995).
+
+    Parameters
+    ----------
+    columns : array, shape (n, p)
+    residual : array, shape (n,)
+    low, high : array, shape (p,)
+        Ends of x, about zero.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> columns = np.array([[1.0, 0.9], [0.0, 0.5]])
+    >>> held_inside(columns, np.array([-2.0, 1.0]), np.array([-9.0, -0.5]), np.array([9.0, 9.0]))
+    array([ 2.45, -0.5 ])
+    """
+    x: Array = np.asarray(np.linalg.lstsq(columns, -residual, rcond=-1)[0], dtype=float)
+    side = np.where(x >= high, 1, np.where(x <= low, -1, 0))  # the end at which each is held
+    x = np.clip(x, low, high)
+
+    def solved(free: NDArray[np.bool_]) -> Array:
+        rest = residual + columns @ np.where(free, 0.0, x)
+        return np.asarray(np.linalg.lstsq(columns[:, free], -rest, rcond=None)[0], dtype=float)
+
+    while not np.all(side):  # what leaves its ends is held there, until nothing does
+        free = side == 0
+        x[free] = solved(free)
+        side = np.where(x > high, 1, np.where(x < low, -1, side))
+        x = np.clip(x, low, high)
+        if np.array_equal(free, side == 0):
+            break
+    left = residual + columns @ x
+    for _ in range(low.size):  # what gains most is set free again, one at a time
+        downhill = -(columns.T @ left)
+        gains = np.where(side == 0, np.abs(downhill), -downhill * side)
+        if gains.max() < SETTLED:
+            break
+        side[int(np.argmax(-downhill * side))] = 0
+        while np.any(free := side == 0):
+            wanted = x.copy()
+            wanted[free] = solved(free)
+            out = np.flatnonzero(free & ((wanted < low) | (wanted > high)))
+            if not out.size:
+                x = wanted
+                break
+            ends = np.where(wanted < low, low, high)[out]
+            shares = (ends - x[out]) / (wanted[out] - x[out])
+            first = int(np.argmin(shares))
+            x = np.where(free, x + shares[first] * (wanted - x), x)
+            x[out[first]] = ends[first]
+            side[out[first]] = 1 if wanted[out[first]] > high[out[first]] else -1
+        before, left = left, residual + columns @ x
+        if before @ before - left @ left < SETTLED * (before @ before):
+            break
+    return x
+
+
+def least_inside(
+    residual: Callable[[Array], Array], slopes: Callable[[Array], Array], x: Array, low: Array, high: Array
+) -> tuple[Array, float]:
+    """Where damped steps (Marquardt 1963) inside bounds lead, and the sum of squares there.
+
+    Parameters
+    ----------
+    residual, slopes : callable
+        Of x, and its derivative.
+    x : array
+        Start.
+    low, high : array
+        Ends of x.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> end = np.array([9.0])
+    >>> place, left = least_inside(np.exp, lambda x: np.diag(np.exp(x)), np.array([1.0]), -end / 9, end)
+    >>> place, round(left, 6)
+    (array([-1.]), 0.135335)
+    """
+    damping, x = LEAST_DAMPING, np.clip(x, low, high)
+    rows, slope = residual(x), slopes(x)
+    for _ in range(MOST_STEPS):
+        sizes = np.linalg.norm(slope, axis=0)
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        damped = np.vstack([slope / sizes, np.sqrt(damping) * np.eye(x.size)])
+        # the ends of a step are about zero, and apart
+        ends = np.minimum(low - x, 0.0) * sizes, np.maximum(high - x, 0.0) * sizes + 1e-300
+        step = held_inside(damped, np.concatenate([rows, np.zeros(x.size)]), *ends) / sizes
+        ahead, now = rows + slope @ step, float(rows @ rows)
+        if now - ahead @ ahead < STEADY * now:
+            break
+        there = np.clip(x + step, low, high)
+        beyond = residual(there)
+        if not beyond @ beyond < now:  # neither where it is not finite
+            damping *= 10
+            continue
+        x, rows, damping = there, beyond, damping / 10
+        slope = slopes(x)
+    return x, float(rows @ rows)
 
 
 def covariance_root(covariance: Array) -> Array:

@@ -5,9 +5,10 @@ The test is the F-test, BIC and blocked cross-validation together.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError
 from specan.models import Use
 from specan.models.effect import ParameterName
+from specan.study.estimation.distributions import quantile, root
 from specan.study.estimation.levenberg_marquardt import descend
 from specan.study.estimation.linear import Projection
 from specan.study.estimation.prediction_error import ObservableError, errors_of
@@ -34,6 +36,7 @@ from specan.study.selection.significance import (
 )
 
 LEVEL = 0.002  # family-wise: of true models, this share may be blamed for anything
+LEAST_SHARE = 1e-5  # of the family-wise level, that one test of many is left
 DECISIVE = 6.0  # difference in BIC below which two explanations are held to be equally good
 DRAWS = 20_000  # of the bootstrap
 # Part of a difference in chi-square, of which what the better of two sets may leave at most.
@@ -180,25 +183,25 @@ class AcceptanceTest:
         count = self.family.probability(p) / p
         return max(count * (count - 1) / 2, 1.0)
 
-    @property
+    @cached_property
     def single_level(self) -> float:
         """Two-sided probability of one test that the family-wise level leaves to it."""
-        from scipy.optimize import brentq
-
-        low = np.log(self.level * 1e-5)
         if self.family.probability(self.level) <= self.level:
             return self.level
-        root = brentq(
-            lambda x: self.family.probability(float(np.exp(x))) - self.level, low, np.log(self.level)
+        high = math.log(self.level)
+        return math.exp(
+            root(
+                lambda x: self.family.probability(math.exp(x)) - self.level,
+                high + math.log(LEAST_SHARE),
+                high,
+                close=2e-12,
+            )
         )
-        return float(np.exp(root))
 
     @property
     def needed_reduction(self) -> float:
         """Chi-square that one amplitude has to gain to pass."""
-        from scipy.special import chdtri
-
-        return float(chdtri(1, self.single_level))
+        return quantile(self.single_level, 1)
 
 
 def noise_dof(refit: Refit) -> float:

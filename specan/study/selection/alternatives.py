@@ -26,7 +26,7 @@ from specan.models import Use
 from specan.models.effect import ParameterName
 from specan.study.estimation.fit import Fit, describe, fit
 from specan.study.estimation.levenberg_marquardt import descend
-from specan.study.estimation.linear import Projection
+from specan.study.estimation.linear import Projection, held_inside
 from specan.study.selection.acceptance import DECISIVE, complete, incomplete
 from specan.study.selection.candidates import candidates, confounded_with, without
 from specan.study.selection.pulls import Pull, pulls
@@ -45,13 +45,12 @@ def distance(truth: Refit, rival: Refit) -> float:
     gap = rival.fit.residual * rival.weights - truth.residual_like(rival)
     if not rival.fit.at_bound:
         return rival.linear.free_chi2(gap)
-    from scipy.optimize import lsq_linear
-
     size = rival.problem.scale
     low, high = rival.problem.bounds()
-    ends = ((low - rival.fit.theta) / size, np.maximum(high - rival.fit.theta, 0.0) / size + 1e-12)
+    ends = np.minimum((low - rival.fit.theta) / size, 0.0), np.maximum((high - rival.fit.theta) / size, 0.0)
     columns = rival.fit.jacobian * rival.weights[:, None] * size
-    return 2 * float(lsq_linear(columns, -gap, (np.minimum(ends[0], 0.0), ends[1])).cost)
+    left = gap + columns @ held_inside(columns, gap, *ends)
+    return float(left @ left)
 
 
 def seen_from(base: Refit, best: Refit) -> Refit:

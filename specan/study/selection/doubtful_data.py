@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from specan.study.data.operating_table import IDLE
+from specan.study.estimation.distributions import tail
 from specan.study.estimation.fit import fit
 from specan.study.observation import Array
 from specan.study.observation.table import TableObservation
@@ -225,8 +226,6 @@ def drift_over_rows(base: Refit) -> str:
     problem, observation = base.problem, _table(base)
     if observation is None or TIME in observation.available:
         return ""
-    from scipy.special import stdtr
-
     _, index, counts = np.unique(observation.replicate_group, return_inverse=True, return_counts=True)
     rows = observation.lines - observation.lines.min()
     span = float(np.ptp(rows))
@@ -243,7 +242,7 @@ def drift_over_rows(base: Refit) -> str:
         return ""
     slope = float(order @ left) / size
     error = float(np.sqrt(max(float(np.sum((left - slope * order) ** 2)), 1e-300) / dof / size))
-    chance = 2 * float(stdtr(dof, -abs(slope) / error))
+    chance = tail((slope / error) ** 2, 1, dof)
     if chance >= LACK_OF_FIT:
         return ""
     measured = problem.assembly.model.observables[str(observation.observable[0])]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 from typing import Any
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from specan.errors import ComputationError
 from specan.models import Effect, LawSpace, Parameter, effect
 from specan.study.estimation.fit import NORMAL_95
+from specan.study.estimation.linear import least_inside
 from specan.study.estimation.problem import Problem
 from specan.study.observation.table import TableObservation
 from specan.study.selection.acceptance import noise_dof
@@ -35,6 +36,11 @@ STARTS = 4  # exponents of the grid from which the law is fitted
 VARIES = 1.05  # ratio of largest to smallest value below which a variable says nothing
 FLOOR = 0.01  # of the largest value or of the mean: a power of zero load is not asked for
 NAME = "unknown-law"
+EXPONENT_STEP = 1e-3  # for derivatives by an exponent
+MOST_STEPS, SETTLED = (
+    60,
+    1e-8,
+)  # of a descent over exponents, and the share of chi-square that its last step gains
 STEP = 0.01  # of the quantity's mean: amplitude of the law whose signature is worked out
 
 
@@ -140,8 +146,6 @@ def _of(symbol: str) -> str:
 
 
 def _with_model(problem: Problem, model: Any, values: Mapping[str, Any]) -> Problem:
-    from dataclasses import replace
-
     assembly = model.assemble([*problem.assembly.uses, NAME])
     return replace(problem, assembly=assembly, values=values)
 
@@ -155,8 +159,6 @@ class _Fitted:
 
 
 def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fitted | None:
-    from scipy.optimize import least_squares
-
     n, linear, weights = start.problem.n_data, start.linear, start.weights
 
     def signatures(many: list[Array]) -> Array:
@@ -179,29 +181,37 @@ def _fit(start: Refit, problem: Problem, symbols: list[str], size: float) -> _Fi
             free = -(columns.T @ linear.residual) / np.sum(columns**2, axis=0)
         return np.asarray(np.clip(np.nan_to_num(free), -1 / STEP, 1 / STEP))
 
-    def left(x: Array) -> Array:
-        column = signatures([x])
-        return linear.residual + column @ multiple(column)
+    def left(many: list[Array]) -> Array:
+        columns = signatures(many)
+        return linear.residual[:, None] + columns * multiple(columns)
 
+    def slopes(x: Array) -> Array:
+        inward = np.where(x + EXPONENT_STEP > HIGH, -EXPONENT_STEP, EXPONENT_STEP)
+        columns = signatures([x, *(x + np.diag(inward))])
+        near = columns * multiple(columns)
+        return np.asarray((near[:, 1:] - near[:, :1]) / inward)
+
+    ends = np.full(len(symbols), LOW), np.full(len(symbols), HIGH)
     coarse = [np.array(x) for x in product(COARSE, repeat=len(symbols))]
     columns = signatures(coarse)
     rest = np.sum((linear.residual[:, None] + columns * multiple(columns)) ** 2, axis=0)
-    best = None
+    best: tuple[Array, float] | None = None
     for k in np.argsort(rest)[:STARTS]:
         try:
-            found = least_squares(left, coarse[k], bounds=(LOW - 1e-9, HIGH + 1e-9), diff_step=1e-3)
-        except (ComputationError, ValueError):  # a start from which the model has no finite value
+            found = least_inside(lambda x: left([x])[:, 0], slopes, coarse[k], *ends)
+        except ComputationError:  # a start from which the model has no finite value
             continue
-        if np.isfinite(found.cost) and (best is None or found.cost < best.cost):
+        if np.isfinite(found[1]) and (best is None or found[1] < best[1]):
             best = found
     if best is None:
         return None
-    x, step = best.x, 1e-3
+    (x, least), step = best, EXPONENT_STEP
     near = signatures([x, *(x + step * row for row in np.eye(x.size))])
     c = float(multiple(near[:, :1])[0])
     jacobian = np.column_stack([near[:, 0], c * (near[:, 1:] - near[:, :1]) / step])
-    dispersion = max(2 * best.cost / max(start.dof - 1 - x.size, 1.0), 1.0)
-    return _Fitted(x, c, dispersion * np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10), 2 * best.cost)
+    dispersion = max(least / max(start.dof - 1 - x.size, 1.0), 1.0)
+    covariance = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10), dtype=float)
+    return _Fitted(x, c, dispersion * covariance, least)
 
 
 def _describe(

@@ -17,9 +17,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from specan.study.estimation.distributions import noncentral, quantile, root, tail
 
 LACK_OF_FIT = 1e-3  # probability below which a model is said not to fit
 LIKE_INFINITE = 1e5  # degrees of freedom
@@ -64,20 +67,18 @@ def improvement_probability(
     >>> round(improvement_probability(3.841, 1), 4)
     0.05
     """
-    from scipy.special import chdtrc, chndtr, fdtrc, ncfdtr
-
     if fall <= 0:
         return 1.0
-    value = fall / dispersion
+    value = fall / dispersion / amplitudes
     if tolerated > 0:
-        if math.isinf(noise_dof) or noise_dof > LIKE_INFINITE:
-            return float(max(1 - chndtr(value, amplitudes, tolerated), 0.0))
-        return float(max(1 - ncfdtr(amplitudes, noise_dof, tolerated, value / amplitudes), 0.0))
-    if math.isinf(noise_dof):
-        probability = chdtrc(amplitudes, value)
-    else:
-        probability = fdtrc(amplitudes, noise_dof, value / amplitudes)
-    return float(probability) * (0.5 if sided == 1 and amplitudes == 1 else 1.0)
+        within = noncentral(value, amplitudes, _known(noise_dof), tolerated, tolerated)
+        return max(1 - within(tolerated), 0.0)
+    return tail(value, amplitudes, noise_dof) * (0.5 if sided == 1 and amplitudes == 1 else 1.0)
+
+
+def _known(noise_dof: float) -> float:
+    """Degrees of freedom, infinite where they are as good as that."""
+    return math.inf if noise_dof > LIKE_INFINITE else noise_dof
 
 
 def lack_of_fit_probability(
@@ -103,14 +104,11 @@ def needed_reduction(level: float, amplitudes: int = 1, noise_dof: float = math.
     >>> round(needed_reduction(0.05), 3), round(needed_reduction(0.05, noise_dof=10), 3)
     (3.841, 4.965)
     """
-    from scipy.special import chdtri, fdtri
-
     level = 2 * level if sided == 1 and amplitudes == 1 else level
-    if math.isinf(noise_dof) or noise_dof > LIKE_INFINITE:
-        return float(chdtri(amplitudes, level))
-    return float(amplitudes * fdtri(amplitudes, noise_dof, 1 - level))
+    return amplitudes * quantile(level, amplitudes, _known(noise_dof))
 
 
+@cache  # many candidates have as many parameters
 def detectable_noncentrality(
     gain: float, amplitudes: int = 1, noise_dof: float = math.inf, power: float = 0.8
 ) -> float:
@@ -124,16 +122,11 @@ def detectable_noncentrality(
     >>> round(detectable_noncentrality(needed_reduction(0.05)), 2)
     7.85
     """
-    from scipy.special import chndtrinc, ncfdtr
-
-    if math.isinf(noise_dof) or noise_dof > LIKE_INFINITE:
-        return float(chndtrinc(gain, amplitudes, 1 - power))
-    from scipy.optimize import brentq
-
-    def seen(noncentrality: float) -> float:
-        return float(ncfdtr(amplitudes, noise_dof, noncentrality, gain / amplitudes)) - (1 - power)
-
-    return float(brentq(seen, 0.0, 4 * gain + 20.0))
+    most = 4 * gain + 20.0
+    within = noncentral(gain / amplitudes, amplitudes, _known(noise_dof), 0.0, most)
+    if within(0.0) <= 1 - power:
+        return 0.0
+    return root(lambda noncentrality: within(noncentrality) - (1 - power), 0.0, most)
 
 
 @dataclass(frozen=True)
@@ -188,17 +181,15 @@ class MultipleTestingFamily:
 
     def _crossings(self, p_value: float) -> Array:
         """Bound on P(A_j and not A_i) for each edge of the tree."""
-        from scipy.special import ndtri
-
-        angles, sided = self._tree()
+        angles, sided = self._tree
         # A one-sided event has all its probability on one side, so its level is lower.
-        level = -ndtri(np.where(sided, p_value, p_value / 2))
-        return angles / np.pi * np.exp(-(level**2) / 2) * np.where(sided, 0.5, 1.0)
+        two_sided = 2 * min(p_value, 1 - p_value)
+        levels_squared = np.where(sided, quantile(two_sided, 1), quantile(p_value, 1))
+        return angles / np.pi * np.exp(-levels_squared / 2) * np.where(sided, 0.5, 1.0)
 
+    @cached_property
     def _tree(self) -> tuple[Array, NDArray[np.bool_]]:
         """Angles along the spanning tree of smallest angles, and which of them join one-sided tests."""
-        from scipy.sparse.csgraph import minimum_spanning_tree
-
         cosine = self.directions.T @ self.directions
         both = self.one_sided[:, None] & self.one_sided[None, :]
         # Two one-sided tests in opposite directions exclude each other; nothing is shared there.
@@ -206,8 +197,28 @@ class MultipleTestingFamily:
         angle = np.arccos(cosine)
         # A one-sided and a two-sided test have different levels: no crossing bound holds between them.
         angle[self.one_sided[:, None] != self.one_sided[None, :]] = np.pi
-        tree = minimum_spanning_tree(angle + 1e-9).tocoo()  # a zero would be no edge
-        return np.maximum(tree.data - 1e-9, 0.0), self.one_sided[tree.row] & self.one_sided[tree.col]
+        angles, joined = _spanning_tree(angle)
+        return angles, both[joined]
+
+
+def _spanning_tree(length: Array) -> tuple[Array, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Edges of the shortest tree that joins all points, and the two points of each (Prim 1957).
+
+    Parameters
+    ----------
+    length : array, shape (n, n)
+        Distance between every two points.
+    """
+    count = len(length)
+    nearest, joined_to = length[0].copy(), np.zeros(count, dtype=np.intp)
+    nearest[0] = np.nan
+    edges, ends = np.empty(count - 1), np.empty(count - 1, dtype=np.intp)
+    for k in range(count - 1):
+        ends[k] = new = int(np.nanargmin(nearest))
+        edges[k], nearest[new] = nearest[new], np.nan
+        closer = length[new] < nearest
+        nearest[closer], joined_to[closer] = length[new, closer], new
+    return edges, (joined_to[ends], ends)
 
 
 def simulated_probability(family: MultipleTestingFamily, p_value: float, draws: int, seed: int = 0) -> float:
