@@ -56,8 +56,9 @@ def write(path: Path, channels: int, seed: int, seconds: int = SECONDS) -> None:
 
 
 def cpu(command: list[str]) -> float:
-    """CPU seconds of a process."""
+    """CPU seconds of a process, which may keep compiled modules as an installation does."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, check=True, capture_output=True, env=environment)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
