@@ -142,8 +142,8 @@ class Evaluator:
             self._plan, None if wanted is None else tuple(wanted), None if after is None else tuple(changed)
         )
         if after is not None:
-            known.update((name, after.values[name]) for name in taken if name in after.values)
-            parts.update((name, after.parts[name]) for name in taken if name in after.parts)
+            known.update({name: after.values[name] for name in taken if name in after.values})
+            parts.update({name: after.parts[name] for name in taken if name in after.parts})
         for loop, order, guessed in steps:
             if guessed:
                 self._settle(loop, order, guessed, known, parameters, parts)
@@ -194,7 +194,10 @@ class Evaluator:
 
         Those of one loop are together, in the base's order.
         """
-        parts = [sorted(part, key=self.model.base_order.__getitem__) for part in components(self._reads)]
+        order = self.model.base_order
+        if all(order[read] < order[name] for name, reads in self._reads.items() for read in reads):
+            return [([name], [name], ()) for name in order]  # no effect makes a loop
+        parts = [sorted(part, key=order.__getitem__) for part in components(self._reads)]
         return [(part, *cut(part, self._reads)) for part in parts]
 
     @cached_property
