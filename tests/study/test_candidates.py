@@ -1,6 +1,7 @@
 """What can be added to a model, what it does to the residual, and what a refit would gain."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from specan.models import Parameter, Use, effect
 from specan.study.diagnose import diagnose
 from specan.study.estimation.fit import fit
 from specan.study.estimation.linear import Projection
+from specan.study.selection.alternatives import _exchange_both
 from specan.study.selection.candidates import base_problem, candidates, grid
 from specan.study.selection.refits import Refit, Refits
 from specan.study.selection.score_test import best_of_each, family, score, score_pairs
@@ -215,3 +217,37 @@ def test_an_effect_of_each_recording_is_a_candidate_whatever_the_files_are_calle
     assert table["offset.c[day.2.csv]"]["value"] - table["offset.c[day.1.csv]"]["value"] == pytest.approx(
         9, abs=1
     )
+
+
+class _Fitted:
+    """A pair as a search keeps it: what it is made of, and the value that each member has there."""
+
+    def __init__(self, *uses: str, bic: float = 0.0, sizes: float = 1.0) -> None:
+        self.uses, self._bic = frozenset(map(Use.parse, uses)), bic
+        values = {f"{use}.size": sizes for use in uses}
+        self.fit = SimpleNamespace(values=values, theta=None)
+        self.problem = SimpleNamespace(values_at=lambda theta: {"base.size": sizes, **values})
+
+    def bic(self, dispersion: float) -> float:
+        return self._bic
+
+
+@pytest.mark.parametrize(("behind", "exchanged"), [(1.0, True), (50.0, False)])
+def test_both_members_of_a_pair_are_exchanged_where_each_alone_does_as_well(behind, exchanged):
+    best = _Fitted("panel", "late-card")
+    best.dispersion = 1.0
+    pairs = [
+        best,
+        _Fitted("lining", "late-card", bic=behind, sizes=2.0),
+        _Fitted("panel", "late-laser", sizes=3.0),
+    ]
+    asked, names = [], ["panel", "late-card", "lining", "late-laser"]
+    seen = SimpleNamespace(seen="seen", by_use={Use.parse(name): [name] for name in names})
+    refits = SimpleNamespace(
+        known={}, of_size=lambda size: pairs, fit=lambda start, members: asked.append(members)
+    )
+    _exchange_both(SimpleNamespace(best=best, base=None, refits=refits, step=lambda base: seen))
+    assert asked == [[["late-laser", "lining"]]] * exchanged
+    if exchanged:
+        (start,) = refits.known.values()
+        assert start == {"base.size": 2.0, "late-laser.size": 3.0, "lining.size": 2.0}

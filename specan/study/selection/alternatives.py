@@ -109,6 +109,7 @@ def refit_rivals(search: Search) -> None:
         for kept in sorted(best.uses):
             _exchange_second(search, kept)
             _exchange_first(search, kept)
+        _exchange_both(search)
 
 
 def _exchange_second(search: Search, first: Use) -> None:
@@ -139,12 +140,31 @@ def _exchange_first(search: Search, first: Use) -> None:
             or not uses <= {*scored.by_use}
         ):
             continue
-        own = {n: v for n, v in best.fit.values.items() if ParameterName(n).owned_by(best.uses - {first})}
-        search.refits.known = {
-            **search.refits.known,
-            uses: {**rival.problem.values_at(rival.fit.theta), **own},
-        }
-        search.refits.fit(scored.seen, [[scored.by_use[use][0] for use in sorted(uses)]])
+        _refit_joined(search, rival, rival.uses, best, best.uses - {first})
+
+
+def _exchange_both(search: Search) -> None:
+    """Refit the pairs of what does as well in the place of the first effect, and of the second of the best pair."""
+    best, (first, second) = search.best, sorted(search.best.uses)
+    near = [
+        r for r in search.refits.of_size(2) if r.bic(best.dispersion) - best.bic(best.dispersion) < DECISIVE
+    ]
+    for one, other in product(near, near):
+        if one.uses & best.uses != {first} or other.uses & best.uses != {second}:
+            continue
+        kept, taken = one.uses - best.uses, other.uses - best.uses
+        if kept != taken and kept | taken <= {*search.step(search.base).by_use}:
+            _refit_joined(search, one, kept, other, taken)
+
+
+def _refit_joined(search: Search, one: Refit, kept: EffectSet, other: Refit, taken: EffectSet) -> None:
+    """Refit some effects of one set with some of another, from the values that each has there."""
+    scored, uses = search.step(search.base), kept | taken
+    own = {n: v for n, v in other.fit.values.items() if ParameterName(n).owned_by(taken)}
+    start = one.problem.values_at(one.fit.theta)
+    start = {n: v for n, v in start.items() if not ParameterName(n).owned_by(one.uses - kept)}
+    search.refits.known = {**search.refits.known, uses: {**start, **own}}
+    search.refits.fit(scored.seen, [[scored.by_use[use][0] for use in sorted(uses)]])
 
 
 def replace_residual(linear: Projection, residual: np.ndarray) -> Projection:
