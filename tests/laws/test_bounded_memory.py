@@ -42,6 +42,11 @@ def analyse(seconds):
     eval(sys.argv[1])(Recording("a.tdms", channels, Source()))
 
 def peak():
+    try:  # getrusage tells no less than what the process that started this one held
+        with open("/proc/self/status") as status:
+            return next(int(line.split()[1]) for line in status if line.startswith("VmHWM")) * 1024 / 1e6
+    except OSError:
+        pass
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
 
 found = [peak()]
@@ -58,7 +63,7 @@ print(json.dumps(found))
         "Octave(fraction=24)",
         "Octave(fraction=1, averaging='fast', fmin=500.0, fmax=1000.0)",
         "Octave(fraction=24, averaging='fast', fmin=100.0, fmax=1200.0)",
-        "TransferFunction(align=False)",
+        "TransferFunction(align=False, lines=3200)",  # without `lines` as many as the responses ask for
         "FourierSpectrum()",
         "SpectrogramSettings()",
         "Tone(frequency_hz=1000.3)",
