@@ -72,9 +72,7 @@ STOPPED = "stopped_diagnosis.json"  # in a study: what a diagnosis had found whe
 FAR_FROM_CALIBRATION = 10.0  # standard uncertainties, beyond which a fit misuses an instrument
 STARTS = 3  # of every fit that a study reports: the same each time, so that a number can be had again
 SLIGHT = 1.2  # reduced chi-square; errors of 0.2 to 0.6 % of the response, mode by mode, made 1.11 of a null
-PREDICTED = (
-    0.01  # probability of its chi-square from which held-out data are predicted as well as they can be
-)
+PREDICTED = 0.01  # probability of chi-square from which held-out data are predicted as well as they can be
 
 
 class Study:

@@ -16,10 +16,8 @@ SMALLEST = 1e-300  # in place of a zero denominator of a continued fraction
 RELATIVE = 4 * np.finfo(float).eps  # accuracy of a root
 MOST_STEPS = 200  # of a root: bisection alone takes 60
 MOST_TERMS = 100_000  # of a continued fraction: about the root of the degrees of freedom are needed
-REACH, BEYOND = (
-    9.0,
-    40,
-)  # standard deviations about Poisson's mean, and terms: what lies further is below rounding
+# Standard deviations about Poisson's mean, and terms beyond them: what lies further is below rounding.
+REACH, BEYOND = 9.0, 40
 
 
 def tail(value: float, dof: float, noise_dof: float = math.inf) -> float:
